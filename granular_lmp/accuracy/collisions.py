@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from granular_lmp.accuracy import extrapolation
 from granular_lmp.accuracy.extrapolation import Judgement, Signals
-from granular_lmp.accuracy.recorded import RATES
 from granular_lmp.problem import Problem
+from granular_lmp.runs.components import RATES
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
 

@@ -6,10 +6,10 @@ from math import inf
 import numpy as np
 
 from granular_lmp.accuracy.extrapolation import Signals
-from granular_lmp.accuracy.recorded import FORCES, MOTION, RATES
 from granular_lmp.accuracy.rounding import grain, judged, moving, noise_floor
 from granular_lmp.errors import ToleranceError
 from granular_lmp.problem import largest_step
+from granular_lmp.runs.components import FORCES, NAMES, RATES
 from granular_lmp.scene.scene import Scene
 
 # Noise of one run that the estimate sees: twice the distance of the sums of three runs and of two holds 2.6 times that
@@ -17,7 +17,7 @@ from granular_lmp.scene.scene import Scene
 _SEEN = 3.0
 # Of noise that the law of one run gives: it is good to a factor of three, and sums of uneven steps raise it
 _LAW = 5.0
-_KINDS = (MOTION, RATES, FORCES, ("flux",))
+_KINDS = (NAMES, RATES, FORCES, ("flux",))
 
 
 def counted(scene: Scene, signals: Signals) -> list[str]:
@@ -44,7 +44,8 @@ def noise_of(scene: Scene, signals: Signals) -> dict[str, float]:
         monitor, _, column = name.rpartition(".")
         if column != "flux":
             return noise * (fastest if column in RATES else 1.0)
-        rate, force = (max(sizes.get(f"{monitor}.{each}", 0.0) for each in kind) for kind in (RATES[:2], FORCES))
+        moves = [each for each in RATES if not each.startswith("phi")]
+        rate, force = (max(sizes.get(f"{monitor}.{each}", 0.0) for each in kind) for kind in (moves, FORCES))
         return noise * (fastest * force + rate) * float(np.sqrt(scene.shape.columns))
 
     return {name: level(name) / size if size else inf for name, size in sizes.items()}

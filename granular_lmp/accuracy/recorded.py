@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.extrapolation import combined
 from granular_lmp.lammps.binary_dump import BinarySnapshot, binary_snapshots, write_binary
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, SNAPSHOTS
+from granular_lmp.runs.components import by_axis, components, rates
 from granular_lmp.runs.monitors import ContactForces, MonitorRecord
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.at_rest import crystal_of
@@ -29,15 +30,14 @@ from granular_lmp.scene.scene import Scene
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Signals = dict[str, Floats]
-MOTION, RATES, FORCES = ("u", "v", "phi"), ("u_t", "v_t", "phi_t"), ("normal", "shear", "rolling")
 PARTICLES = "output.particles"
 _FIELDS = ("displacement", "rotation", "velocity", "spin")
 # Columns of dumps that change with the step; of contacts those behind the two spheres
 _MOVED = {
-    *("x", "y", "z", "Displacement.X", "Displacement.Y", "vx", "vy", "vz", "omegaz", "v_theta"),
-    *("normal", "tangential_x", "tangential_y", "rolling_x", "rolling_y"),
+    *("normal", "v_theta"),
+    *(f"{name}{axis}" for name in ("", "v", "omega", "tangential_", "rolling_") for axis in "xyz"),
+    *(f"{name}.{axis}" for name in ("Displacement", "Orientation") for axis in "WXYZ"),
 }
-_OF_FIRST = slice(3, 7)  # columns of a contact that are opposite for its other sphere: the shear force and the vector
 _HEAD = 9  # lines of a snapshot before its spheres
 
 
@@ -72,9 +72,10 @@ class Recorded:
             if of_runs[0].monitor.with_contacts:
                 pairs = [each.contacts for each in of_runs]
                 rolls = of_runs[0].scene.effects.rolling is True
-                for name in FORCES if rolls else FORCES[:-1]:
+                for name in ("normal", "shear", *(["rolling"] if rolls else [])):
                     for signals, values in zip(found, _aligned(pairs, name), strict=True):
-                        signals[f"{of_runs[0].monitor.name}.{name}"] = values
+                        parts = by_axis(name, values)
+                        signals |= {f"{of_runs[0].monitor.name}.{part}": each for part, each in parts.items()}
         return found
 
 
@@ -102,9 +103,8 @@ def _moving_parts(
     spin: Floats,
 ) -> Signals:
     free = ~np.isin(spheres, moved)
-    rates = (*np.moveaxis(velocity[:, free], 2, 0), spin[:, free])
-    parts = (*np.moveaxis(displacement, 2, 0), rotation, *rates)
-    return {f"{name}.{column}": values for column, values in zip((*MOTION, *RATES), parts, strict=True)}
+    parts = components(displacement, rotation) | rates(velocity[:, free], spin[:, free])
+    return {f"{name}.{column}": values for column, values in parts.items()}
 
 
 def _aligned(pairs: Sequence[ContactForces], name: str) -> Iterator[Floats]:
@@ -113,7 +113,7 @@ def _aligned(pairs: Sequence[ContactForces], name: str) -> Iterator[Floats]:
     place = {pair: column for column, pair in enumerate(every)}
     for each in pairs:
         values = getattr(each, name)
-        whole = np.zeros((len(values), len(every)))
+        whole = np.zeros((len(values), len(every), *values.shape[2:]))
         whole[:, [place[pair] for pair in zip(each.i.tolist(), each.j.tolist(), strict=True)]] = values
         yield whole
 
@@ -162,14 +162,14 @@ def write_dump(path: Path, paths: Sequence[Path], weights: Sequence[float]) -> N
             out.writelines(head)
             names = head[-1].split()[2:]
             keys = 2 if names[0] == "first" else 1
-            numbers = [_by_key(each[1], keys) for each in snapshots]
+            numbers = [_by_key(each[1], _of_first(names) if keys == 2 else None) for each in snapshots]
             moved = [at for at, name in enumerate(names) if name in _MOVED]
             for key, line in zip(numbers[-1], words, strict=True):
                 whole = [each[key] for each in numbers if key in each]
                 if len(whole) == len(numbers):
                     values = combined(whole, weights)
                     if keys == 2 and int(line[0]) > int(line[1]):  # LAMMPS may name the spheres the other way round
-                        values[_OF_FIRST] *= -1
+                        values[_of_first(names)] *= -1
                     for at in moved:
                         line[at] = repr(float(values[at]))
                 out.write(" ".join(line) + "\n")
@@ -183,14 +183,22 @@ def _snapshots(stream: TextIO) -> Iterator[tuple[list[str], Floats, list[list[st
         yield head, np.array(words, dtype=float).reshape(len(words), columns), words
 
 
-def _by_key(table: Floats, keys: int) -> dict[tuple[int, ...], Floats]:
-    """Return the lines of a table by sphere, or by pair of spheres, of which the first is the lower one."""
-    found = {}
+def _of_first(names: Sequence[str]) -> slice:
+    """Return the columns of a contact that are opposite for its other sphere: the shear force and the vector."""
+    return slice(3, 9 if "z" in names else 7)
+
+
+def _by_key(table: Floats, of_first: slice | None) -> dict[tuple[int, ...], Floats]:
+    """Return the lines of a table by sphere, or by pair of spheres, of which the first is the lower one.
+
+    `of_first` are the columns of a pair that are those of its first sphere.
+    """
+    found, keys = {}, 1 if of_first is None else 2
     for row in table:
         key = tuple(map(int, row[:keys]))
-        if keys == 2 and key[0] > key[1]:
+        if of_first is not None and key[0] > key[1]:
             row = row.copy()
-            row[_OF_FIRST] *= -1  # the vector and the force on the first are those of the other sphere
+            row[of_first] *= -1  # the vector and the force on the first are those of the other sphere
             key = key[::-1]
         found[key] = row
     return found

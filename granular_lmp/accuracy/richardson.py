@@ -20,7 +20,8 @@ from granular_lmp.accuracy.extrapolation import Judgement, combined
 from granular_lmp.accuracy.halving import extrapolated
 from granular_lmp.accuracy.ladder import deciding_frequency
 from granular_lmp.effects.selection import order
-from granular_lmp.runs.record import Record
+from granular_lmp.runs.components import FORCES, NAMES, RATES
+from granular_lmp.runs.record import IN_SPACE, Record
 from granular_lmp.scene.scene import Scene
 
 Signals = Mapping[str, NDArray[np.float64]]
@@ -108,8 +109,10 @@ def slip_bounds(scene: Scene, signals: Signals) -> dict[str, float]:
     amplitude, duration = scene.wave.amplitude, scene.time.duration
     moved = SLIP * amplitude * frequency**2 * scene.sphere.overlap_ratio * swing * scene.time.sample
     moved *= 1 + ADDS_UP * amplitude * frequency * duration
-    factors = dict.fromkeys(("p", "q", "phi", "u", "v"), 1.0) | dict.fromkeys(("u_t", "v_t", "phi_t"), frequency)
-    factors |= dict.fromkeys(("normal", "shear"), 2.0)  # in k1 D0, of two spheres that move
+    moves = ("p", "q", *NAMES, *IN_SPACE)
+    factors = dict.fromkeys(moves, 1.0) | dict.fromkeys(RATES, frequency)
+    pushes = [name for name in FORCES if not name.startswith("rolling")]
+    factors |= dict.fromkeys(pushes, 2.0)  # in k1 D0, of two spheres that move
     return {
         name: moved * factors[column] * float(np.sqrt(values.size))
         for name, values in signals.items()

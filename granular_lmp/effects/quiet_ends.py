@@ -5,6 +5,7 @@ the whole step: a force of drag errs by first order in the step, and a resumed r
 """
 
 from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.freedoms import about, axes, turns
 from granular_lmp.effects.guard import Prepared
 from granular_lmp.scene.absorption import quiet_end_of, quiet_side
 from granular_lmp.scene.scene import Scene
@@ -19,11 +20,12 @@ def motion(problem: Prepared) -> list[str]:
     inside = (scene.shape.rows - 1 - scene.shape.centre_row - end.rows - 1) * row  # to the last row without damping
     rows, strength, power = end.rows, repr(end.strength), repr(end.power)
     place, first = f"({quiet_side(scene)}-{units.number(inside, length=1)!r})", units.number(row, length=1)
+    spins, moved = turns(problem) if problem.on["rotation"] else (), axes(problem)
+    one = len(spins) == 1
     spin = [
-        "fix          spin quiet store/state 1 omegaz",
-        "variable     kept_turn atom f_kept*f_spin",
+        f"fix          spin quiet store/state 1 {'omegaz' if one else 'omegax omegay omegaz'}",
+        *(f"variable     kept_turn{end} atom f_kept*f_spin{f'[{n}]' * (not one)}" for n, end in enumerate(spins, 1)),
     ]
-    turns = problem.on["rotation"]
     return [
         "",
         f"# --- quiet ends: in row n of the {rows} before a held one velocities decay at the rate",
@@ -35,10 +37,10 @@ def motion(problem: Prepared) -> list[str]:
         f"variable     loss  atom $({strength}*v_step/v_t0/2:%.17g)*(v_depth/{rows})^{power}",
         "variable     keep  atom (1-v_loss)/(1+v_loss)",
         "fix          kept quiet store/state 0 v_keep",
-        "variable     kept_x atom f_kept*vx",
-        "variable     kept_y atom f_kept*vy",
-        *(spin if turns else []),
-        "fix          drag all set 1 0 group quiet vx v_kept_x vy v_kept_y" + " omega 0.0 0.0 v_kept_turn" * turns,
+        *(f"variable     kept_{axis} atom f_kept*v{axis}" for axis in moved),
+        *(spin if spins else []),
+        f"fix          drag all set 1 0 group quiet {' '.join(f'v{axis} v_kept_{axis}' for axis in moved)}"
+        + (f" omega {about(problem, 'kept_turn', '0.0')}" if spins else ""),
     ]
 
 

@@ -5,6 +5,7 @@ from math import inf
 from granular_lmp.crystal.modes import Physics
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.effects.effect import NOTHING, Case, Effect, Finding
+from granular_lmp.effects.freedoms import about, turns
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
 
 
@@ -13,18 +14,18 @@ def preload(problem: Prepared) -> list[str]:
     if problem.scene.wave is None:
         return []
     return [
-        "variable     to_th atom v_D0*d_phi/v_R/v_slow",
+        *(f"variable     to_th{axis} atom v_D0*d_phi{axis}/v_R/v_slow" for axis in turns(problem)),
         "variable     zero  atom 0.0",
-        "set          group all omega v_zero v_zero v_to_th",
+        f"set          group all omega {about(problem, 'to_th')}",
     ]
 
 
 def wave(problem: Prepared) -> list[str]:
     """Return the lines of the true spins."""
-    state = "+d_sspin" if problem.scene.start.moves else ""
+    state = "+d_sspin{axis}" if problem.scene.start.moves else ""
     return [
-        f"variable     om atom v_D0*d_vphi/v_R/v_t0{state}",
-        "set          group all omega v_zero v_zero v_om",
+        *(f"variable     om{axis} atom v_D0*d_vphi{axis}/v_R/v_t0{state.format(axis=axis)}" for axis in turns(problem)),
+        f"set          group all omega {about(problem, 'om')}",
     ]
 
 

@@ -1,4 +1,4 @@
-"""Tracking: the angle of each sphere is recorded, by a dipole that turns with it."""
+"""Tracking: the angle of each sphere is recorded, by a dipole that turns with it; in space by a quaternion."""
 
 from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.effects.guard import Prepared
@@ -6,11 +6,21 @@ from granular_lmp.scene.scene import Scene
 
 
 def spheres(problem: Prepared) -> list[str]:
+    if problem.scene.space == 3:
+        return []
     return ["mass         * 1.0  # asked for by the dipole style, not used: spheres have their own"]
 
 
 def wave(problem: Prepared) -> list[str]:
-    """Return the lines that turn the dipoles by the angles of the wave."""
+    """Return the lines that turn the dipoles by the angles of the wave, or the quaternions by its rotation vectors."""
+    if problem.scene.space == 3:
+        return [
+            "variable     turn  atom sqrt(d_phix^2+d_phiy^2+d_phiz^2)",
+            "variable     unit  atom v_turn+(v_turn==0)",
+            *(f"variable     about{axis} atom d_phi{axis}/v_unit" for axis in "xyz"),
+            "variable     degrees atom v_D0/v_R*v_turn*180/PI",
+            "set          group all quat v_aboutx v_abouty v_aboutz v_degrees  # LAMMPS wants an axis of length 1",
+        ]
     return [
         "variable     mx atom cos(v_D0*d_phi/v_R)",
         "variable     my atom sin(v_D0*d_phi/v_R)",
@@ -22,6 +32,14 @@ def record(problem: Prepared) -> list[str]:
     """Return the lines of the angle of the spheres that are recorded."""
     scene = problem.scene
     seen = "all" if scene.wave is None or scene.output.particles > 0 or scene.monitor else "centre"
+    if scene.space == 3:
+        return [
+            f"compute      turned {seen} property/atom quatw quati quatj quatk",
+            *(
+                f"variable     theta{axis} atom 2*atan2(c_turned[{part}],c_turned[1])"
+                for part, axis in enumerate("xyz", 2)
+            ),
+        ]
     return [
         f"compute      dipole {seen} property/atom mux muy",
         "variable     theta atom atan2(c_dipole[2],c_dipole[1])",

@@ -1,4 +1,7 @@
-"""LAMMPS data files of spheres (``atom_style sphere``, with a direction ``hybrid sphere dipole``), with every digit.
+"""LAMMPS data files of spheres, with every digit.
+
+The atom style is ``sphere``. Spheres whose angle is tracked are ``hybrid sphere dipole`` in the plane, and in space
+``bpm/sphere``, which has a quaternion.
 
 ASE has no sphere style. The writer gives each number in the shortest form that reads back to the same double; the
 reader also takes files of LAMMPS's ``write_data``. An extra section ``wave`` holds the initial fields of each sphere
@@ -19,6 +22,7 @@ from granular_lmp.errors import RunFolderError
 ATOM_COLUMNS = {
     "sphere": "id type diameter density x y z",
     "hybrid": "id type x y z diameter density q mux muy muz",
+    "bpm/sphere": "id molecule type diameter density x y z",
 }
 _PIECE = 1 << 15  # lines per piece of text, a few MB
 
@@ -37,11 +41,11 @@ class DataFile:
         Centres at rest.
     diameter, density : (N,) arrays
         Diameter and density of each sphere.
-    wave : (N, 6) array, (N, 4) or (N, 0)
-        ux uy φ (ux uy if spheres do not turn) and their velocities for unit amplitude, in D0 and D0/t0. With no
-        columns, as without a wave, the file has no section ``wave``.
-    directed : bool
-        True if the spheres have a direction (a dipole).
+    wave : (N, 6) array, (N, 4) or (N, 0); in space (N, 12) or (N, 6)
+        ux uy φ (ux uy if spheres do not turn) and their velocities for unit amplitude, in D0 and D0/t0; in space
+        ux uy uz φx φy φz. With no columns, as without a wave, the file has no section ``wave``.
+    style : str
+        Atom style, a key of `ATOM_COLUMNS`.
     """
 
     box: NDArray[np.float64]
@@ -50,7 +54,7 @@ class DataFile:
     diameter: NDArray[np.float64]
     density: NDArray[np.float64]
     wave: NDArray[np.float64]
-    directed: bool = True
+    style: str = "hybrid"
 
     def pieces(self, title: str) -> Iterator[str]:
         """Yield the file, one line per sphere, in pieces of a few MB, so that a million spheres need little memory.
@@ -60,14 +64,14 @@ class DataFile:
         faces = "\n".join(
             f"{low!r} {high!r} {axis}lo {axis}hi" for axis, (low, high) in zip("xyz", self.box.tolist(), strict=True)
         )
-        style = "hybrid" if self.directed else "sphere"
         columns = {"type": self.kind, "diameter": self.diameter, "density": self.density}
+        columns |= {"molecule": np.ones_like(self.kind)}
         columns |= dict(zip("xyz", self.position.T, strict=True))
-        own = [columns[name] for name in ATOM_COLUMNS[style].split() if name in columns]
+        own = [columns[name] for name in ATOM_COLUMNS[self.style].split() if name in columns]
         types = int(self.kind.max() + 1) // 2 * 2
         yield f"{title}\n\n{len(self.kind)} atoms\n{types} atom types\n\n{faces}\n\n"
-        yield f"Atoms # {style} ({ATOM_COLUMNS[style]})\n\n"
-        yield from _lines(own, tail=" 0 1 0 0\n" if self.directed else "\n")
+        yield f"Atoms # {self.style} ({ATOM_COLUMNS[self.style]})\n\n"
+        yield from _lines(own, tail=" 0 1 0 0\n" if self.style == "hybrid" else "\n")
         if self.wave.size:
             yield "\nwave\n\n"
             yield from _lines([*self.wave.T], tail="\n")
@@ -137,7 +141,7 @@ def read(path: str | Path) -> DataFile:
         diameter=atoms["diameter"],
         density=atoms["density"],
         wave=wave[np.argsort(wave[:, 0])][:, 1:] if len(wave) else np.empty((count, 0)),
-        directed=style == "hybrid",
+        style=style,
     )
 
 

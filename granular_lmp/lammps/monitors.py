@@ -11,19 +11,33 @@ from granular_lmp.lammps.binary_dump import CONTINUED, binary_snapshots
 from granular_lmp.lammps.blocks import apart
 from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, last_step
-from granular_lmp.lammps.recording import SPHERE_NAMES, sphere_columns
+from granular_lmp.lammps.recording import sphere_columns, sphere_names
 from granular_lmp.problem import Problem
 from granular_lmp.scene.monitors import PlacedMonitor
 from granular_lmp.scene.scene import Scene
 
-# Columns of a contact: both spheres; normal force, repulsive above 0; tangential force on the first sphere; vector from
-# the second to the first. The vector needs every digit of a position, of which an overlap is the last ones
-CONTACT_COLUMNS = ("first", "second", "normal", "tangential_x", "tangential_y", "x", "y")
-_VALUES = "force p1 p2 p10 p11"
-_FORMAT = "%.0f %.0f %.13g %.13g %.13g %.17g %.17g"
-# Behind them where contacts resist rolling: the force f_r whose moment is the torque of the roll, the same for both
-ROLLING_COLUMNS = ("rolling_x", "rolling_y")
-_ROLLING_VALUES, _ROLLING_FORMAT = " p5 p6", " %.13g %.13g"
+
+def contact_columns(scene: Scene) -> tuple[str, ...]:
+    """Return the columns of a contact in a dump.
+
+    They are both spheres; the normal force, repulsive above 0; the tangential force on the first sphere; the vector
+    from the second to the first, which needs every digit of a position, as an overlap is the last ones; and where
+    contacts resist rolling the force whose moment is the torque of the roll, the same for both.
+    """
+    axes = "xyz"[: scene.space]
+    tangential, rolling = (tuple(f"{name}_{axis}" for axis in axes) for name in ("tangential", "rolling"))
+    return ("first", "second", "normal", *tangential, *axes, *(rolling if scene.effects.rolling is True else ()))
+
+
+def _values(scene: Scene) -> str:
+    """Return what LAMMPS calls the columns from the normal force on: a vector begins at p1, p10 and p5."""
+    starts = (1, 10, 5) if scene.effects.rolling is True else (1, 10)
+    return " ".join(["force", *(f"p{first + part}" for first in starts for part in range(scene.space))])
+
+
+def _format(scene: Scene) -> str:
+    vector, rolling = scene.space, scene.effects.rolling is True
+    return " ".join(["%.0f"] * 2 + ["%.13g"] * (1 + vector) + ["%.17g"] * vector + ["%.13g"] * vector * rolling)
 
 
 def monitor_files(scene: Scene) -> list[str]:
@@ -55,17 +69,17 @@ def monitors(problem: Problem, checkpoint: str = "") -> list[str]:
 
 def _monitor(number: int, placed: PlacedMonitor, problem: Problem, checkpoint: str) -> list[str]:
     # With the cutoff "type" pairs that LAMMPS has no contact of are among them: their vector is 0
-    cutoff, rolling = FORMULAS[problem.scene.sphere.adhesion_law].cutoff, problem.on.get("rolling", False)
+    cutoff, scene = FORMULAS[problem.scene.sphere.adhesion_law].cutoff, problem.scene
     name, tag = f"monitor{number}", str(number)
     file = MONITOR.format(placed.monitor.name + (CONTINUED if checkpoint else ""))
     lines = [
         f"# --- {name}: {placed.monitor.name}, {placed.words}",
         f"group        {name} id {id_ranges(placed.spheres)}",
         f"dump         {name} {name} custom ${{every}} {file} {sphere_columns(problem)}",
-        f"dump_modify  {name} sort id {SPHERE_NAMES}",
+        f"dump_modify  {name} sort id {sphere_names(problem)}",
     ]
     if placed.monitor.with_contacts:
-        titles = CONTACT_COLUMNS + ROLLING_COLUMNS * rolling
+        titles = contact_columns(scene)
         columns = [f"c_ends{tag}[{k}]" for k in (1, 2)] + [f"c_push{tag}[{k}]" for k in range(1, len(titles) - 1)]
         names = " ".join(f"colname {column} {name}" for column, name in zip(columns, titles, strict=True))
         file = MONITOR_CONTACTS.format(placed.monitor.name)
@@ -73,9 +87,8 @@ def _monitor(number: int, placed: PlacedMonitor, problem: Problem, checkpoint: s
             "# forces of its contacts; LAMMPS names pairs of spheres, and the group holds those around too",
             f"group        around{tag} id {id_ranges(placed.around)}",
             f"compute      ends{tag} around{tag} property/local patom1 patom2 cutoff {cutoff}",
-            f"compute      push{tag} around{tag} pair/local {_VALUES}{_ROLLING_VALUES * rolling} cutoff {cutoff}",
+            f"compute      push{tag} around{tag} pair/local {_values(scene)} cutoff {cutoff}",
             f"dump         contacts{tag} around{tag} local ${{every}} {file} {' '.join(columns)}",
-            f'dump_modify  contacts{tag} format line "{_FORMAT}{_ROLLING_FORMAT * rolling}" {names}'
-            + " append yes" * bool(checkpoint),
+            f'dump_modify  contacts{tag} format line "{_format(scene)}" {names}' + " append yes" * bool(checkpoint),
         ]
     return lines

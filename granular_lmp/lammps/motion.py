@@ -1,17 +1,19 @@
 """The motion of the spheres of a deck that are not held."""
 
 from granular_lmp.effects import selection
-from granular_lmp.lammps import ends, start
+from granular_lmp.lammps import ends, spheres, start
 from granular_lmp.problem import Problem
 
 
 def motion(problem: Problem) -> list[str]:
     """Return the block that integrates the motion."""
-    turns, tracks = problem.on["rotation"], problem.on["tracking"]
+    how = spheres.style(problem)
+    integrator = {"hybrid": "nve/sphere update dipole", "bpm/sphere": "nve/bpm/sphere"}.get(how)
+    integrator = integrator or f"nve{'/sphere' if problem.on['rotation'] else ''}"
     return [
         "# --- motion of the spheres that are not held",
-        *([start.PLANE] if problem.scene.loose else []),
-        f"fix          move mobile nve{'/sphere' if turns else ''}{' update dipole' if tracks else ''}",
+        *(start.plane(problem) if problem.scene.loose else []),
+        f"fix          move mobile {integrator}",
         *ends.held(problem),
         *selection.lines("motion", problem),
     ]

@@ -31,11 +31,14 @@ SWEEP = "sweep.json"
 COST = "cost.json"
 SCATTER = "scatter.csv"
 CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is complete at any moment
-# Columns of decks whose spheres turn and are tracked, turn untracked, and do not turn
+# Columns of decks whose spheres turn and are tracked, turn untracked, and do not turn: in the plane, and in space
 DUMP_COLUMNS = (
     ["id", "ux", "uy", "theta", "vx", "vy", "omegaz"],
     ["id", "ux", "uy", "vx", "vy", "omegaz"],
     ["id", "ux", "uy", "vx", "vy"],
+    ["id", "ux", "uy", "uz", "thetax", "thetay", "thetaz", "vx", "vy", "vz", "omegax", "omegay", "omegaz"],
+    ["id", "ux", "uy", "uz", "vx", "vy", "vz", "omegax", "omegay", "omegaz"],
+    ["id", "ux", "uy", "uz", "vx", "vy", "vz"],
 )
 _LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump; _SNAPSHOT is the first
 _SNAPSHOT = b"ITEM: TIMESTEP\n"

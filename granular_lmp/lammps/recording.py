@@ -2,26 +2,48 @@
 
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
+from granular_lmp.effects.freedoms import axes, turns
 from granular_lmp.lammps.checkpoints import minutes_between
 from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.lammps.ends import boundary
 from granular_lmp.lammps.outputs import CHECKPOINTS
 from granular_lmp.problem import Problem
 
-# OVITO knows these names
-SPHERE_NAMES = "colname c_u[1] Displacement.X colname c_u[2] Displacement.Y"
-_EVERY_DIGIT = f"sort id format float %.17g {SPHERE_NAMES}"
+_QUATERNION = "wxyz"  # parts of the compute "turned", in their order
 
 
 def sphere_columns(problem: Problem) -> str:
     """Return the columns of spheres in a dump; ASE keeps v_theta."""
     mass = " mass" if problem.scene.loose or not problem.scene.perfect else ""
-    return f"id type x y z radius{mass} c_u[1] c_u[2] vx vy vz" + _turned(problem)
+    return f"id type x y z radius{mass} {_columns('c_u', axes(problem))} vx vy vz" + _turned(problem)
 
 
 def _turned(problem: Problem) -> str:
-    turns, tracks = problem.on["rotation"], problem.on["tracking"]
-    return " omegaz" * turns + " v_theta" * tracks
+    spins = "".join(f" omega{end or 'z'}" for end in turns(problem) if problem.on["rotation"])
+    if not problem.on["tracking"]:
+        return spins
+    return spins + (" v_theta" if problem.scene.space == 2 else f" {_columns('c_turned', _QUATERNION)}")
+
+
+def _columns(name: str, parts: str) -> str:
+    return " ".join(f"{name}[{number}]" for number in range(1, len(parts) + 1))
+
+
+def every_digit(problem: Problem) -> str:
+    """Return the words of ``dump_modify`` with which a dump of spheres has every digit and names that OVITO knows."""
+    return f"sort id format float %.17g {sphere_names(problem)}"
+
+
+def sphere_names(problem: Problem) -> str:
+    """Return the words that name displacements and orientations as OVITO does."""
+    named = {"c_u": ("Displacement", axes(problem))}
+    if problem.scene.space == 3 and problem.on["tracking"]:
+        named["c_turned"] = ("Orientation", _QUATERNION)
+    return " ".join(
+        f"colname {name}[{number}] {said}.{part.upper()}"
+        for name, (said, parts) in named.items()
+        for number, part in enumerate(parts, 1)
+    )
 
 
 def record(problem: Problem, checkpoint: str = "") -> list[str]:
@@ -40,19 +62,21 @@ def record(problem: Problem, checkpoint: str = "") -> list[str]:
 
 def _centre(problem: Problem) -> list[str]:
     """Return the dump of the centre sphere, and of all spheres where the scene declares snapshots."""
-    turns, tracks = problem.on["rotation"], problem.on["tracking"]
+    thetas = [f"theta{end}" for end in turns(problem) if problem.on["tracking"]]
+    named = {f"c_u[{number}]": f"u{axis}" for number, axis in enumerate(axes(problem), 1)}
+    named |= {f"v_{theta}": theta for theta in thetas}
+    rates = [f"v{axis}" for axis in axes(problem)]
+    rates += [f"omega{end or 'z'}" for end in turns(problem) if problem.on["rotation"]]
     snapshots = [
         "variable     apart equal v_every*ceil(v_particles/v_sample-1e-9)",
         f"dump         particles all custom ${{apart}} ${{snapshots}} {sphere_columns(problem)}",
-        f"dump_modify  particles {_EVERY_DIGIT}",
+        f"dump_modify  particles {every_digit(problem)}",
     ]
     return [
         f"group        centre id {centre(problem.crystal) + 1}",
         *selection.lines("record", problem),
-        f"dump         centre centre custom ${{every}} ${{dump}} id c_u[1] c_u[2]{' v_theta' * tracks} vx vy"
-        + " omegaz" * turns,
-        "dump_modify  centre format float %.17g colname c_u[1] ux colname c_u[2] uy"
-        + " colname v_theta theta" * tracks,
+        f"dump         centre centre custom ${{every}} ${{dump}} {' '.join(['id', *named, *rates])}",
+        "dump_modify  centre format float %.17g " + " ".join(f"colname {of} {said}" for of, said in named.items()),
         *(snapshots if problem.scene.output.particles else []),
     ]
 
@@ -64,7 +88,7 @@ def _recorded(problem: Problem) -> list[str]:
         f"group        recorded id {id_ranges(problem.recorded)}",
         *selection.lines("record", problem),
         f"dump         record {seen} custom ${{every}} ${{dump}} {sphere_columns(problem)}",
-        f"dump_modify  record {_EVERY_DIGIT}",
+        f"dump_modify  record {every_digit(problem)}",
     ]
 
 

@@ -29,7 +29,7 @@ LARGE = 100_000
 
 def suits(scene: Scene) -> bool:
     """Return whether LAMMPS makes the spheres of a scene: a large perfect sheet, at rest or with a plane wave."""
-    if scene.wave is None:
+    if scene.wave is None or scene.space == 3:
         return False
     waved = scene.wave.form in ("running", "standing", "none") and not scene.envelope.finite
     moved = scene.wave.form != "none" and any(each.motion for each in scene.source)
@@ -54,7 +54,7 @@ def first_rows(problem: Problem) -> DataFile:
         diameter=2 * first.arrays["radius"] * to_deck,
         density=np.full(len(first), units.number(scene.sphere.density, mass=1, length=-3)),
         wave=np.empty((len(first), 0)),
-        directed=scene.effects.tracking is True,
+        style="hybrid" if scene.effects.tracking is True else "sphere",
     )
 
 

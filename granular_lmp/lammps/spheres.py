@@ -21,8 +21,15 @@ def data_of(problem: Problem) -> DataFile:
         diameter=2 * packing.arrays["radius"] * to_deck,
         density=_densities(problem),
         wave=start.columns(problem),
-        directed=problem.on["tracking"],
+        style=style(problem),
     )
+
+
+def style(problem: Problem) -> str:
+    """Return the atom style: what tracks angles is a dipole in the plane, and a quaternion in space."""
+    if not problem.on["tracking"]:
+        return "sphere"
+    return "hybrid" if problem.scene.space == 2 else "bpm/sphere"
 
 
 def _box(problem: Problem) -> NDArray[np.float64]:
@@ -61,9 +68,9 @@ def _lattice(problem: Problem, wave_is: str, lines: list[str]) -> list[str]:
     return [
         *_titles(problem, wave_is),
         f"units        {problem.units.style}",
-        "dimension    2",
+        f"dimension    {problem.scene.space}",
         f"boundary     {boundary(problem)}{flies}",
-        f"atom_style   {'hybrid sphere dipole' if problem.on['tracking'] else 'sphere'}",
+        f"atom_style   {style(problem).replace('hybrid', 'hybrid sphere dipole')}",
         f"atom_modify  map array{'' if problem.scene.loose else ' sort 1 0.0'}",
         "comm_modify  vel yes",
         *lines,

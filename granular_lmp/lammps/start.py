@@ -7,24 +7,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.effects import selection
+from granular_lmp.effects.freedoms import about, along, axes, turns
 from granular_lmp.problem import Problem
 from granular_lmp.scene.initial_fields import initial_fields
 
 STEP = "timestep     $(v_step:%.17g)"
 _REFERENCE = "compute      u all displace/atom"
-PLANE = "fix          plane all enforce2d"
+_MOVES = ("u", "v", "s", "sv")  # fields with a component along each axis; others are of angles
 
 
 def field(problem: Problem) -> str:
     """Return the line that names the columns of the section ``wave`` of the data file; "" without any."""
-    turns, scene = problem.on["rotation"], problem.scene
+    scene = problem.scene
     if scene.wave is None:
-        state = ["d_ux", "d_uy", "d_vx", "d_vy", *["d_spin"] * turns]
-        return f"fix          start all property/atom {' '.join(state)}" if scene.start.moves else ""
-    names = ["d_ux", "d_uy", *["d_phi"] * turns, "d_vx", "d_vy", *["d_vphi"] * turns]
+        state = _names(problem, "u", "v", "spin")
+        return f"fix          start all property/atom {state}" if scene.start.moves else ""
+    names = _names(problem, "u", "phi", "v", "vphi")
     if scene.start.moves:
-        names += ["d_sx", "d_sy", "d_svx", "d_svy", *["d_sspin"] * turns]
-    return f"fix          wave all property/atom {' '.join(names)}"
+        names += " " + _names(problem, "s", "sv", "sspin")
+    return f"fix          wave all property/atom {names}"
+
+
+def _names(problem: Problem, *fields: str) -> str:
+    """Return the columns of fields: "u" is ux, uy and in space uz; "phi" one angle or three, if spheres turn."""
+    spins = turns(problem) if problem.on["rotation"] else ()
+    return " ".join(f"d_{field}{end}" for field in fields for end in (axes(problem) if field in _MOVES else spins))
 
 
 def read(problem: Problem) -> list[str]:
@@ -89,9 +96,9 @@ def preload(problem: Problem) -> list[str]:
     if not _preloads(problem):
         return reference(problem)
     state, wave = problem.scene.start.moves, problem.scene.wave
-    ux, uy = (_sum(problem, f"v_D0*d_u{axis}", f"d_s{axis}" if wave else f"d_u{axis}") for axis in "xy")
+    ways = {axis: _sum(problem, f"v_D0*d_u{axis}", f"d_{'s' if wave else 'u'}{axis}") for axis in axes(problem)}
     if wave and state:
-        ux, uy = f"({ux})", f"({uy})"
+        ways = {axis: f"({way})" for axis, way in ways.items()}
     return [
         f"# --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the "
         f"{'wave' if wave else 'state'} in one",
@@ -100,11 +107,10 @@ def preload(problem: Problem) -> list[str]:
         "variable     slow  equal 1e6*v_step",
         "timestep     $(v_slow:%.17g)",
         _REFERENCE,
-        f"variable     to_ux atom {ux}/v_slow",
-        f"variable     to_uy atom {uy}/v_slow",
-        "velocity     all set v_to_ux v_to_uy NULL units box",
+        *(f"variable     to_u{axis} atom {way}/v_slow" for axis, way in ways.items()),
+        f"velocity     all set {along(problem, 'to_u', 'NULL')} units box",
         *selection.lines("preload", problem),
-        *([] if problem.scene.loose else [PLANE]),  # else with the motion, which a continued run repeats too
+        *([] if problem.scene.loose else plane(problem)),  # else with the motion, which a continued run repeats too
         "fix          move mobile nve/noforce",
         "thermo_style custom step",
         "run          1 post no",
@@ -118,7 +124,12 @@ def reference(problem: Problem, checkpoint: str = "") -> list[str]:
     """Return the lines that count displacements from rest: LAMMPS finds the places of a checkpoint by the name u."""
     if problem.scene.loose:
         return ["# --- displacements count from the places at rest", _REFERENCE]
-    return [_REFERENCE, PLANE, STEP]
+    return [_REFERENCE, *plane(problem), STEP]
+
+
+def plane(problem: Problem) -> list[str]:
+    """Return the line that holds the spheres in their plane; [] in space."""
+    return ["fix          plane all enforce2d"] if problem.scene.space == 2 else []
 
 
 def kept_field(problem: Problem, checkpoint: str) -> list[str]:
@@ -135,9 +146,11 @@ def begin(problem: Problem) -> list[str]:
         return []
     return [
         "# --- wave: the true velocities",
-        f"variable     vx atom {_sum(problem, 'v_D0*d_vx/v_t0', 'd_svx')}",
-        f"variable     vy atom {_sum(problem, 'v_D0*d_vy/v_t0', 'd_svy')}",
-        "velocity     all set v_vx v_vy NULL units box",
+        *(
+            f"variable     v{axis} atom {_sum(problem, f'v_D0*d_v{axis}/v_t0', f'd_sv{axis}')}"
+            for axis in axes(problem)
+        ),
+        f"velocity     all set {along(problem, 'v', 'NULL')} units box",
         *selection.lines("wave", problem),
     ]
 
@@ -146,12 +159,12 @@ def _begun(problem: Problem) -> list[str]:
     """Return the lines that displace and move the spheres of a state."""
     if not problem.scene.start.moves:
         return []
-    turns, there = problem.on["rotation"], _preloads(problem)
-    names = [*([] if there else ["ux", "uy"]), "vx", "vy", *["spin"] * turns]
+    there, spins = _preloads(problem), [f"spin{end}" for end in turns(problem) if problem.on["rotation"]]
+    names = [f"{field}{axis}" for field in ("v" if there else "uv") for axis in axes(problem)] + spins
     return [
         "# --- state at the beginning: displacements from rest and velocities, the section wave of the data file",
         *(f"variable     {name} atom d_{name}" for name in names),
-        *([] if there else ["displace_atoms all move v_ux v_uy 0.0 units box"]),
-        "velocity     all set v_vx v_vy 0.0 units box",
-        *(["set          group all omega 0.0 0.0 v_spin"] if turns else []),
+        *([] if there else [f"displace_atoms all move {along(problem, 'u', '0.0')} units box"]),
+        f"velocity     all set {along(problem, 'v', '0.0')} units box",
+        *([f"set          group all omega {about(problem, 'spin', '0.0')}"] if spins else []),
     ]

@@ -123,7 +123,7 @@ def refuse_other_trajectory(path: Path, read: Signals, dumped: Signals, *, whole
     path : Path
         Path of ``trajectory.csv``.
     read, dumped : dict of str to (T,) arrays
-        Columns tau, p, q, phi of both.
+        Columns tau, p, q, phi of both; in space more.
     whole : bool
         True if both must end with the same record; for a stopped run only the common records are compared.
 
@@ -136,8 +136,9 @@ def refuse_other_trajectory(path: Path, read: Signals, dumped: Signals, *, whole
     if whole and rows != there:
         raise RunFolderError(f"{path}: {rows} records, and {DUMP} holds {there}; {_CURE}")
     few = min(rows, there)
-    size = max((_largest(dumped[name]) for name in ("p", "q", "phi")), default=0.0)
-    for name, scale in (("tau", _largest(dumped["tau"])), ("p", size), ("q", size), ("phi", size)):
+    signals = [name for name in dumped if name != "tau"]
+    size = max((_largest(dumped[name]) for name in signals), default=0.0)
+    for name, scale in (("tau", _largest(dumped["tau"])), *((name, size) for name in signals)):
         ours, theirs = read[name][:few], dumped[name][:few]
         off = ~(np.isclose(ours, theirs, rtol=0, atol=SAME * scale, equal_nan=True))
         if off.any():

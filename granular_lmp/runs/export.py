@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import writable
+from granular_lmp.runs.components import NAMES, in_space
 from granular_lmp.runs.h5md import write_h5md
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
@@ -28,15 +29,13 @@ def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float6
     """
     sphere, unit, scale = monitor.scene.sphere, length_of(monitor.scene), monitor.scene.scale
     time, force = scale.time, force_of(monitor.scene)
-    units = {
-        "tau": ("t_s", time),
-        **{"u": ("u_m", unit), "v": ("v_m", unit), "phi": ("theta_rad", unit / sphere.radius)},
-        **{"u_t": ("u_t_m_s", unit / time), "v_t": ("v_t_m_s", unit / time)},
-        "phi_t": ("theta_t_rad_s", unit / sphere.radius / time),
-        **{"normal": ("normal_N", force), "shear": ("shear_N", force), "overlap": ("overlap_m", scale.length)},
-        "rolling": ("rolling_Nm", force * sphere.radius),
-        "flux": ("flux_W", monitor.watt),
-    }
+    units = {"tau": ("t_s", time), "overlap": ("overlap_m", scale.length), "flux": ("flux_W", monitor.watt)}
+    for name in NAMES:
+        said, size, what = (name, unit, "m") if len(name) == 1 else (f"theta{name[3:]}", unit / sphere.radius, "rad")
+        units |= {name: (f"{said}_{what}", size), f"{name}_t": (f"{said}_t_{what}_s", size / time)}
+    for axis in ("", "_x", "_y", "_z"):
+        units |= {f"{name}{axis}": (f"{name}{axis}_N", force) for name in ("normal", "shear")}
+        units[f"rolling{axis}"] = (f"rolling{axis}_Nm", force * sphere.radius)
     found = {}
     for name, values in monitor.columns().items():
         said, factor = units.get(name, (name, None))
@@ -65,7 +64,7 @@ def write_extxyz(particles: Snapshots, path: Path) -> None:
                 columns |= {} if np.isnan(each.rotation).any() else {"rotation": each.rotation}
                 columns["spin"] = each.spin
             kinds = "".join(f":{name}:R:{np.atleast_2d(x.T).shape[0]}" for name, x in columns.items())
-            position = np.column_stack([rest + each.displacement * unit / sphere.radius, np.zeros(len(rest))])
+            position = in_space(rest + each.displacement * unit / sphere.radius)
             numbers = np.column_stack([crystal.arrays["radius"], *columns.values()]).tolist()
             stream.write(
                 f"{len(rest)}\n"

@@ -7,6 +7,7 @@ declared here is not read either.
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from granular_lmp.runs.components import NAMES
 from granular_lmp.scene.schema import shown
 
 Check = Callable[[str, Any], None]  # of a dotted key and its value; raises ValueError
@@ -89,7 +90,7 @@ _MONITOR = _entries(
     {},
     {
         **{"why": _TEXT, "frequency": _NUMBER, "from": _NUMBER, "to": _NUMBER},
-        **dict.fromkeys(("u", "v", "phi"), _table_of(_PAIR)),
+        **dict.fromkeys(NAMES, _table_of(_PAIR)),
     },
 )
 _SECONDS = _entries({}, {"total": _NUMBER, "loop": _MAYBE, "other": _MAYBE, "phases": _table_of(_NUMBER)})

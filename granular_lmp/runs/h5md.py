@@ -5,7 +5,7 @@ where positions, velocities, box and units stand. The file holds binary doubles,
 the text dump some 180. It is written one snapshot at a time, so that no more than two are ever in memory.
 
     particles/trajectory    box/edges, position, velocity              elements of H5MD: (T, N, 3), nm and nm/ns
-                            displacement (T, N, 2), rotation, spin     ours: nm, rad, rad/ns; spin about z
+                            displacement (T, N, 2), rotation, spin     ours: nm, rad, rad/ns about z; (T, N, 3) in space
                             id, species (1 moves, 2 is held), radius   the same at all times
     parameters              attributes: scene (TOML), status, D0_m, Delta0_m, t0_s, R_m, origin_m
 
@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from granular_lmp import __version__
+from granular_lmp.runs.components import in_space
 from granular_lmp.runs.record import Record, optional_package
 from granular_lmp.runs.scales import length_of
 from granular_lmp.scene.scene import Scene
@@ -77,13 +78,13 @@ def write_h5md(record: Record, path: Path) -> None:
 
         element("box/edges", "nm", 3)[:] = np.diag(crystal.cell.array) * radius
         position, velocity = element("position", "nm", count, 3), element("velocity", "nm ns-1", count, 3)
-        displacement = element("displacement", "nm", count, 2)
-        rotation, spin = element("rotation", "rad", count), element("spin", "rad ns-1", count)
+        displacement, turns = element("displacement", "nm", count, scene.space), (3,) if scene.space == 3 else ()
+        rotation, spin = element("rotation", "rad", count, *turns), element("spin", "rad ns-1", count, *turns)
         for number in range(frames):
             spheres = snapshots[number]
             displacement[number] = spheres.displacement * unit
-            position[number] = place + np.pad(spheres.displacement * unit, ((0, 0), (0, 1)))
-            velocity[number] = np.pad(spheres.velocity * unit / time, ((0, 0), (0, 1)))
+            position[number] = place + in_space(spheres.displacement * unit)
+            velocity[number] = in_space(spheres.velocity * unit / time)
             rotation[number] = spheres.rotation * unit / radius
             spin[number] = spheres.spin * unit / radius / time
 

@@ -29,8 +29,9 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.binary_dump import binary_snapshots
-from granular_lmp.lammps.monitors import CONTACT_COLUMNS, ROLLING_COLUMNS
+from granular_lmp.lammps.monitors import contact_columns
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshots
+from granular_lmp.runs.components import by_axis, components, rates
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.scales import force_of, length_of
 from granular_lmp.runs.seal import refuse_changed_record
@@ -55,17 +56,18 @@ class ContactForces:
     ----------
     i, j : (C,) int arrays
         Indices of the two spheres in the crystal, i < j.
-    vector : (T, C, 2) array
+    vector : (T, C, 2) array, in space (T, C, 3)
         From the centre of i to that of j, in R; nan while they do not touch.
     normal : (T, C) array
         Force along n = vector/|vector| on j, in k1 D0: positive where it pushes the two apart; 0 while they do not
         touch. It holds the static force, which is 0 in an adhesive crystal that nothing presses.
-    shear : (T, C) array
-        Force on j along t = ẑ × n, n turned by +90°, in k1 D0.
+    shear : (T, C) array, in space (T, C, 3)
+        Force on j along t = ẑ × n, n turned by +90°, in k1 D0; in space the force across n as a vector.
     overlap : (T, C) array
         In Δ0; nan while they do not touch.
-    rolling : (T, C) array
-        Torque of the roll on j about z, in k1 D0 R, and its opposite on i; 0 where contacts roll freely.
+    rolling : (T, C) array, in space (T, C, 3)
+        Torque of the roll on j about z, in k1 D0 R, and its opposite on i; 0 where contacts roll freely. In space a
+        vector.
     """
 
     i: Integers
@@ -78,10 +80,27 @@ class ContactForces:
 
     @property
     def force(self) -> Floats:
-        """Force on j, (T, C, 2), in k1 D0; that on i is its opposite."""
-        direction = np.nan_to_num(self.vector / np.linalg.norm(self.vector, axis=-1, keepdims=True))
+        """Force on j, (T, C, 2) or in space (T, C, 3), in k1 D0; that on i is its opposite."""
+        direction = self.direction
+        if self.shear.ndim == 3:
+            return self.normal[..., None] * direction + self.shear
         across = np.stack([-direction[..., 1], direction[..., 0]], axis=-1)
         return self.normal[..., None] * direction + self.shear[..., None] * across
+
+    @property
+    def direction(self) -> Floats:
+        """Unit vector n from i to j, as `vector`; 0 while they do not touch."""
+        return np.nan_to_num(self.vector / np.linalg.norm(self.vector, axis=-1, keepdims=True))
+
+    def torque(self, end: str, arm: Floats) -> Floats:
+        """Return the torque on the spheres at one end, "i" or "j", whose shear has a lever arm, (T, C), in k1 D0 R.
+
+        The torque of the shear has the same sense on both, that of the roll the opposite.
+        """
+        roll = self.rolling if end == "j" else -self.rolling
+        if self.shear.ndim == 2:
+            return roll - arm * self.shear
+        return roll - arm[..., None] * np.cross(self.direction, self.shear)
 
 
 @dataclass(frozen=True, repr=False)
@@ -173,22 +192,22 @@ class MonitorRecord:
 
     @property
     def displacement(self) -> Floats:
-        """Displacement u, v from the place at rest, (T, N, 2), in D0."""
+        """Displacement u, v from the place at rest, (T, N, 2) or in space (T, N, 3), in D0."""
         return self._fields[0]
 
     @property
     def velocity(self) -> Floats:
-        """Velocity, (T, N, 2), in D0/t0; of a sphere that a source moves that of half a step ago."""
+        """Velocity, as `displacement`, in D0/t0; of a sphere that a source moves that of half a step ago."""
         return self._fields[1]
 
     @property
     def rotation(self) -> Floats:
-        """Rθ/D0, (T, N); 0 if spheres do not turn, nan if they turn and are not tracked."""
+        """Rθ/D0, (T, N) or in space (T, N, 3); 0 if spheres do not turn, nan if they turn and are not tracked."""
         return self._fields[2]
 
     @property
     def spin(self) -> Floats:
-        """Rω t0/D0, (T, N); 0 if spheres do not turn."""
+        """Rω t0/D0, as `rotation`; 0 if spheres do not turn."""
         return self._fields[3]
 
     # --- contacts ---
@@ -211,7 +230,7 @@ class MonitorRecord:
         refuse_changed_record(self.folder, path)
         when = {step: number for number, step in enumerate(self._motion[0].tolist())}
         unknown = np.ones(len(when), dtype=bool)
-        columns = CONTACT_COLUMNS + ROLLING_COLUMNS * (self.scene.effects.rolling is True)
+        columns = contact_columns(self.scene)
         times, tables = [np.empty(0, dtype=int)], [np.empty((0, len(columns)))]
         for step, names, table in read_snapshots(path):
             if tuple(names) != columns:
@@ -227,25 +246,31 @@ class MonitorRecord:
         atoms, units = self.crystal, self.scene.units
         sphere = self.scene.sphere
         first, second = table[:, :2].astype(int).T - 1
+        space = self.scene.space
+        along, across, roll = slice(3 + space, 3 + 2 * space), slice(3, 3 + space), slice(3 + 2 * space, None)
         own = np.isin(first, self.spheres) | np.isin(second, self.spheres)
-        own &= table[:, 5:7].any(axis=1)  # LAMMPS lists pairs within a pull-off distance that do not touch, as zeros
+        own &= table[:, along].any(axis=1)  # LAMMPS lists pairs within a pull-off distance that do not touch, as zeros
         time, table, first, second = time[own], table[own], first[own], second[own]
         i, j = np.minimum(first, second), np.maximum(first, second)
         keys, pair = np.unique(i * len(atoms) + j, return_inverse=True)
         of_i, of_j = keys // len(atoms), keys % len(atoms)
-        sign = np.where(first == i, -1.0, 1.0)  # the vector leads to the first, and the force is on the first
-        vector = np.full((len(unknown), len(keys), 2), np.nan)
-        vector[time, pair] = sign[:, None] * table[:, 5:7] / units.number(sphere.radius, length=1)
+        # the vector leads to the first, and the force is on the first
+        sign = np.where(first == i, -1.0, 1.0)[:, None]
+        vector = np.full((len(unknown), len(keys), space), np.nan)
+        vector[time, pair] = sign * table[:, along] / units.number(sphere.radius, length=1)
         force = units.number(force_of(self.scene), mass=1, length=1, time=-2)
-        normal, shear, rolling = np.zeros((3, len(unknown), len(keys)))
+        normal = np.zeros((len(unknown), len(keys)))
+        shear, rolling = np.zeros((2, *(normal.shape if space == 2 else vector.shape)))
         normal[unknown] = shear[unknown] = rolling[unknown] = np.nan
         normal[time, pair] = table[:, 2] / force
-        x, y = (sign[:, None] * table[:, 5:7]).T / np.hypot(table[:, 5], table[:, 6])
-        shear[time, pair] = sign * (table[:, 4] * x - table[:, 3] * y) / force
+        n = sign * table[:, along] / np.linalg.norm(table[:, along], axis=1)[:, None]
+        side = sign * table[:, across] / force
+        shear[time, pair] = _cross(n, side) if space == 2 else side
         radius = atoms.arrays["radius"]
-        if table.shape[1] > len(CONTACT_COLUMNS):
+        if table.shape[1] > roll.start:
             arm = radius[i] * radius[j] / (radius[i] + radius[j])
-            rolling[time, pair] = -sign * arm * (x * table[:, 8] - y * table[:, 7]) / force
+            torque = _cross(n, -sign * table[:, roll] / force)
+            rolling[time, pair] = (arm if space == 2 else arm[:, None]) * torque
         length = np.linalg.norm(vector, axis=-1)
         overlap = (radius[of_i] + radius[of_j] - length) * sphere.radius / self.scene.scale.length
         return ContactForces(of_i, of_j, vector, normal, shear, overlap, rolling)
@@ -263,11 +288,11 @@ class MonitorRecord:
         place = np.searchsorted(self.spheres, index).clip(max=len(self.spheres) - 1)
         own = self.spheres[place] == index
         force = contacts.force if end == "j" else -contacts.force
-        # LAMMPS's lever arm; the torque of the shear has the same sense on both, that of the roll the opposite
+        # LAMMPS's lever arm
         arm = self.crystal.arrays["radius"][index] - np.nan_to_num(contacts.overlap) * ratio / 2
-        torque = (contacts.rolling if end == "j" else -contacts.rolling) - arm * contacts.shear
-        power = np.sum(force * self.velocity[:, place], axis=-1) + torque * self.spin[:, place]
-        return np.where(own, power, 0.0)
+        turning = contacts.torque(end, arm) * self.spin[:, place]
+        turning = turning if turning.ndim == 2 else turning.sum(axis=-1)
+        return np.where(own, np.sum(force * self.velocity[:, place], axis=-1) + turning, 0.0)
 
     # --- energy flux ---
 
@@ -320,10 +345,12 @@ class MonitorRecord:
             ends = {"i": contacts.i, "j": contacts.j}
             which = {f"{name}_{end}": arrays[name][index] for end, index in ends.items() for name in ("row", "column")}
             rolls = ("rolling",) if self.scene.effects.rolling is True else ()
-            values = {name: getattr(contacts, name) for name in ("normal", "shear", "overlap", *rolls)}
+            values: dict[str, Floats] = {}
+            for name in ("normal", "shear", "overlap", *rolls):
+                values |= by_axis(name, getattr(contacts, name))
             return self._long(which, values)
-        (u, v), (u_t, v_t) = np.moveaxis(self.displacement, 2, 0), np.moveaxis(self.velocity, 2, 0)
-        moving = {"u": u, "v": v, "phi": self.rotation, "u_t": u_t, "v_t": v_t, "phi_t": self.spin}
+        moving = components(self.displacement, self.rotation)
+        moving |= rates(self.velocity, self.spin)
         return self._long({"row": self.row, "column": self.column}, moving)
 
     def _long(self, which: dict[str, Integers], values: dict[str, Floats]) -> dict[str, NDArray[Any]]:
@@ -333,3 +360,10 @@ class MonitorRecord:
 
     def __repr__(self) -> str:
         return f"<MonitorRecord {self.monitor.name}: {self.monitor.what}, {self.monitor.places}, {self.folder}>"
+
+
+def _cross(n: Floats, vectors: Floats) -> Floats:
+    """Return n × v of rows of vectors: in the plane its component along z, (C,), in space (C, 3)."""
+    if n.shape[1] == 3:
+        return np.cross(n, vectors)
+    return np.asarray(n[:, 0] * vectors[:, 1] - n[:, 1] * vectors[:, 0])

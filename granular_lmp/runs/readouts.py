@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import ReadoutError
+from granular_lmp.runs.components import NAMES, components
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.at_rest import echo_at
@@ -101,9 +102,9 @@ def readout(record: MonitorRecord) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``frequency``, rad/t0; ``from`` and ``to``, τ; ``u``, ``v`` and ``phi``, each with ``static``, ``1``, ``2`` and
-        ``3``: the number and its error in D0. A component that was not recorded is missing. Of a run from which
-        nothing can be read off only ``why``.
+        ``frequency``, rad/t0; ``from`` and ``to``, τ; ``u``, ``v`` and ``phi`` (`components`), each with ``static``,
+        ``1``, ``2`` and ``3``: the number and its error in D0. A component that was not recorded is missing. Of a run
+        from which nothing can be read off only ``why``.
     """
     try:
         frequency, begin, end = steady_part(record.scene, record.monitor)
@@ -111,7 +112,7 @@ def readout(record: MonitorRecord) -> dict[str, Any]:
         return {"why": str(error)}
     tau = record.tau
     steady = (tau >= begin) & (tau <= end * (1 + 1e-12))
-    signals = {"u": record.displacement[..., 0], "v": record.displacement[..., 1], "phi": record.rotation}
+    signals = components(record.displacement, record.rotation)
     found: dict[str, Any] = {"frequency": frequency, "from": float(tau[steady][0]), "to": float(tau[steady][-1])}
     for name, values in signals.items():
         if not np.isnan(values).any():
@@ -176,7 +177,7 @@ def readout_columns(info: dict[str, Any]) -> dict[str, float]:
     """Return the read-outs in ``run.json`` as columns of a table: "line.u_static", "line.u1", "line.u1_error", …"""
     found: dict[str, float] = {}
     for monitor, said in info.get("monitors", {}).items():
-        for component in (name for name in ("u", "v", "phi") if name in said):
+        for component in (name for name in NAMES if name in said):
             for order, (value, error) in said[component].items():
                 name = f"{monitor}.{component}{'_' * (order == 'static')}{order}"
                 found |= {name: value, f"{name}_error": error}

@@ -45,8 +45,14 @@ Floats = NDArray[np.float64]
 
 TRAJECTORY = "trajectory.csv"
 HEADER = ["tau", "p", "q", "phi"]
+IN_SPACE = ["ux", "uy", "uz", "phix", "phiy", "phiz"]  # behind them in space
 _PLACES = ["id", "type", "x", "y", "z", "radius", "mass", "Displacement.X", "Displacement.Y", "vx", "vy"]
 _SPHERE_COLUMNS = tuple([*_PLACES, *more] for more in (["vz"], ["vz", "omegaz"]))
+
+
+def header_of(scene: Scene) -> list[str]:
+    """Return the columns of the ``trajectory.csv`` of a scene."""
+    return HEADER if scene.space == 2 else HEADER + IN_SPACE
 
 
 @dataclass(frozen=True, repr=False)
@@ -122,7 +128,7 @@ class Record(HasCard):
     def empty(cls, scene: Scene, folder: Path | None = None) -> Self:
         """Make the record of a run that has recorded nothing."""
         if scene.wave is not None:
-            return cls(np.empty(0), dict.fromkeys(HEADER[1:], np.empty(0)), scene, folder=folder)
+            return cls(np.empty(0), dict.fromkeys(header_of(scene)[1:], np.empty(0)), scene, folder=folder)
         still = np.empty((0, len(prepare(scene).recorded), 2))
         return cls(np.empty(0), {"displacement": still, "velocity": still}, scene, folder=folder)
 
@@ -139,7 +145,8 @@ class Record(HasCard):
     @classmethod
     def _of_trajectory(cls, folder: Path, scene: Scene, info: dict[str, Any], *, whole: bool) -> Self:
         """Return the record of a run folder with a trajectory; `whole` if ``run.json`` says how long it is."""
-        text, columns = tables.read_trajectory(folder / TRAJECTORY, HEADER, info.get("samples", 0) if whole else None)
+        samples = info.get("samples", 0) if whole else None
+        text, columns = tables.read_trajectory(folder / TRAJECTORY, header_of(scene), samples)
         refuse_other_extrapolation(folder / TRAJECTORY, text, info)
         record = cls(columns.pop("tau"), columns, scene, info, folder)
         if (folder / DUMP).is_file():
@@ -168,11 +175,15 @@ class Record(HasCard):
         metre = scene.units.number(1.0, length=1)
         untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)
         first = table["step"][0] if is_one_column(scene) else 0  # LAMMPS could not set the step back there
+        turn = scene.sphere.radius / displacement
         signals = {
             "p": scene.vector.along(table["ux"], table["uy"]) / (metre * displacement),
             "q": scene.vector.across(table["ux"], table["uy"]) / (metre * displacement) + 0.0,
-            "phi": table.get("theta", untracked) * scene.sphere.radius / displacement,
+            "phi": table.get("theta", table.get("thetaz", untracked)) * turn,
         }
+        if scene.space == 3:
+            signals |= {name: table[name] / (metre * displacement) for name in IN_SPACE[:3]}
+            signals |= {name: table.get(f"theta{name[-1]}", untracked) * turn for name in IN_SPACE[3:]}
         return cls((table["step"] - first) * scene.time.step, signals, scene, info or {}, folder)
 
     def with_signals(self, **signals: Floats) -> Self:
@@ -233,14 +244,16 @@ class Record(HasCard):
 
     @property
     def rest(self) -> Floats:
-        """Positions of the recorded spheres at rest, (n, 2), in radii."""
-        return np.asarray(self.problem.crystal.positions[self.spheres, :2])
+        """Positions of the recorded spheres at rest, (n, 2) or in space (n, 3), in radii."""
+        return np.asarray(self.problem.crystal.positions[self.spheres, : self.scene.space])
 
     @property
     def displacement(self) -> Floats:
-        """Displacement of the recorded spheres, (T, n, 2), in ℓ; in D0 in a scene with a wave."""
+        """Displacement of the recorded spheres, (T, n, 2) or in space (T, n, 3), in ℓ; in D0 in a scene with a wave."""
         if "displacement" in self.signals:
             return self.signals["displacement"]
+        if self.scene.space == 3:
+            return np.stack([self.signals[name] for name in IN_SPACE[:3]], axis=-1)[:, None]
         x, y = self.scene.vector.unit
         return np.stack([x * self.p - y * self.q, y * self.p + x * self.q], axis=-1)[:, None]
 
@@ -271,7 +284,8 @@ class Record(HasCard):
         if self.folder is None or not (self.folder / DUMP).is_file():
             raise RunFolderError(f"{self!r}: holds no velocities; a [[monitor]] of the scene records them")
         table = {name: values[:, None] for name, values in read_centre(self.folder / DUMP).items()}
-        said = {"ux": "Displacement.X", "uy": "Displacement.Y", "theta": "v_theta"}
+        said = {f"u{axis}": f"Displacement.{axis.upper()}" for axis in "xyz"}
+        said |= {name: f"v_{name}" for name in ("theta", "thetax", "thetay", "thetaz")}
         return dimensionless({said.get(name, name): values for name, values in table.items()}, self.scene)
 
     @cached_property

@@ -143,7 +143,7 @@ class Simulation:
 
 def _not_finite(record: Record, *, tracked: bool) -> str:
     """Return whether the record holds numbers that are not finite, in words; a rotation may be untracked."""
-    known = [values for name, values in record.signals.items() if tracked or name != "phi"]
+    known = [values for name, values in record.signals.items() if tracked or not name.startswith("phi")]
     finite = all(np.isfinite(values).all() for values in known)
     return "" if finite else "the record holds numbers that are not finite"
 

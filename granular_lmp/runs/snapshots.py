@@ -38,10 +38,11 @@ class Spheres:
     ----------
     tau : float
         Time in units of t0.
-    displacement, velocity : (N, 2) arrays
-        Displacement from the lattice at rest and velocity, columns x and y, in D0 and D0/t0.
-    rotation, spin : (N,) arrays
-        Rθ/D0 and its rate Rω t0/D0. Both are 0 if spheres do not turn; the rotation is nan if they turn untracked.
+    displacement, velocity : (N, 2) arrays, in space (N, 3)
+        Displacement from the lattice at rest and velocity, columns x, y and in space z, in D0 and D0/t0.
+    rotation, spin : (N,) arrays, in space (N, 3)
+        Rθ/D0 and its rate Rω t0/D0. Both are 0 if spheres do not turn; the rotation is nan if they turn untracked. In
+        space θ is the rotation vector.
     """
 
     tau: float
@@ -53,25 +54,43 @@ class Spheres:
     @property
     def energy(self) -> NDArray[np.float64]:
         """Kinetic energy of each sphere, ½v² + ½(I/mR²)(Rω)², in m(D0/t0)²; (N,)."""
-        return (np.sum(self.velocity**2, axis=1) + INERTIA_RATIO * self.spin**2) / 2
+        turning = np.sum(self.spin.reshape(len(self.spin), -1) ** 2, axis=1)
+        return (np.sum(self.velocity**2, axis=1) + INERTIA_RATIO * turning) / 2
 
 
 def dimensionless(columns: dict[str, Floats], scene: Scene) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return displacement (..., 2), velocity (..., 2), rotation and spin from the columns of a dump, (...) each.
+    """Return displacement (..., 2), velocity (..., 2), rotation and spin (...) from the columns of a dump, (...) each.
 
-    As in `Spheres`; the columns are in the units of the deck.
+    As in `Spheres`, in space all four are (..., 3); the columns are in the units of the deck.
     """
     still, units = np.zeros(columns["id"].shape), scene.units
+    moves, turns = ("xy", "z") if scene.space == 2 else ("xyz", "xyz")
     displacement = units.number(length_of(scene), length=1)
     velocity = displacement / units.number(scene.scale.time, time=1)
     radius = units.number(scene.sphere.radius, length=1)
-    untracked = still + (np.nan if "omegaz" in columns else 0.0)
+    spin = np.stack([columns.get(f"omega{axis}", still) for axis in turns], axis=-1)
+    angle = _angle(columns, turns)
+    if angle is None:
+        angle = np.full_like(spin, np.nan if "omegaz" in columns else 0.0)
+    if scene.space == 2:
+        angle, spin = angle[..., 0], spin[..., 0]
     return (
-        np.stack([columns["Displacement.X"], columns["Displacement.Y"]], axis=-1) / displacement,
-        np.stack([columns["vx"], columns["vy"]], axis=-1) / velocity,
-        columns.get("v_theta", untracked) * radius / displacement,
-        columns.get("omegaz", still) * radius / velocity,
+        np.stack([columns[f"Displacement.{axis.upper()}"] for axis in moves], axis=-1) / displacement,
+        np.stack([columns[f"v{axis}"] for axis in moves], axis=-1) / velocity,
+        angle * radius / displacement,
+        spin * radius / velocity,
     )
+
+
+def _angle(columns: dict[str, Floats], turns: str) -> Floats | None:
+    """Return the rotation vector from the angles in a dump or from its quaternions, (..., 1 or 3); None without any."""
+    if "Orientation.W" in columns:
+        axis = np.stack([columns[f"Orientation.{part}"] for part in "XYZ"], axis=-1)
+        size = np.linalg.norm(axis, axis=-1)
+        angle = 2 * np.arctan2(size, columns["Orientation.W"])
+        return axis * np.divide(angle, size, out=np.full_like(size, 2.0), where=size > 0)[..., None]
+    names = ["v_theta"] if turns == "z" else [f"v_theta{axis}" for axis in turns]
+    return np.stack([columns[name] for name in names], axis=-1) if names[0] in columns else None
 
 
 def step_of(scene: Scene, steps: Sequence[int], apart: float) -> float:
@@ -156,8 +175,8 @@ class Snapshots:
 
     @property
     def rest(self) -> NDArray[np.float64]:
-        """Positions at rest, (N, 2), in radii."""
-        return self.crystal.positions[:, :2]
+        """Positions at rest, (N, 2) or in space (N, 3), in radii."""
+        return self.crystal.positions[:, : self.scene.space]
 
     @property
     def held(self) -> NDArray[np.bool_]:

@@ -24,6 +24,8 @@ _SAID = {
     "p": ("D0", "displacement of the centre sphere along the wave vector"),
     "q": ("D0", "displacement of the centre sphere across the wave vector"),
     "phi": ("D0/R rad", "rotation of the centre sphere, R theta/D0"),
+    **{f"u{axis}": ("D0", f"displacement of the centre sphere along {axis}") for axis in "xyz"},
+    **{f"phi{axis}": ("D0/R rad", f"rotation of the centre sphere about {axis}, R theta/D0") for axis in "xyz"},
     "displacement": ("l", "displacement of the recorded spheres from rest"),
     "velocity": ("l/t0", "velocity of the recorded spheres"),
     "spin": ("l/t0", "rate of rotation of the recorded spheres, R omega"),
@@ -54,6 +56,8 @@ def si(record: Any) -> Columns:
         "tau": ("t_s", scale.time, 1.0),
         **{"p": ("p_m", unit, 1.0), "q": ("q_m", unit, 1.0), "phi": ("theta_rad", unit, radius)},
         **{"u": ("ux_m", unit, 1.0), "v": ("uy_m", unit, 1.0)},
+        **{f"u{axis}": (f"u{axis}_m", unit, 1.0) for axis in "xyz"},
+        **{f"phi{axis}": (f"theta{axis}_rad", unit, radius) for axis in "xyz"},
         **{"u_t": ("vx_m_s", scale.velocity, 1.0), "v_t": ("vy_m_s", scale.velocity, 1.0)},
         "phi_t": ("spin_rad_s", scale.velocity, radius),
     }

@@ -61,6 +61,11 @@ class Derived(Document):
         return scale_of(self.striker, self.start, self.material) if self.bare else Scale.of(self.sphere)
 
     @property
+    def space(self) -> int:
+        """Dimensions in which the spheres move: 2, the plane."""
+        return 2
+
+    @property
     def loose(self) -> bool:
         """True if spheres just touch, or are pressed together from outside, so that they part without a pull."""
         return self.bare

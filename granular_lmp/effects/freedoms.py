@@ -1,0 +1,24 @@
+"""The names of a deck for the freedoms of its spheres: ux, uy and one angle in the plane, all six in space."""
+
+from granular_lmp.effects.guard import Prepared
+
+
+def axes(problem: Prepared) -> str:
+    """Return the axes along which spheres move: "xy", or "xyz" in space."""
+    return "xyz"[: problem.scene.space]
+
+
+def turns(problem: Prepared) -> tuple[str, ...]:
+    """Return the ends of the names of angles and spins: of one about z, or of three."""
+    return ("",) if problem.scene.space == 2 else ("x", "y", "z")
+
+
+def along(problem: Prepared, name: str, none: str) -> str:
+    """Return the three words of a vector of variables NAMEx, NAMEy, NAMEz; `none` stands along z in the plane."""
+    return " ".join(f"v_{name}{axis}" if axis in axes(problem) else none for axis in "xyz")
+
+
+def about(problem: Prepared, name: str, none: str = "v_zero") -> str:
+    """Return the three words of a rate of rotation: of the variable NAME about z, or NAMEx, NAMEy, NAMEz in space."""
+    own = [f"v_{name}{axis}" for axis in turns(problem)]
+    return " ".join([none] * (3 - len(own)) + own)
