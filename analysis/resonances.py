@@ -27,8 +27,8 @@ from analysis.plotting import parser, save, start, write
 from analysis.theory.bloch import frame
 from analysis.theory.crystal import Crystal, padded
 from analysis.theory.phase_matching import COUNT, Match, matches, zone_edge
-from analysis.theory.scenes import NAMES, Setting, drift, named_branch
-from analysis.theory.validity import together, validity
+from analysis.theory.scenes import NAMES, Setting, named_branch
+from analysis.theory.validity import together, turned, validity
 from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]
@@ -86,13 +86,11 @@ def outlook(setting: Setting, crystal: Crystal) -> str:
     said = f"{scene.wave.mode} at xi = {scene.wavenumber:.6g}, a = {a:g}: contacts "
     if len(crystal) > 1:
         _, waves = setting.start()
-        far, turned = (
-            together(crystal, waves),
-            drift(crystal, waves) * 2 * np.pi / max(each.frequency for each in waves),
-        )
+        far, periods = together(crystal, waves), 20 * np.pi / max(each.frequency for each in waves)
+        turns = turned(crystal, waves, [periods])[0]
         slides = f", none slides above a friction of {far.friction:.2g}" if far.friction > SILENT else ""
         opens = _opens(a, far.opening, " or above")
-        return f"{said}{opens}{slides}; third order turns waves by up to {turned:.2g} rad a period"
+        return f"{said}{opens}{slides}; third order turns waves by up to {turns:.2g} rad in ten periods"
     alone = validity(crystal, setting.mode().times(scene.displacement_amplitude))
     turns = "" if np.isnan(alone.drift) else f", which third order turns by {alone.drift:.2g} rad a period"
     slides = f" and slide below a friction of {alone.friction:.2g}" if alone.friction > SILENT else ""

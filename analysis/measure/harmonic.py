@@ -17,9 +17,9 @@ turns with e^{iθ}: several phases part the two, and one run cannot. There are f
   snapshot, with the standard error of the fit. At equal distances six phases keep third order out of C, but not out of
   the error.
 
-The error of theory and cell is an upper estimate of the next order, (a² + 2δω t) times the largest |C| so far, with the
-shift δω of third order in the perfect crystal (`analysis.theory.scenes.drift`). Of a cell a is the largest stretch over
-that which opens a contact, if that is larger, and δω grows with the mean square of both.
+The error of theory and cell is an upper estimate of the next order, (a² + 2|θ|) times the largest |C| so far, with the
+phase θ(t) by which third order turns the wave in the perfect crystal (`analysis.theory.validity.turned`). Of a cell a
+is the largest stretch over that which opens a contact, if that is larger, and θ grows with the mean square of both.
 
 When it breaks: where contacts open or slide, which is refused; at long times, as the error says; for runs whose cell is
 so short that 2k is no wave of its own.
@@ -39,9 +39,9 @@ from analysis.theory.cell import Cell, second_order
 from analysis.theory.choice import traits_of
 from analysis.theory.network_motion import integrate
 from analysis.theory.network_state import start
-from analysis.theory.scenes import Setting, drift
+from analysis.theory.scenes import Setting
 from analysis.theory.scenes import need_wave as need_wave
-from analysis.theory.validity import reached
+from analysis.theory.validity import reached, turned
 from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
@@ -93,8 +93,8 @@ def by_theory(scene: Scene, tau: ArrayLike) -> Harmonic:
     Raises ValueError for a scene that `analysis.theory.scenes` leaves out.
     """
     times = np.asarray(tau, dtype=float)
-    amplitudes, turned = Setting(scene).harmonic(times)
-    return Harmonic("theory", scene, times, amplitudes, _next_order(scene.wave.amplitude**2 + turned, amplitudes))
+    amplitudes, off = Setting(scene).harmonic(times)
+    return Harmonic("theory", scene, times, amplitudes, _next_order(scene.wave.amplitude**2 + off, amplitudes))
 
 
 def by_cell(record: Record, tau: ArrayLike | None = None) -> Harmonic:
@@ -117,8 +117,8 @@ def by_cell(record: Record, tau: ArrayLike | None = None) -> Harmonic:
     lattice, mode = setting.crystal(), setting.mode().times(record.scene.displacement_amplitude)
     uniform = reached(lattice.bonds.law, lattice.bonds.strain(mode.shape, mode.wavevector))
     farther = found.reached.strength / uniform.strength
-    turned = 2 * drift(lattice, (mode,)) * times * record.scene.sphere.time_scale
-    share = max(record.scene.wave.amplitude, found.reached.opening) ** 2 + farther * turned
+    off = turned(lattice, (mode,), times * record.scene.sphere.time_scale)
+    share = max(record.scene.wave.amplitude, found.reached.opening) ** 2 + 2 * farther * off
     return Harmonic("cell", record.scene, times, amplitudes, _next_order(share, amplitudes))
 
 

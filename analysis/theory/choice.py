@@ -32,11 +32,10 @@ from analysis.second_harmonic import ALONG_Y, ModeName
 from analysis.theory import catalogue
 from analysis.theory.bloch import mode
 from analysis.theory.contact import LAWS, Contact
-from analysis.theory.frequency_shift import shifted_second_order
 from analysis.theory.hierarchy import hierarchy, hierarchy_orders
 from analysis.theory.lattice import torus
 from analysis.theory.resonance import three_mode
-from analysis.theory.wave import Wave
+from analysis.theory.wave import Wave, shifted_second_order
 from analysis.theory.wave import trajectory as of_the_crystal
 from granular_lmp.runs.record import Record
 

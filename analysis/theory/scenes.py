@@ -6,8 +6,8 @@ pattern that repeats; then the wave, a mode of the lattice without the layers, s
 The start may run or stand. Whatever else a scene declares is refused by its key.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations_with_replacement
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ from analysis import second_harmonic as closed
 from analysis.theory.bloch import frame
 from analysis.theory.crystal import PLANE, Crystal
 from analysis.theory.second_order import Mixed, Wave, second_order, started, wave
-from analysis.theory.third_order import frequency_shift
+from analysis.theory.validity import turned
 from analysis.theory.variation import Spot
 from granular_lmp.runs.record import Scene
 
@@ -272,8 +272,8 @@ class Setting:
     def harmonic(self, tau: ArrayLike) -> tuple[Complexes, Floats]:
         """Return C (T, 2) along k and across, in D0, of the second harmonic Re[C e^{2ik·r}], and an error of its phase.
 
-        Of layers, C is the mean over the spheres of a cell, r from the centre sphere. The error (T,) is what third
-        order turns, 2δω t in rad with δω of `drift`.
+        Of layers, C is the mean over the spheres of a cell, r from the centre sphere. The error (T,) is twice what
+        third order has turned the waves by, in rad (`analysis.theory.validity.turned`).
         """
         scene = self.scene
         crystal, waves = self.start()
@@ -283,19 +283,7 @@ class Setting:
             field = Mixed(crystal, waves[i], waves[j]).signal(t)[..., :2].mean(axis=1)
             moved += field * (0.5 if i == j else 1.0)
         scaled: Complexes = moved @ frame(scene.direction).T / scene.displacement_amplitude
-        return scaled, 2 * drift(crystal, waves) * t
-
-
-def drift(crystal: Crystal, waves: Sequence[Wave]) -> float:
-    """Return an estimate of the largest shift of frequency of waves together, in rad per unit of time.
-
-    A wave shifts itself by δω of `analysis.theory.third_order`, and another one by up to twice its own. Under the
-    incremental law, whose third order is not known, it is twice what it is under the secant one.
-    """
-    secant = replace(crystal, bonds=replace(crystal.bonds, shear_law="secant"))
-    own = [abs(float(frequency_shift(secant, each))) if each.frequency else 0.0 for each in waves]
-    most = max(2 * sum(own) - each for each in own)
-    return most * (1 if crystal.bonds.shear_law == "secant" else 2)
+        return scaled, 2 * turned(crystal, waves, t)
 
 
 class Signals(NamedTuple):

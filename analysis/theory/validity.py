@@ -14,14 +14,18 @@ Second order ends where any of the first three is near 1, and misses the wave it
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from analysis.theory.bonds import Law, Strain
 from analysis.theory.crystal import Crystal
 from analysis.theory.second_order import Mixed, Wave
-from analysis.theory.third_order import frequency_shift
+from analysis.theory.third_order import shift
+
+Floats = NDArray[np.float64]
 
 
 class Validity(NamedTuple):
@@ -93,10 +97,24 @@ def validity(crystal: Crystal, wave: Wave) -> Validity:
         opening=far.opening,
         friction=far.friction,
         second=0.5 * _size(doubled.forced()) / size,
-        drift=float(frequency_shift(crystal, wave)) * period if steady else float("nan"),
+        drift=float(shift(crystal, wave).total) * period if steady else float("nan"),
         creep=0.5 * _size(still.creep) * period / size,
     )
 
 
-def _size(field: np.ndarray) -> float:
+def turned(crystal: Crystal, waves: Sequence[Wave], time: ArrayLike) -> Floats:
+    """Return an estimate (T,) of the most by which third order has turned any of waves together up to times (T,), rad.
+
+    A wave turns itself by |θ| of `analysis.theory.third_order`, regular on resonance, and another one by up to twice
+    that. Under the incremental law, whose third order is not known, it is twice what it is under the secant one.
+    """
+    secant = replace(crystal, bonds=replace(crystal.bonds, shear_law="secant"))
+    own = np.array([np.abs(shift(secant, each).phase(time)) for each in waves if each.frequency])
+    if not len(own):
+        return np.zeros(np.shape(time))
+    most = np.maximum.accumulate(np.max(2 * own.sum(axis=0) - own, axis=0))
+    return most * (1 if crystal.bonds.shear_law == "secant" else 2)
+
+
+def _size(field: NDArray[np.complex128]) -> float:
     return float(np.sqrt(np.sum(np.abs(field) ** 2) / len(field)))

@@ -15,9 +15,9 @@ import pytest
 from analysis import second_harmonic as sh
 from analysis.cli import DOORS, SCRIPTS
 from analysis.measure.norms import relative_error
-from analysis.theory import choice, frequency_shift, hierarchy, lattice, resonance
+from analysis.theory import choice, hierarchy, lattice, resonance
 from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave
+from analysis.theory.wave import Wave, shifted_second_order
 from granular_lmp import Scene
 from granular_lmp.cli.parser import parsers
 from granular_lmp.errors import SceneError
@@ -269,7 +269,7 @@ TAU = np.linspace(0, 120, 241)
 SILICA = sh.ratios(NU)
 FORMULAS = {
     "second order": choice.second_order,
-    "with frequency shift": frequency_shift.shifted_second_order,
+    "with frequency shift": shifted_second_order,
     "two waves": resonance.two_mode,
     "three waves": resonance.three_mode,
 }

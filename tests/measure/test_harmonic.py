@@ -59,6 +59,16 @@ def test_theory_and_network_give_one_second_harmonic(name: str, tmp_path: Path) 
     assert np.all(theory.errors + FLOOR > network.errors)
 
 
+@pytest.mark.parametrize(("mode", "waves"), [("TR", 8), ("TR", 12), ("L", 5)])
+def test_the_error_of_theory_is_one_to_ten_times_the_next_order_for_long(mode: str, waves: int, tmp_path: Path) -> None:
+    cell = {"packing.rows": 34, "packing.columns": 3, "wave.wavenumber": 2 * pi * waves / 34, "wave.mode": mode}
+    record = run(Scene.load("tr_periodic").with_values(SHORT | cell), tmp_path / "run")  # eight waves: on the resonance
+    tau = np.array([20.0, 60.0, 120.0])
+    fourth, error = by_network(record, tau).errors[:, 0], by_theory(record.scene, tau).errors[:, 0]
+    assert np.all(error[1:] > fourth[1:])
+    assert np.sqrt(np.mean(error**2)) < 10 * np.sqrt(np.mean(fourth**2))
+
+
 def test_another_density_and_another_start_are_seen(tmp_path: Path) -> None:
     record = run(scene_of("layers"), tmp_path / "run")
     network = by_network(record)

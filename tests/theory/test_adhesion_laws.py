@@ -16,13 +16,12 @@ from analysis.second_harmonic import ModeName
 from analysis.theory import bloch
 from analysis.theory.contact import Contact
 from analysis.theory.energy import ledger, opening_time
-from analysis.theory.frequency_shift import shifted_second_order
 from analysis.theory.hierarchy import hierarchy
 from analysis.theory.lattice import torus
 from analysis.theory.network import Material, Network
 from analysis.theory.network_state import forces, start
 from analysis.theory.resonance import three_mode
-from analysis.theory.wave import Wave, antiresonance, nonlinearity, resonance, trajectory
+from analysis.theory.wave import Wave, antiresonance, nonlinearity, resonance, shifted_second_order, trajectory
 from granular_lmp import ImpactScene, Scene, build, run
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.disorder import Disorder, imperfect
