@@ -17,7 +17,8 @@ from analysis.theory import green
 from analysis.theory.choice import TheoryError
 from analysis.theory.network import Network
 from analysis.theory.network_outside import Drive, Function, Wall
-from analysis.theory.scenes import STACKING, Setting
+from analysis.theory.lattices import LATTICES
+from analysis.theory.scenes import Setting
 from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
@@ -64,12 +65,10 @@ def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
     row, column = np.divmod(np.arange(count), columns)
     if count == int(packing.rows) * columns:
         return row, column
-    if packing.lattice not in STACKING:
-        raise TheoryError(f"packing.lattice = {packing.lattice!r}: rows with vacancies are known in {[*STACKING]} only")
-    stacking, (x, y) = STACKING[packing.lattice], position.T
-    if len(stacking.places) > 1:
-        raise TheoryError(f"packing.lattice = {packing.lattice!r}: rows with vacancies are known of one sphere a cell")
-    height, shift = stacking.height, stacking.shift
+    known = [name for (name, _), each in LATTICES.items() if len(each.vectors) < 3 and len(each.basis) == 1]
+    if packing.lattice not in known:
+        raise TheoryError(f"packing.lattice = {packing.lattice!r}: rows with vacancies are known in {known} only")
+    lattice, (x, y) = LATTICES[packing.lattice, ""], position.T
     spacing = (y.max() - y.min()) / (int(packing.rows) - 1)
     row = np.rint((y - y.min()) / spacing).astype(np.intp)
     whole = np.flatnonzero(np.bincount(row) == columns)
@@ -77,7 +76,7 @@ def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
         raise TheoryError("vacancies: no row is whole, and the places of spheres cannot be told")
     first = np.flatnonzero(row == whole[0])[0]
     parity = (row - scene.shape.centre_row) % 2  # every other row is shifted against that of the centre
-    along = (x - x[first]) * height / spacing - shift * (parity - parity[first])
+    along = (x - x[first]) * lattice.row / spacing - lattice.shift * (parity - parity[first])
     return row, np.rint(along).astype(np.intp) % columns
 
 

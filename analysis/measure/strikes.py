@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.theory.network import Material, mixed
-from analysis.theory.scenes import STACKING
+from analysis.theory.lattices import LATTICES
 from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
@@ -63,15 +63,17 @@ class Sites:
         Raises ValueError for a lattice of unknown stacking, and for one with vacancies.
         """
         packing = scene.packing
-        known = [name for name, stacking in STACKING.items() if len(stacking.places) == 1]
+        known = [name for (name, _), each in LATTICES.items() if len(each.vectors) < 3 and len(each.basis) == 1]
         if packing.lattice not in known:
             raise ValueError(f"packing.lattice = {packing.lattice!r}: must be one of {', '.join(known)}")
         if scene.disorder.vacancies or any(each.vacancy for each in scene.inclusion):
             raise ValueError(f"{scene.name}: must be without vacancies, which shift the numbers of its spheres")
-        height, shift = STACKING[packing.lattice][:2]
+        lattice = LATTICES[packing.lattice, ""]
         row, column = np.divmod(np.arange(int(packing.rows) * int(packing.columns)), int(packing.columns))
-        aside = shift * ((row - scene.shape.centre_row) % 2)  # every other row is shifted against that of the centre
-        return cls(row, column, 2.0 * np.column_stack([column + aside, height * row]))
+        aside = lattice.shift * (
+            (row - scene.shape.centre_row) % 2
+        )  # every other row is shifted against that of the centre
+        return cls(row, column, 2.0 * np.column_stack([column + aside, lattice.row * row]))
 
     def chosen(self, places: Any) -> Integers:
         """Return the indices of the spheres of a striker or an output: of its rows, and its single spheres."""

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from analysis import second_harmonic as closed
 from analysis.theory.bloch import frame
 from analysis.theory.crystal import PLANE, Crystal
+from analysis.theory.lattices import LATTICES, Lattice
 from analysis.theory.second_order import Mixed, Wave, second_order, started, wave
 from analysis.theory.validity import turned
 from analysis.theory.variation import Spot
@@ -28,25 +29,6 @@ Complexes = NDArray[np.complex128]
 NAMES = ("L", "TR", "RT")
 
 
-class Stacking(NamedTuple):
-    """How a lattice is stacked, in distances of spheres that touch.
-
-    The distance of rows, the shift of every other row, the width of a cell, 0 of a chain, and the places (x, y) of the
-    spheres of a cell.
-    """
-
-    height: float
-    shift: float
-    width: float
-    places: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
-
-
-STACKING = {
-    "hexagonal": Stacking(np.sqrt(0.75), 0.5, 1.0),
-    "square": Stacking(1.0, 0.0, 1.0),
-    "chain": Stacking(1.0, 0.0, 0.0),
-    "honeycomb": Stacking(1.5, np.sqrt(0.75), np.sqrt(3.0), ((0.0, 0.0), (np.sqrt(0.75), -0.5))),
-}
 # Keys that the crystal is made from, or that change nothing of it; any other that departs from its default is refused
 CRYSTAL_KEYS = frozenset({"name", "inclusion", "monitor", "source", "disorder.seed"}).union(
     f"{section}.{key}"
@@ -120,6 +102,11 @@ class Setting:
         section, _, name = key.partition(".")
         return self.numbers[key] if key in self.numbers else getattr(getattr(self.scene, section), name)
 
+    @property
+    def lattice(self) -> Lattice:
+        """Return the lattice, in distances of two spheres."""
+        return LATTICES[self.scene.packing.lattice, ""]
+
     @cached_property
     def densities(self) -> NDArray[Any]:
         """Return the density of each row of the pattern that repeats, (P,), the centre row first.
@@ -141,7 +128,7 @@ class Setting:
             rows = rows.astype(np.result_type(rows, 0.0 if varied is None else varied))
             rows[chosen] = each.density if varied is None else varied
             kinds[chosen] = each.density if varied is None else -number
-        shift = 2 if STACKING[scene.packing.lattice].shift else 1  # rows after which the lattice itself repeats
+        shift = self.lattice.repeats
         if shape.ends == "periodic":
             fits = (
                 n
@@ -183,19 +170,15 @@ class Setting:
             self.refuse(CRYSTAL_KEYS)
         sphere, effects = self.scene.sphere, self.scene.effects
         density = self.densities if layers else np.array([sphere.density])
-        height, shift, width, places = STACKING[self.scene.packing.lattice]
-        rows = np.arange(len(density))
-        first = np.stack([shift * (rows % 2), height * rows], axis=1)
-        place = self.spacing * (first[:, None] + np.array(places)).reshape(-1, 2)
-        vectors = self.spacing * np.array([[width, 0.0], [shift * (len(rows) % 2), height * len(rows)]])
+        vectors, place, row = self.lattice.rows(len(density))
         material = Elastic(
             *(self.number(f"sphere.{name}") for name in ("youngs_modulus", "poisson_ratio", "work_of_adhesion"))
         )
         return Crystal.of(
-            vectors if width else vectors[1:],
-            place,
+            self.spacing * vectors[:, :2],
+            self.spacing * place[:, :2],
             self.number("sphere.radius"),
-            np.repeat(density, len(places)),
+            density[row],
             [material],  # type: ignore[list-item]  # the same three numbers
             adhesion=sphere.adhesion_law,  # type: ignore[arg-type]  # checked by the scene
             shear_law=effects.shear_law,  # type: ignore[arg-type]  # checked by the scene
@@ -213,7 +196,7 @@ class Setting:
     def spot(self) -> Spot:
         """Return the crystal with the wave vectors along the direction of the scene, whose numbers are rad per row."""
         turn = self.numbers.get("wave.direction", self.scene.direction) * np.pi / 180
-        height = STACKING[self.scene.packing.lattice].height * self.spacing
+        height = self.lattice.row * self.spacing
         return Spot(self.crystal(), np.array([np.cos(turn), np.sin(turn), 0 * turn]) / height, self.overlap)
 
     @property
@@ -228,7 +211,7 @@ class Setting:
     @property
     def unit(self) -> float:
         """Return 1/m of one rad per row of the wave number."""
-        return float(1 / (STACKING[self.scene.packing.lattice].height * self.scene.sphere.lattice_constant))
+        return float(1 / (self.lattice.row * self.scene.sphere.lattice_constant))
 
     def wavevector(self, wavenumber: ArrayLike | None = None) -> Floats:
         """Return k (..., 2), 1/m, at wave numbers ξ (...), rad per row; None: at that of the scene."""

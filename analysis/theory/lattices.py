@@ -1,0 +1,98 @@
+"""Lattices of equal spheres that touch: vectors and places, in distances of two spheres.
+
+Rows are stacked along y, the usual direction of a wave, and layers along z; the first two vectors of a lattice in space
+lie in a layer. `row` is the distance of rows, in which wave numbers count.
+
+| lattice, orientation | along y | a layer |
+|---|---|---|
+| hcp "c" | the hexagonal axis: rows are close-packed layers, AB | rectangular |
+| hcp "[1-100]" | between two contacts | close-packed |
+| fcc "[001]" | a fourfold axis: rows are square layers | rectangular, (110) |
+| fcc "[111]" | a threefold axis: rows are close-packed layers, ABC | oblique, (112) |
+| fcc "[110]" | a line of contacts | square, (001) |
+| fcc "[11-2]" | between two contacts | close-packed, (111) |
+| cubic "[001]" | a line of contacts | square |
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+_ROOT = {n: float(np.sqrt(n)) for n in (2, 3, 6)}
+
+
+class Lattice(NamedTuple):
+    """Primitive vectors (d, 3), the places of a cell (B, 3), and the distance of rows."""
+
+    vectors: Floats
+    basis: Floats
+    row: float
+
+    @property
+    def shift(self) -> float:
+        """Return by how much a row is shifted along x against the one before, of lattices with one sphere a cell."""
+        return float(self._step()[0])
+
+    @property
+    def repeats(self) -> int:
+        """Return the number of rows after which spheres lie above one another along y."""
+        return next(n for n in range(1, 13) if self._has([0.0, n * self.row, 0.0]))
+
+    def rows(self, period: int) -> tuple[Floats, Floats, NDArray[np.intp]]:
+        """Return vectors (d, 3) of a crystal whose rows repeat after a period, the places in a cell, and their rows.
+
+        Raises ValueError for a period that the lattice does not have.
+        """
+        up = self.vectors[:, 1] / self.row
+        counts = np.rint(up).astype(int)
+        step = self._step()
+        risen = int(np.rint(step[1] / self.row))
+        beside = (self.basis[:, 1] / self.row) % 1 if len(self.vectors) == 3 else np.zeros(1)
+        if max(np.abs(up - counts).max(), beside.max()) > 1e-9 or period % risen:
+            raise ValueError(f"a pattern of {period} rows: not in this lattice, whose layers have other rows")
+        level = self.vectors - np.multiply.outer(counts / risen, step)
+        inside = level[np.linalg.norm(level, axis=1) > 1e-9]
+        places = (step * np.arange(period // risen)[:, None, None] + self.basis).reshape(-1, 3)
+        return np.vstack([inside, period // risen * step]), places, np.rint(places[:, 1] / self.row).astype(np.intp)
+
+    def film(self, layers: int) -> tuple[Floats, Floats]:
+        """Return the two vectors of a film of some layers, and the places in its cell."""
+        stacks, rest = np.divmod(np.arange(layers), len(self.basis))
+        return self.vectors[:2], self.basis[rest] + stacks[:, None] * self.vectors[2]
+
+    def _step(self) -> Floats:
+        """Return the vector that rises by the fewest rows."""
+        rising = self.vectors[np.abs(self.vectors[:, 1]) > 1e-9]
+        return np.asarray(rising[np.argmin(np.abs(rising[:, 1]))])
+
+    def _has(self, vector: ArrayLike) -> bool:
+        counts = np.asarray(vector) @ np.linalg.pinv(self.vectors)
+        return bool(np.abs(counts - np.rint(counts)).max() < 1e-9)
+
+
+def _lattice(row: float, vectors: Any, basis: Any = ((0.0, 0.0, 0.0),)) -> Lattice:
+    return Lattice(np.asarray(vectors, dtype=float), np.asarray(basis, dtype=float), row)
+
+
+_HIGH = _ROOT[6] / 3  # of two close-packed layers
+_TRIANGLE = [0.5, _ROOT[3] / 2, 0.0]
+# By name and orientation; a lattice of one layer has none
+LATTICES: dict[tuple[str, str], Lattice] = {
+    ("chain", ""): _lattice(1.0, [[0, 1, 0]]),
+    ("square", ""): _lattice(1.0, [[1, 0, 0], [0, 1, 0]]),
+    ("hexagonal", ""): _lattice(_ROOT[3] / 2, [[1, 0, 0], _TRIANGLE]),
+    ("honeycomb", ""): _lattice(1.5, [[_ROOT[3], 0, 0], [_ROOT[3] / 2, 1.5, 0]], [[0, 0, 0], [_ROOT[3] / 2, -0.5, 0]]),
+    ("cubic", "[001]"): _lattice(1.0, np.eye(3)),
+    ("fcc", "[001]"): _lattice(_ROOT[2] / 2, [[1, 0, 0], [0, _ROOT[2], 0], [0.5, _ROOT[2] / 2, 0.5]]),
+    ("fcc", "[111]"): _lattice(_HIGH, [[1, 0, 0], [0, 3 * _HIGH, 0], [0.5, _HIGH, _ROOT[3] / 6]]),
+    ("fcc", "[110]"): _lattice(1.0, [[1, 0, 0], [0, 1, 0], [0.5, 0.5, _ROOT[2] / 2]]),
+    ("fcc", "[11-2]"): _lattice(_ROOT[3] / 2, [[1, 0, 0], _TRIANGLE, [0, 1 / _ROOT[3], _HIGH]]),
+    ("hcp", "c"): _lattice(
+        _HIGH, [[1, 0, 0], [0, 2 * _HIGH, 0], [0.5, 0, _ROOT[3] / 2]], [[0, 0, 0], [0, _HIGH, 1 / _ROOT[3]]]
+    ),
+    ("hcp", "[1-100]"): _lattice(
+        _ROOT[3] / 2, [[1, 0, 0], _TRIANGLE, [0, 0, 2 * _HIGH]], [[0, 0, 0], [0, 1 / _ROOT[3], _HIGH]]
+    ),
+}
