@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from analysis.theory import green
 from analysis.theory.choice import TheoryError
+from analysis.theory.lattices import LATTICES
 from analysis.theory.network import Network
 from analysis.theory.network_outside import Drive, Function, Wall
-from analysis.theory.lattices import LATTICES
 from analysis.theory.scenes import Setting
 from granular_lmp.runs.record import Record, Scene
 
