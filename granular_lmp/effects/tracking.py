@@ -3,10 +3,11 @@
 from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.effects.guard import Prepared
 from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.sources import TORQUES
 
 
 def spheres(problem: Prepared) -> list[str]:
-    if problem.scene.space == 3:
+    if problem.scene.space == 3 and not any(each.force in TORQUES for each in problem.scene.source):
         return []
     return ["mass         * 1.0  # asked for by the dipole style, not used: spheres have their own"]
 

@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 
-# Columns of the section Atoms by the atom style that LAMMPS writes behind its title
+# Columns of the section Atoms by atom style, of whose words LAMMPS writes the first behind the title
 ATOM_COLUMNS = {
     "sphere": "id type diameter density x y z",
-    "hybrid": "id type x y z diameter density q mux muy muz",
+    "hybrid sphere dipole": "id type x y z diameter density q mux muy muz",
     "bpm/sphere": "id molecule type diameter density x y z",
+    "hybrid bpm/sphere dipole": "id type x y z molecule diameter density q mux muy muz",
 }
 _PIECE = 1 << 15  # lines per piece of text, a few MB
 
@@ -54,7 +55,7 @@ class DataFile:
     diameter: NDArray[np.float64]
     density: NDArray[np.float64]
     wave: NDArray[np.float64]
-    style: str = "hybrid"
+    style: str = "hybrid sphere dipole"
 
     def pieces(self, title: str) -> Iterator[str]:
         """Yield the file, one line per sphere, in pieces of a few MB, so that a million spheres need little memory.
@@ -70,8 +71,8 @@ class DataFile:
         own = [columns[name] for name in ATOM_COLUMNS[self.style].split() if name in columns]
         types = int(self.kind.max() + 1) // 2 * 2
         yield f"{title}\n\n{len(self.kind)} atoms\n{types} atom types\n\n{faces}\n\n"
-        yield f"Atoms # {self.style} ({ATOM_COLUMNS[self.style]})\n\n"
-        yield from _lines(own, tail=" 0 1 0 0\n" if self.style == "hybrid" else "\n")
+        yield f"Atoms # {self.style.split()[0]} ({ATOM_COLUMNS[self.style]})\n\n"
+        yield from _lines(own, tail=" 0 1 0 0\n" if self.style.endswith("dipole") else "\n")
         if self.wave.size:
             yield "\nwave\n\n"
             yield from _lines([*self.wave.T], tail="\n")
@@ -125,7 +126,7 @@ def read(path: str | Path) -> DataFile:
         header, sections = _sections(text)
         count = int(next(line.split()[0] for line in header if line.split()[1:] == ["atoms"]))
         box = [next(line.split()[:2] for line in header if line.endswith(f"{axis}hi")) for axis in "xyz"]
-        style = next(line.split()[2] for line in text.splitlines() if line.startswith("Atoms #"))
+        style = _style(next(line for line in text.splitlines() if line.startswith("Atoms #")))
         names = ATOM_COLUMNS[style].split()
         lines = np.array([line.split()[: len(names)] for line in sections["Atoms"]], dtype=float)
         atoms = dict(zip(names, lines[np.argsort(lines[:, 0])].T, strict=True))
@@ -143,6 +144,13 @@ def read(path: str | Path) -> DataFile:
         wave=wave[np.argsort(wave[:, 0])][:, 1:] if len(wave) else np.empty((count, 0)),
         style=style,
     )
+
+
+def _style(title: str) -> str:
+    """Return the atom style of a title: by the columns behind it, or of LAMMPS's own files the first that fits."""
+    first, named = title.split()[2], title.partition("(")[2].rstrip(")")
+    fits = [style for style in ATOM_COLUMNS if style.split()[0] == first]
+    return next((style for style in fits if ATOM_COLUMNS[style] == named), fits[0])
 
 
 def _sections(text: str) -> tuple[list[str], dict[str, list[str]]]:

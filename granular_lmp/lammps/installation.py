@@ -20,6 +20,7 @@ from types import ModuleType
 from granular_lmp.errors import LammpsMissingError
 
 REQUIRED_PACKAGES = ("GRANULAR", "DIPOLE")
+PACKAGE_IN_SPACE = "BPM"  # what the decks of spheres in space need beside
 # UCX, the transport of the wheel's MPI, patches memory functions of the process when it is loaded, which takes 40 ms of
 # waiting, and looks for networks when MPI starts, 10 ms. A rank alone sends nothing and needs neither
 _ALONE = {"UCX_MEM_MMAP_HOOK_MODE": "none", "UCX_TLS": "self"}

@@ -7,9 +7,10 @@ from granular_lmp.problem import Problem
 
 def motion(problem: Problem) -> list[str]:
     """Return the block that integrates the motion."""
-    how = spheres.style(problem)
-    integrator = {"hybrid": "nve/sphere update dipole", "bpm/sphere": "nve/bpm/sphere"}.get(how)
-    integrator = integrator or f"nve{'/sphere' if problem.on['rotation'] else ''}"
+    turns, tracks = problem.on["rotation"], problem.on["tracking"]
+    integrator = f"nve{'/sphere' if turns else ''}{' update dipole' if tracks else ''}"
+    if "bpm/sphere" in spheres.style(problem):
+        integrator = "nve/bpm/sphere"
     return [
         "# --- motion of the spheres that are not held",
         *(start.plane(problem) if problem.scene.loose else []),

@@ -54,7 +54,7 @@ def first_rows(problem: Problem) -> DataFile:
         diameter=2 * first.arrays["radius"] * to_deck,
         density=np.full(len(first), units.number(scene.sphere.density, mass=1, length=-3)),
         wave=np.empty((len(first), 0)),
-        style="hybrid" if scene.effects.tracking is True else "sphere",
+        style="hybrid sphere dipole" if scene.effects.tracking is True else "sphere",
     )
 
 

@@ -7,9 +7,10 @@ present velocity the error would be of first order in the step (docs/waves.md).
 A prescribed rotation is that of ``fix set``, which sets spins and dipoles at the end of a step: the spin is the way of
 the dipole over the next step, which is what contacts see in it.
 
-A torque is that of ``fix efield`` on the dipole that tracks the angle θ of a sphere: a field f along y turns a dipole
-of length 1 along x by f cos θ. Scenes refuse torques that would turn spheres by more than some 2e-3, where 1 − cos θ is
-2e-6.
+A torque is that of ``fix efield`` on a dipole. In the plane the dipole is the one that tracks the angle θ of a sphere:
+a field f along y turns a dipole of length 1 along x by f cos θ. Scenes refuse torques that would turn spheres by more
+than some 2e-3, where 1 − cos θ is 2e-6. In space a quaternion tracks the angle, and the dipole stays where it is put:
+across the axis of the torque, and the field across both.
 
 Samples are four vectors of numbers, the coefficients of a cubic polynomial in each interval between two of them: LAMMPS
 keeps such a list as it was read, and a variable names the entry. A deck needs no file beside its own two.
@@ -24,7 +25,7 @@ from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.problem import Problem
 from granular_lmp.scene.samples import pieces
 from granular_lmp.scene.signals import SAMPLES
-from granular_lmp.scene.sources import ROTATION, TORQUE, PlacedSource, Source
+from granular_lmp.scene.sources import ROTATIONS, TORQUES, PlacedSource, Source
 
 # LAMMPS evaluates a variable anew wherever it is named, at every step: what is constant stands there as a number
 _STEP = "$(v_step/v_t0:%.17g)"
@@ -178,8 +179,8 @@ def _source(tag: str, placed: PlacedSource, problem: Problem) -> list[str]:
     source, sphere, name = placed.source, problem.scene.sphere, f"source{tag}"
     stiffness = problem.units.number(sphere.normal_stiffness, mass=1, time=-2)
     unit = f"{source.amplitude if source.motion else source.amplitude * stiffness!r}*v_D0"
-    unit = f"$({unit}{'*v_R' if source.force == TORQUE else ''}:%.17g)"
-    beside = f"t_next{tag}" if source.motion == ROTATION else f"t_was{tag}"
+    unit = f"$({unit}{'*v_R' if source.force in TORQUES else ''}:%.17g)"
+    beside = f"t_next{tag}" if source.motion in ROTATIONS else f"t_was{tag}"
     lasts, phase, sweep = (repr(each) for each in (placed.lasts, source.phase, source.sweep))
     signal = _Signal(source.kind, tag, unit, lasts, phase, sweep, f"t{tag}", beside)
     head = [f"group        {name} id {id_ranges(placed.spheres)}"]
@@ -192,7 +193,7 @@ def _source(tag: str, placed: PlacedSource, problem: Problem) -> list[str]:
         pitch = any("Omega" in line for line in signal.at(signal.now, "push", "s"))
         head += [_line(f"Omega{tag}", repr(placed.frequency), "rad per tau")] if pitch else []
         head += [_line(f"t{tag}", f"step*{_STEP}-{source.delay!r}", "tau since it began")]
-    if source.motion == ROTATION:
+    if source.motion in ROTATIONS:
         return [
             f"# --- {name}: {source.words}, with the spin that the next step needs: fix set comes at the end of a step",
             *head,
@@ -200,35 +201,74 @@ def _source(tag: str, placed: PlacedSource, problem: Problem) -> list[str]:
             *signal.moved(_STEP, ahead=True),
             _line("still", "0.0"),
             "variable     nil    atom 0.0",
-            f"variable     spin{tag}  atom v_speed{tag}/v_R",
-            f"variable     mux{tag}   atom cos(v_swing{tag}/v_R)",
-            f"variable     muy{tag}   atom sin(v_swing{tag}/v_R)",
-            f"fix          {name} {name} move variable v_still v_still NULL v_still v_still NULL units box",
-            f"fix          {name}_turn all set 1 0 group {name} omega v_nil v_nil v_spin{tag} "
-            f"dipole v_mux{tag} v_muy{tag} v_nil",
+            *_turned(tag, source, problem),
         ]
     if source.motion:
-        along, across = (f"v_swing{tag}", f"v_speed{tag}"), ("v_still", "v_still")
-        (ux, vx), (uy, vy) = (along, across) if source.motion == "x" else (across, along)
         return [
             f"# --- {name}: {source.words}, with the velocity of half a step ago, which is what contacts see",
             *head,
             f"group        mobile subtract mobile {name}",
             *signal.moved(_STEP),
             _line("still", "0.0"),
-            f"fix          {name} {name} move variable {ux} {uy} NULL {vx} {vy} NULL units box",
+            f"fix          {name} {name} move variable {_moved(problem, source, tag)} units box",
         ]
     push = f"v_push{tag}"
-    pushed = {
-        "x": f"addforce {push} 0.0 0.0",
-        "y": f"addforce 0.0 {push} 0.0",
-        TORQUE: f"efield 0.0 {push} 0.0  # turns the dipole of length 1 that tracks the angle",
-    }
+    dipole = []
+    if not source.turns:
+        pushed = f"addforce {_vector(source.axis, push, '0.0')}"
+    elif problem.scene.space == 2:
+        pushed = f"efield 0.0 {push} 0.0  # turns the dipole of length 1 that tracks the angle"
+    else:
+        across, field = (_NEXT[source.axis], _NEXT[_NEXT[source.axis]])
+        dipole = [f"set          group {name} dipole {_vector(across, '1.0', '0.0')}"]
+        pushed = f"efield {_vector(field, push, '0.0')}  # turns the dipole of length 1 about {source.axis}"
     return [
         f"# --- {name}: {source.words}",
         *head,
+        *dipole,
         *signal.at(signal.now, "push", "s"),
-        f"fix          {name} {name} {pushed[str(source.force)]}",
+        f"fix          {name} {name} {pushed}",
+    ]
+
+
+_NEXT = {"x": "y", "y": "z", "z": "x"}  # the first axis × the next one is the third
+
+
+def _vector(axis: str, along: str, across: str) -> str:
+    """Return the words of a vector along an axis."""
+    return " ".join(along if each == axis else across for each in "xyz")
+
+
+def _moved(problem: Problem, source: Source, tag: str) -> str:
+    """Return the displacements and velocities of ``fix move``: spheres move along one axis and rest along others."""
+    none = ["v_still"] * problem.scene.space + ["NULL"] * (3 - problem.scene.space)
+    return " ".join(
+        f"v_{name}{tag}" if axis == source.axis and not source.turns else still
+        for name in ("swing", "speed")
+        for axis, still in zip("xyz", none, strict=True)
+    )
+
+
+def _turned(tag: str, source: Source, problem: Problem) -> list[str]:
+    """Return the lines that hold spheres and turn them: spins, and dipoles or in space quaternions."""
+    name, fix = f"source{tag}", "fix          "
+    spins = _vector(source.axis, f"v_spin{tag}", "v_nil")
+    held = f"{fix}{name} {name} move variable {_moved(problem, source, tag)} units box"
+    spin = f"variable     spin{tag}  atom v_speed{tag}/v_R"
+    if problem.scene.space == 2:
+        return [
+            spin,
+            f"variable     mux{tag}   atom cos(v_swing{tag}/v_R)",
+            f"variable     muy{tag}   atom sin(v_swing{tag}/v_R)",
+            held,
+            f"{fix}{name}_turn all set 1 0 group {name} omega {spins} dipole v_mux{tag} v_muy{tag} v_nil",
+        ]
+    return [
+        spin,
+        f"variable     degrees{tag} atom v_swing{tag}/v_R*180/PI",
+        held,
+        f"{fix}{name}_turn all set 1 0 group {name} omega {spins} "
+        f"quat {_vector(source.axis, '1.0', '0.0')} v_degrees{tag}",
     ]
 
 

@@ -9,6 +9,7 @@ from granular_lmp.lammps import replicated, start
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.ends import boundary
 from granular_lmp.problem import Problem
+from granular_lmp.scene.sources import TORQUES
 
 
 def data_of(problem: Problem) -> DataFile:
@@ -26,10 +27,16 @@ def data_of(problem: Problem) -> DataFile:
 
 
 def style(problem: Problem) -> str:
-    """Return the atom style: what tracks angles is a dipole in the plane, and a quaternion in space."""
+    """Return the atom style: what tracks angles is a dipole in the plane, and a quaternion in space.
+
+    In space torques of sources turn a dipole.
+    """
     if not problem.on["tracking"]:
         return "sphere"
-    return "hybrid" if problem.scene.space == 2 else "bpm/sphere"
+    if problem.scene.space == 2:
+        return "hybrid sphere dipole"
+    pushed = any(each.force in TORQUES for each in problem.scene.source)
+    return "hybrid bpm/sphere dipole" if pushed else "bpm/sphere"
 
 
 def _box(problem: Problem) -> NDArray[np.float64]:
@@ -70,7 +77,7 @@ def _lattice(problem: Problem, wave_is: str, lines: list[str]) -> list[str]:
         f"units        {problem.units.style}",
         f"dimension    {problem.scene.space}",
         f"boundary     {boundary(problem)}{flies}",
-        f"atom_style   {style(problem).replace('hybrid', 'hybrid sphere dipole')}",
+        f"atom_style   {style(problem)}",
         f"atom_modify  map array{'' if problem.scene.loose else ' sort 1 0.0'}",
         "comm_modify  vel yes",
         *lines,

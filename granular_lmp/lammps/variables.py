@@ -37,6 +37,7 @@ def heading(problem: Problem) -> list[str]:
         f"# {title(scene)}",
         f"# Runs as it is in this folder:  lmp -in in.{scene.name}",
         f"# With other values:             lmp -in in.{scene.name} {values}",
+        *(["# Needs LAMMPS with the packages GRANULAR and BPM"] if scene.space == 3 else []),
         *guards.header(problem),
     ]
 

@@ -271,7 +271,8 @@ class Scene(HasCard, Derived):
         wave, shape = self.wave, self.shape
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
         check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike)
-        check_sources(self.source, wave, self.envelope, self.packing, shape, self.sphere, self.time, self.struck)
+        of_time = self.time, self.struck, self.space
+        check_sources(self.source, wave, self.envelope, self.packing, shape, self.sphere, *of_time)
         check_quiet(self.source, self.absorb)
         check_monitors(self.monitor, self.packing, shape)
         validation.check_faces(self.packing, shape)

@@ -35,8 +35,9 @@ from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave
 from granular_lmp.scene.shape import arrival_time
 from granular_lmp.scene.signals import SAMPLES, SIGNALS, Signal
 
-AXES = ("x", "y")
-TORQUE, ROTATION = "torque", "rotation"
+AXES = ("x", "y", "z")
+TORQUE, ROTATION = "torque", "rotation"  # about z; about x and y the axis follows: torque_x
+TORQUES, ROTATIONS = ((word, f"{word}_x", f"{word}_y") for word in (TORQUE, ROTATION))
 # Over Ω, of the spectrum of any signal before quiet ends; the main lobe of a burst, Ω(1 ± 2/cycles), has 3 cycles then
 _LOWEST = 1 / 3
 LARGEST_ANGLE = 2e-3  # rad: a torque in LAMMPS is then off by 1 - cos, 2e-6 (`granular_lmp.lammps.sources`)
@@ -52,10 +53,11 @@ class Source(AtPlaces):
     rows : (first, last)
         All spheres of these rows and of those between, counted from 0; or
     spheres : sequence of (row, column)
-    motion : "x", "y" or "rotation", optional
-        Axis along which the displacement is prescribed, in D0, or φ = Rθ, in D0; or
-    force : "x", "y" or "torque", optional
-        Axis of a force in k1 D0 on each sphere, or a torque about z in k1 D0 R.
+    motion : "x", "y", "z", "rotation", "rotation_x" or "rotation_y", optional
+        Axis along which the displacement is prescribed, in D0, or φ = Rθ about z, x or y, in D0; or
+    force : "x", "y", "z", "torque", "torque_x" or "torque_y", optional
+        Axis of a force in k1 D0 on each sphere, or a torque about z, x or y in k1 D0 R. Only spheres in space follow
+        what is along z, or about x and y.
     signal : "tone", "burst", "chirp", "ricker", "step", or sequence of (τ, value)
     amplitude : float
         Above 0. Good values: about 1, as D0 is small already. It multiplies the values of samples.
@@ -67,8 +69,8 @@ class Source(AtPlaces):
         Last frequency of a chirp over its first. Good values: 0.5 and 2, with 10 cycles or more.
     """
 
-    motion: str | None = choice("displacement from rest, in D0; R times an angle", (*AXES, ROTATION), default=None)
-    force: str | None = choice("on each sphere, in k1 D0; a torque in k1 D0 R", (*AXES, TORQUE), default=None)
+    motion: str | None = choice("displacement from rest, in D0; R times an angle", (*AXES, *ROTATIONS), default=None)
+    force: str | None = choice("on each sphere, in k1 D0; a torque in k1 D0 R", (*AXES, *TORQUES), default=None)
     signal: str | samples.Samples = field(
         default="tone",
         metadata={
@@ -117,8 +119,19 @@ class Source(AtPlaces):
 
     @property
     def turns(self) -> str:
-        """The word "torque" or "rotation" if the source turns spheres, else ""."""
-        return next((word for word in (self.motion, self.force) if word in (TORQUE, ROTATION)), None) or ""
+        """The word, such as "torque" or "rotation_x", if the source turns spheres, else ""."""
+        return next((word for word in (self.motion, self.force) if word in (*TORQUES, *ROTATIONS)), None) or ""
+
+    @property
+    def axis(self) -> str:
+        """Axis along which it moves or pushes spheres, or about which it turns them."""
+        word = self.motion or self.force or ""
+        return word if word in AXES else word.partition("_")[2] or "z"
+
+    @property
+    def leaves_plane(self) -> bool:
+        """True if spheres in the plane do not follow it."""
+        return (self.axis == "z") != bool(self.turns)
 
     def pulsation(self, sphere: Sphere, default: float) -> float:
         """Return Ω in rad/t0; `default` is that of the wave."""
@@ -177,6 +190,7 @@ def check_sources(
     sphere: Sphere,
     time: Time,
     struck: bool,
+    space: int,
 ) -> None:
     """Check that a crystal without a wave is shaken or struck, and each source by itself."""
     if wave.form == "none":
@@ -191,7 +205,7 @@ def check_sources(
                 raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "none"')
     check_counted(sources, packing.rows, packing.columns, "[[source]]")
     for number_, each in enumerate(sources, 1):
-        for trouble in _troubles(each, shape, sphere, wave.amplitude, wave.form):
+        for trouble in _troubles(each, shape, sphere, wave.amplitude, wave.form, space):
             raise SceneError(f"source {number_}: {trouble}")
         if each.sampled and samples.end(each.sampled) + each.delay < time.duration * (1 - samples.UNEVEN):
             raise SceneError(
@@ -202,12 +216,14 @@ def check_sources(
         raise SceneError(f"source: {count} samples: must be at most {samples.MOST} in all signals together")
 
 
-def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float, form: str) -> Iterator[str]:
+def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float, form: str, space: int) -> Iterator[str]:
     """Yield what is wrong with a source by itself."""
     yield from place_troubles(source.rows, source.spheres, shape)
     given = [name for name in ("motion", "force") if getattr(source, name)]
     if len(given) != 1:
         yield f"{' and '.join(given) or 'neither'} given: must be either motion or force"
+    elif source.leaves_plane and space == 2:
+        yield f'{given[0]} = "{getattr(source, given[0])}": leaves the plane of the spheres; needs packing.space = 3'
     if source.frequency is not None and source.hertz is not None:
         yield f"frequency = {source.frequency!r} and hertz = {source.hertz!r}: must be one of the two"
     for key in dict.fromkeys(key for signal in SIGNALS.values() for key in signal.keys):
@@ -223,7 +239,7 @@ def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float, fo
     if source.motion and source.largest > largest:
         yield f"amplitude = {source.largest!r}: must be at most {largest:.3g}, a motion by R/10"
     largest *= 10 * LARGEST_ANGLE
-    if source.force == TORQUE and source.largest > largest:
+    if source.force in TORQUES and source.largest > largest:
         yield (
             f"amplitude = {source.largest!r}: must be at most {largest:.3g}: a torque that turns spheres by more "
             f"than about {LARGEST_ANGLE:g} rad falls with the cosine of their angle"
@@ -243,6 +259,7 @@ def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, mode: 
     row, column = crystal.arrays["row"], crystal.arrays["column"]
     found = []
     by: dict[int, tuple[int, bool]] = {}
+    turned: dict[int, str] = {}
     for number_, source in enumerate(sources, 1):
         try:
             chosen = spheres_at(source.rows, source.spheres, crystal, "source")
@@ -256,6 +273,11 @@ def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, mode: 
                     "is moved must be in no other source"
                 )
             by[each] = number_, bool(source.motion)
+            if source.force in TORQUES and turned.setdefault(each, source.axis) != source.axis:
+                raise SceneError(
+                    f'source {number_}: force = "{source.force}": sphere [{row[each]}, {column[each]}] feels a torque '
+                    "about another axis too, and LAMMPS has one dipole for both; take other spheres"
+                )
         found.append(PlacedSource(source, chosen, source.pulsation(sphere, mode.frequency)))
     return tuple(found)
 

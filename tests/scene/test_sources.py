@@ -387,7 +387,12 @@ NEITHER = {"spheres": [[1, 1]]}
             {"source": [MOVE | {"motion": "rotation"}], "effects.rotation": False},
             r'source 1: motion = "rotation": turns the dipole that tracks the angle, and needs effects\.rotation',
         ),
-        ({"source": [NEITHER | {"motion": "z"}]}, r'source\.1\.motion = \'z\': must be one of "x", "y"'),
+        ({"source": [NEITHER | {"motion": "w"}]}, r'source\.1\.motion = \'w\': must be one of "x", "y", "z"'),
+        (
+            {"source": [NEITHER | {"motion": "z"}]},
+            r'motion = "z": leaves the plane of the spheres; needs packing',
+        ),
+        ({"source": [NEITHER | {"force": "torque_x"}]}, r'force = "torque_x": leaves the plane .* packing\.space = 3'),
         (
             {"source": [NEITHER | {"force": "x", "signal": "f.csv"}]},
             r"source\.1\.signal = 'f\.csv': cannot be read: No such file or directory$",
