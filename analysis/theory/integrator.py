@@ -20,13 +20,15 @@ SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # the change from one step to the next, as
 
 
 class Tableau(NamedTuple):
-    """Coefficients of the method: of its 12 stages, its result, its errors, and its interpolation."""
+    """Coefficients of the method: of its 12 stages, its result and 3 more for its interpolation, a row each; then those
+    of its errors, and of its interpolation."""
 
     stages: Array
-    result: Array
     errors: Array
-    extra: Array
     dense: Array
+
+
+STAGES, ROWS = 12, 16  # of a step, and with its result and interpolation
 
 
 @cache
@@ -34,11 +36,59 @@ def tableau() -> Tableau:
     """Return SciPy's coefficients."""
     from scipy.integrate import DOP853  # slow to import, and only motions need it
 
-    return Tableau(DOP853.A, DOP853.B, np.stack([DOP853.E5, DOP853.E3]), DOP853.A_EXTRA, DOP853.D)
+    stages = np.zeros((ROWS, ROWS))
+    stages[:STAGES, :STAGES], stages[STAGES, :STAGES], stages[STAGES + 1 :] = DOP853.A, DOP853.B, DOP853.A_EXTRA
+    return Tableau(stages, np.stack([DOP853.E5, DOP853.E3]), DOP853.D)
+
+
+class Step:
+    """A state and the slopes of its step, one array, so that a stage is one sum over the rows before it."""
+
+    def __init__(self, derivative: Derivative, start: Array) -> None:
+        self.derivative = derivative
+        self.stack = np.empty((1 + ROWS, *start.shape), dtype=start.dtype)
+        self.numbers = _real(self.stack)
+        self.trial, self.after = np.empty((2, *start.shape), dtype=start.dtype)
+        self.stack[0], self.stack[1] = start, derivative(start)
+        self.begin, self.slopes = self.stack[0], self.stack[1:]
+
+    def stages(self, first: int, last: int, length: float) -> None:
+        """Fill the slopes from the first to the last of a step; `trial` is left where the last was taken."""
+        weights = np.empty((ROWS, 1 + ROWS))
+        weights[:, 0], weights[:, 1:] = 1.0, length * tableau().stages
+        place = _real(self.trial[None])[0]
+        for row in range(first, last + 1):
+            np.einsum("i,ij->j", weights[row, : row + 1], self.numbers[: row + 1], out=place)
+            self.stack[row + 1] = self.derivative(self.trial)
+
+    def try_out(self, length: float) -> None:
+        """Make the step: its slopes, and the state `after` it."""
+        self.stages(1, STAGES, length)
+        self.after[...] = self.trial
+
+    def error(self, rtol: float, atol: float) -> float:
+        """Return the error per unit of τ over the tolerance, from the embedded formulas of orders 5 and 3."""
+        scale = atol + rtol * np.maximum(np.abs(self.begin), np.abs(self.after))
+        fifth, third = map(_norm, _sum(tableau().errors, self.slopes) / scale)
+        both = hypot(fifth, 0.1 * third)
+        return fifth**2 / both if both else 0.0
+
+    def between(self, length: float, places: NDArray[np.float64]) -> Array:
+        """Return the states at the places x in (0, 1] of the step, by the interpolation of order 7."""
+        self.stages(STAGES + 1, ROWS - 1, length)
+        rise, first, last = self.after - self.begin, length * self.slopes[0], length * self.slopes[STAGES]
+        terms = np.stack([rise, first - rise, 2 * rise - first - last, *length * _sum(tableau().dense, self.slopes)])
+        # x, x(1−x), x²(1−x), …
+        factors = np.stack([places, 1 - places] * len(terms), axis=-1)[:, : len(terms)]
+        return self.begin + _sum(np.cumprod(factors, axis=-1), terms)
+
+    def advance(self) -> None:
+        """Begin the next step where this one ended."""
+        self.stack[0], self.stack[1] = self.after, self.slopes[STAGES]
 
 
 def dop853(
-    derivative: Callable[[Array], Array],
+    derivative: Derivative,
     start: Array,
     tau: NDArray[np.float64],
     rtol: float,
@@ -49,7 +99,7 @@ def dop853(
 
     Parameters
     ----------
-    derivative : of a state, an array like `start`.
+    derivative : of a state, an array like `start`, which it neither keeps nor changes.
     rtol, atol : error per step, the root mean square over the numbers of a state.
     longest : largest step.
 
@@ -60,52 +110,43 @@ def dop853(
     result[:done] = start
     if done == len(tau):
         return result
-    table = tableau()
-    count = len(table.stages)
-    slopes = np.empty((count + 1 + len(table.extra), *start.shape), dtype=start.dtype)
-    time, y, slopes[0] = 0.0, start, derivative(start)
-    step = min(_first_step(derivative, y, slopes[0], rtol, atol), longest)
+    time, now = 0.0, Step(derivative, start)
+    step = min(_first_step(derivative, now.begin, now.slopes[0], rtol, atol), longest)
     rejected = False
     while done < len(tau):
         step = min(step, longest, tau[-1] - time)
         if not step > 10 * np.spacing(time):
             raise RuntimeError(f"the step has fallen to {step:.1e} at tau = {time:.6g}: the state is not smooth there")
-        for stage in range(1, count):
-            slopes[stage] = derivative(y + step * _sum(table.stages[stage, :stage], slopes))
-        after = y + step * _sum(table.result, slopes)
-        slopes[count] = derivative(after)
-        error = step * _error(slopes, atol + rtol * np.maximum(np.abs(y), np.abs(after)))
+        now.try_out(step)
+        error = step * now.error(rtol, atol)
         if not error < 1:
             rejected, step = True, step * max(LEAST, SAFETY * error ** (-1 / 8))
             continue
         end = time + step if step < tau[-1] - time else float(tau[-1])
         upto = int(np.searchsorted(tau, end, side="right"))
         if upto > done:
-            result[done:upto] = _between(derivative, y, after, slopes, step, (tau[done:upto] - time) / step)
+            result[done:upto] = now.between(step, (tau[done:upto] - time) / step)
+        now.advance()
         growth = SAFETY * error ** (-1 / 8) if error > 0 else MOST
         step *= min(1.0 if rejected else MOST, growth)
-        time, y, slopes[0], done, rejected = end, after, slopes[count], upto, False
+        time, done, rejected = end, upto, False
     return result
 
 
+def _real(values: Array) -> NDArray[np.float64]:
+    """Return the numbers of each row, (S, …) to (S, n) of the same memory; a complex number is two."""
+    return values.reshape(len(values), -1).view(np.float64)
+
+
 def _sum(weights: Array, slopes: Array) -> Array:
-    """Return Σ_i weights_i slopes_i, for each row of weights (…, S)."""
-    stages = weights.shape[-1]
-    numbers = slopes[:stages].reshape(stages, -1).view(np.float64)  # a complex number is two
-    total: Array = np.einsum("...i,ij->...j", weights, numbers)
-    return total.view(slopes.dtype).reshape(weights.shape[:-1] + slopes.shape[1:])
+    """Return Σ_i weights_i slopes_i, for each row of weights (R, S)."""
+    total: Array = np.einsum("ki,ij->kj", weights, _real(slopes[: weights.shape[-1]]))
+    return total.view(slopes.dtype).reshape(len(weights), *slopes.shape[1:])
 
 
 def _norm(values: Array) -> float:
     numbers = values.reshape(-1).view(np.float64)
     return sqrt(np.einsum("i,i", numbers, numbers) / values.size)
-
-
-def _error(slopes: Array, scale: Array) -> float:
-    """Return the error per unit of τ over the tolerance, from the embedded formulas of orders 5 and 3."""
-    fifth, third = map(_norm, _sum(tableau().errors, slopes) / scale)
-    both = hypot(fifth, 0.1 * third)
-    return fifth**2 / both if both else 0.0
 
 
 def _first_step(derivative: Derivative, y: Array, slope: Array, rtol: float, atol: float) -> float:
@@ -116,23 +157,3 @@ def _first_step(derivative: Derivative, y: Array, slope: Array, rtol: float, ato
     turning = _norm((derivative(y + guess * slope) - slope) / scale) / guess
     fastest = max(speed, turning)
     return min(100 * guess, max(1e-6, guess * 1e-3) if fastest <= 1e-15 else (0.01 / fastest) ** (1 / 8))
-
-
-def _between(
-    derivative: Callable[[Array], Array],
-    y: Array,
-    after: Array,
-    slopes: Array,
-    step: float,
-    places: NDArray[np.float64],
-) -> Array:
-    """Return the states at the places x in (0, 1] of a step, by the interpolation of order 7."""
-    table = tableau()
-    count = len(table.stages)
-    for row, weights in enumerate(table.extra, count + 1):
-        slopes[row] = derivative(y + step * _sum(weights[:row], slopes))
-    rise, first, last = after - y, step * slopes[0], step * slopes[count]
-    terms = np.stack([rise, first - rise, 2 * rise - first - last, *step * _sum(table.dense, slopes)])
-    # x, x(1−x), x²(1−x), …
-    factors = np.stack([places, 1 - places] * len(terms), axis=-1)[:, : len(terms)]
-    return y + _sum(np.cumprod(factors, axis=-1), terms)
