@@ -31,6 +31,7 @@ Complexes = NDArray[np.complex128]
 # another ν, inertia or geometry leaves as much as it differs by.
 RESIDUAL = 1e-9
 GRID = np.linspace(1e-3, np.pi - 1e-6, 65)  # ξ between which a resonance is looked for
+_CLOSER = np.outer(10.0 ** -np.arange(1, 9), [-1, 1]).ravel()  # distances from the zero of a chord, in its lengths
 
 
 @dataclass(frozen=True)
@@ -260,14 +261,20 @@ def _longitudinal(pair: Mixed) -> NDArray[np.intp]:
 
 
 def _root(function: Callable[[ArrayLike], Floats]) -> float | None:
-    """Return the least root between numbers of `GRID`, None if the function has one sign there."""
+    """Return the least root between numbers of `GRID`, None if the function has one sign there.
+
+    Between two numbers of different signs the next lie closer and closer to where the chord is 0.
+    """
     places = GRID
     while True:
-        signs = np.signbit(function(places))
+        values = function(places)
+        signs = np.signbit(values)
         changes = np.flatnonzero(signs[1:] != signs[:-1])
         if not changes.size:
             return None
-        low, high = places[changes[0] : changes[0] + 2]
+        (low, high), (before, after) = (each[changes[0] : changes[0] + 2] for each in (places, values))
         if high - low < 4e-15:
             return float((low + high) / 2)
-        places = np.linspace(low, high, 17)
+        zero = low + (high - low) * before / (before - after)
+        near = np.clip(zero + (high - low) * _CLOSER, low, high)
+        places = np.unique(np.concatenate([np.linspace(low, high, 9), near]))
