@@ -1,7 +1,7 @@
 """Inverse questions: two waves of given frequencies that resonate, and the numbers of a crystal at which it does best.
 
     granular-analysis design HERTZ [--second HERTZ] [--direction DEG ...] [--opening DEG ...] [spheres]
-    granular-analysis design SCENE --vary KEY LOW HIGH [--vary ...] [--best growth|frequency|gap|passing] [-o FILE]
+    granular-analysis design SCENE --vary KEY LOW HIGH [--vary ...] [--best growth|frequency|gap|passing] [--least]
 
 Of a frequency, the table has the pairs of waves that are phase-matched, and the compression that each needs
 (`analysis.theory.partners`).
@@ -13,9 +13,10 @@ Of a scene, a file or the name of a shipped one, the numbers behind one or more 
 * gap: the widest gap above the branch ``--branch``, over its middle;
 * passing: the largest share of the wave of the scene that passes its rows of other densities.
 
-Keys are densities of rows (``inclusion.1.density``) and, but for passing, `analysis.theory.scenes.VARIED`. Derivatives
-are exact (`analysis.theory.variation`), and stand beside the result. With ``-o`` the scene is written with these
-numbers, and of the wave numbers that its rows hold the one next to the resonance.
+With ``--least`` growth, gap or share are to be as small as possible. Keys are densities (``sphere.density``,
+``inclusion.1.density``) and, but for passing, `analysis.theory.scenes.VARIED`. Derivatives are exact
+(`analysis.theory.variation`), and stand beside the result. With ``-o FILE`` the scene is written with these numbers,
+and the wave number next to the resonance that its rows hold.
 """
 
 import argparse
@@ -33,12 +34,14 @@ from analysis.theory.objectives import (
     Found,
     Gap,
     Growth,
+    Least,
     Objective,
     Passing,
     Tuned,
     best,
     candidates,
     grid,
+    independent,
 )
 from analysis.theory.partners import LARGEST, SILICA, contact_of, design, table
 from analysis.theory.partners import Resonance as Resonance
@@ -68,6 +71,7 @@ class Question:
     at : frequency in hertz that a resonance is to have.
     branch : below the gap, from 1.
     points : values of each key on the grid.
+    least : whether the goal is to be smallest.
     """
 
     scene: Scene
@@ -77,6 +81,7 @@ class Question:
     at: float = 0.0
     branch: int = 1
     points: int = POINTS
+    least: bool = False
 
     def __post_init__(self) -> None:
         known = [*VARIED, *(f"inclusion.{n}.density" for n in range(1, len(self.scene.inclusion) + 1))]
@@ -87,6 +92,8 @@ class Question:
                 raise ValueError(f"--vary {key} {low:g} {high:g}: must be two finite numbers, the lower one first")
             for end in () if key == "wave.direction" else (low, high):
                 self.scene.with_values({key: end})  # the scene knows which numbers are allowed
+        if self.goal == "frequency" and self.least:
+            raise ValueError("--least: must be left out for --best frequency, which is met or missed")
         if self.goal == "frequency" and not 0 < self.at < np.inf:
             raise ValueError(f"--at {self.at:g}: must be the frequency of the wave, above 0 Hz")
         if self.goal == "gap" and not 0 < self.branch < (count := len(self.place(self._low).crystal.mass) * 3):
@@ -111,7 +118,7 @@ class Question:
             return self._best(self.passing())
         found = candidates(self.place, self.bounds, self.points)
         if self.goal == "growth":
-            chosen = max(found, key=lambda each: each.growth)
+            chosen = (min if self.least else max)(found, key=lambda each: each.growth)
             return self._best(chosen.resonant, [chosen.values], chosen.resonant)
         wanted = 2 * np.pi * self.at
         near = min(found, key=lambda each: abs(each.frequency - wanted))
@@ -120,35 +127,40 @@ class Question:
     def _best(
         self, objective: Objective, starts: list[Floats] | None = None, resonant: Growth | None = None
     ) -> "Answer":
-        found = best(objective, self.bounds, starts or grid(self.bounds, self.points))
+        asked = Least(objective) if self.least else objective
+        found = best(asked, self.bounds, starts or grid(self.bounds, self.points))
         there = None if resonant is None else resonant.at(found.values)
-        return Answer(self, found, objective(found.values), there)
+        flat = independent(objective, self.bounds, found.values)
+        return Answer(self, found, objective(found.values), flat, there)
 
     def passing(self) -> Passing:
         """Return the share of the scene's wave that passes its rows of other densities.
 
-        Raises ValueError for a key that is no density of rows, and a wave or crystal that `transfer` leaves out.
+        Raises ValueError for a key that is no density, and a wave or crystal that `transfer` leaves out.
         """
         scene, setting = self.scene, Setting(self.scene)
         setting.refuse(CRYSTAL_KEYS - MOTION)
         if scene.packing.lattice != "hexagonal" or scene.direction != 90 or not scene.inclusion:
             raise ValueError("passing is of a wave along y at [[inclusion]] of rows in a hexagonal crystal")
-        if other := [key for key in self.keys if not key.startswith("inclusion.")]:
-            raise ValueError(f"passing knows no derivative by {', '.join(other)}; vary inclusion.N.density")
+        if other := [key for key in self.keys if not key.endswith(".density")]:
+            raise ValueError(f"passing knows no derivative by {', '.join(other)}; vary densities")
         owners = np.zeros(scene.shape.rows, dtype=int)
         for number, each in enumerate(scene.inclusion, 1):
+            differs = {name for name, value in vars(each).items() if value != getattr(type(each)(), name)}
+            if differs - {"every"} != {"rows", "density"}:
+                raise ValueError(f"passing: inclusion {number} must have rows and density, not {', '.join(differs)}")
             first, last = each.rows
             owners[first : last + 1 : each.every] = number
         owners = np.trim_zeros(owners)
-        host, contact = scene.sphere.density, contact_of(scene.sphere)
+        contact = contact_of(scene.sphere)
+        names = ["sphere.density", *(f"inclusion.{n}.density" for n in range(1, len(scene.inclusion) + 1))]
+        given = dict(zip(names, [scene.sphere.density, *(each.density for each in scene.inclusion)], strict=True))
 
         def rows(values: Floats) -> tuple[Rows, Floats]:
-            varied = dict(zip(self.keys, values, strict=True))
-            densities = [
-                varied.get(f"inclusion.{n}.density", each.density) for n, each in enumerate(scene.inclusion, 1)
-            ]
-            masses = np.array([host, *densities])[owners] / host
-            own = [owners == int(key.split(".")[1]) for key in self.keys]
+            now = given | dict(zip(self.keys, values, strict=True))
+            masses = np.array([now[name] for name in names])[owners] / now["sphere.density"]
+            # Masses are over that of the host
+            own = [owners == names.index(key) if names.index(key) else -(owners > 0).astype(float) for key in self.keys]
             changes = [np.pad(mine / value, 2) for mine, value in zip(own, values, strict=True)]
             return heavy_rows(contact, masses.tolist()), np.array(changes)
 
@@ -157,11 +169,19 @@ class Question:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The best values of a question, the goal there with its derivatives, and the resonance if it is of one."""
+    """The best values of a question.
+
+    Attributes
+    ----------
+    goal : there, with its derivatives.
+    flat : (P,) whether the goal does not depend on a key at all.
+    resonance : if the goal is of one.
+    """
 
     question: Question
     found: Found
     goal: Value
+    flat: list[bool]
     resonance: Resonant | None
 
     @property
@@ -175,11 +195,13 @@ class Answer:
         """Return the answer, a line for each key and one for the goal."""
         asked = self.question
         lines = [f"{'key':26}{'best':>12}{'from':>12}{'to':>12}  d {asked.goal} / d ln"]
-        for key, value, (low, high), slope in zip(
-            asked.keys, self.found.values, asked.bounds, self.goal.gradient, strict=True
+        for key, value, (low, high), slope, flat in zip(
+            asked.keys, self.found.values, asked.bounds, self.goal.gradient, self.flat, strict=True
         ):
-            lines.append(f"{key:26}{value:12.6g}{low:12.6g}{high:12.6g}  {slope * value:.2g}")
-        last = f"{asked.goal} is {self.goal.value:.6g}; {self.found.of_grid:.6g} at the best point of the grid"
+            said = f"0: {asked.goal} does not depend on it" if flat else f"{slope * value:.2g}"
+            lines.append(f"{key:26}{value:12.6g}{low:12.6g}{high:12.6g}  {said}")
+        of_grid = -self.found.of_grid if asked.least else self.found.of_grid
+        last = f"{asked.goal} is {self.goal.value:.6g}; {of_grid:.6g} at the best point of the grid"
         if self.resonance is not None:
             at = self.resonance
             x, omega, growth = at.wavenumber.value, at.frequency.value, at.growth.value
@@ -215,6 +237,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--vary", nargs=3, action="append", metavar=("KEY", "LOW", "HIGH"), help="a number of the scene, and its bounds"
     )
     scene.add_argument("--best", choices=GOALS, default="growth", help="what is to be largest (default: growth)")
+    scene.add_argument("--least", action="store_true", help="make it smallest, in place of largest")
     scene.add_argument("--at", type=float, default=0.0, metavar="HERTZ", help="frequency of the wave that resonates")
     scene.add_argument("--branch", type=int, default=1, metavar="N", help="below the gap, 1 is the lowest (default: 1)")
     scene.add_argument("--points", type=int, default=POINTS, metavar="N", help=f"of each key (default: {POINTS})")
@@ -223,16 +246,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         frequency = float(chosen.what)
     except ValueError:
+        _refuse(command, chosen, pairs, "two frequencies, not for a scene")
+        for name, goal in (("at", "frequency"), ("branch", "gap")):
+            if getattr(chosen, name) != scene.get_default(name) and chosen.best != goal:
+                command.error(f"--{name} is for --best {goal}, not for {chosen.best}")
         return _of_scene(command, chosen)
+    _refuse(command, chosen, scene, "a scene, not for a frequency")
     return _of_frequency(command, chosen, frequency)
+
+
+def _refuse(
+    command: argparse.ArgumentParser, chosen: argparse.Namespace, group: argparse._ArgumentGroup, whose: str
+) -> None:
+    """Exit if an option of a group was given."""
+    for action in group._group_actions:
+        if getattr(chosen, action.dest) != action.default:
+            command.error(f"{action.option_strings[0]} is for {whose}")
 
 
 def _of_frequency(command: argparse.ArgumentParser, chosen: argparse.Namespace, frequency: float) -> int:
     """Print the resonances of two frequencies."""
     if not 0 < chosen.amplitude < 1:
         command.error(f"amplitude is {chosen.amplitude}; allowed: above 0, below 1, where contacts open")
-    if chosen.vary:
-        command.error("--vary is for a scene, not for a frequency")
     try:
         sphere = replace(SILICA, **{name: getattr(chosen, name) for name in UNITS})
         found = design(sphere, frequency, chosen.second, chosen.direction, chosen.opening)
@@ -251,7 +286,8 @@ def _of_scene(command: argparse.ArgumentParser, chosen: argparse.Namespace) -> i
     try:
         bounds = tuple((float(low), float(high)) for _, low, high in chosen.vary)
         keys = tuple(key for key, *_ in chosen.vary)
-        question = Question(Scene.load(chosen.what), keys, bounds, chosen.best, chosen.at, chosen.branch, chosen.points)
+        asked = chosen.best, chosen.at, chosen.branch, chosen.points, chosen.least
+        question = Question(Scene.load(chosen.what), keys, bounds, *asked)
         answer = question.answer()
         print(answer.text())
         if chosen.output:

@@ -250,7 +250,7 @@ class Crystal:
     def _with_mean_arms(self) -> Self:
         """Return the crystal with the mean arm of each sphere, weighted by k, in its moment of inertia."""
         bonds, shear = self.bonds, self.bonds.law.shear
-        weight, total = np.zeros((2, len(self)), dtype=self.mass.dtype)
+        weight, total = np.zeros((2, len(self)), dtype=np.result_type(shear, bonds.arms))
         pairs = bonds.second >= 0
         for spheres, arms, k in (
             (bonds.first, bonds.arms[:, 0], shear),

@@ -7,8 +7,9 @@
 | `Gap` | width of the gap above a branch, over the frequency of its middle |
 | `Passing` | share of the energy of a wave that passes rows, by the density of these rows |
 
-All are to be as large as possible. `best` looks at a grid of numbers between bounds, and improves the best of them by
-L-BFGS-B. Good values: one to three numbers, whose bounds are not farther apart than a factor of ten.
+All are to be as large as possible; `Least` turns one around. `best` looks at a grid of numbers between bounds, and
+improves the best of them by L-BFGS-B. Good values: one to three numbers, whose bounds are not farther apart than a
+factor of ten.
 
 When it breaks: where the resonance that is followed ends or meets another one between the bounds. A maximum that the
 grid does not see is not found.
@@ -32,6 +33,7 @@ Floats = NDArray[np.float64]
 POINTS = 5  # values of each number on the grid
 COUNT = 60  # wave numbers on a line
 _TRIED = 3  # points of the grid from which a maximum is looked for
+_FLAT = 1e-9  # logarithmic derivative of an objective that is rounding
 
 
 class Objective(Protocol):
@@ -146,6 +148,18 @@ class Passing:
         return Value(share, heavier @ changes_by_mass(rows, self.frequency, self.name))
 
 
+@dataclass(frozen=True, eq=False)
+class Least:
+    """An objective that is to be as small as possible: its negative."""
+
+    objective: Objective
+
+    def __call__(self, values: Floats) -> Value:
+        """Return the negative."""
+        found = self.objective(values)
+        return Value(-found.value, -found.gradient)
+
+
 class Candidate(NamedTuple):
     """A resonance at numbers (P,) of a grid: its growth, and its frequency in rad per unit of time."""
 
@@ -209,6 +223,20 @@ def best(objective: Objective, bounds: Sequence[tuple[float, float]], starts: Se
     ]
     end = min(ends, key=lambda each: each.fun)
     return Found(low + end.x * (high - low), float(-end.fun * scale), known[0][0])
+
+
+def independent(objective: Objective, bounds: Sequence[tuple[float, float]], values: Floats) -> list[bool]:
+    """Return of which numbers (P,) an objective does not depend: its slope is 0 at values, and far from them."""
+    here = objective(values)
+    found = []
+    for number, (low, high) in enumerate(bounds):
+        away = values.copy()
+        away[number] = (values[number] + (low if values[number] - low > high - values[number] else high)) / 2
+        places = [(here, values), (_tried(objective, away), away)]
+        found.append(
+            all(each and abs(each.gradient[number] * at[number]) <= _FLAT * abs(each.value) for each, at in places)
+        )
+    return found
 
 
 def _tried(objective: Objective, values: Floats) -> Value | None:

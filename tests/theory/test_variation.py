@@ -1,5 +1,6 @@
 """Derivatives of what second order gives are exact, and the numbers that are best by them are best."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -83,6 +84,13 @@ def test_derivatives_of_a_resonance_are_those_of_differences(law: str) -> None:
         return found.wavenumber, found.frequency, found.growth
 
     agree(parts, VALUES)
+
+
+@pytest.mark.parametrize(("key", "value"), [("sphere.poisson_ratio", 0.17), ("packing.contact_force", 2e-7)])
+def test_a_number_that_leaves_the_masses_alone_may_be_varied_alone(key: str, value: float) -> None:
+    soft = LAYERED.with_values({"sphere.youngs_modulus": 1e8})  # overlaps, and with them arms of torques, count
+    found = candidates(layers(key, scene=soft), [(value, 1.001 * value)], points=2)
+    agree(max(found, key=lambda each: each.growth).resonant, np.array([value]))
 
 
 def test_derivatives_by_the_radii_of_a_basis_are_those_of_differences() -> None:
@@ -207,6 +215,31 @@ def test_the_command_tells_what_passes_rows() -> None:
     omega = passing.frequency
     whole = scattering(heavy_rows(Contact(0.17, overlap_ratio=scene.sphere.overlap_ratio), masses), omega, "TR")
     assert passing(values).value == pytest.approx(sum(whole.transmitted.values()), rel=1e-12)
+    with_host = Question(scene, ("sphere.density", *keys), ((2000.0, 2400.0), *bounds), "passing").passing()
+    agree(with_host, np.array([2200.0, *values]))
+    assert with_host(np.array([2200.0, *values])).value == passing(values).value
+
+
+def test_the_least_share_passes_where_rows_are_heaviest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [{"rows": [30, 30], "density": 4400.0}]
+    scene = Scene.load("tr_periodic").with_values({"packing.rows": 64, "inclusion": rows})
+    (tmp_path / "rows.toml").write_text(scene.to_toml())
+    asked = ["design", str(tmp_path / "rows.toml"), "--vary", "inclusion.1.density", "2500", "6000", "--points", "2"]
+    said = []
+    for least in ([], ["--least"]):
+        assert cli.main([*asked, "--best", "passing", *least]) == 0
+        said.append(capsys.readouterr().out)
+    assert re.search(r"density +2500 ", said[0])
+    assert re.search(r"density +6000 ", said[1])
+    assert re.search(r"passing is 0\.\d+; 0\.\d+ at the best", said[1])
+
+
+def test_a_number_on_which_nothing_depends_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["design", "tr_periodic", "--points", "2", "--vary"]
+    assert cli.main([*asked, "sphere.density", "2000", "3000"]) == 0
+    assert "0: growth does not depend on it" in capsys.readouterr().out
+    assert cli.main([*asked, "sphere.poisson_ratio", "0.1", "0.3"]) == 0
+    assert "depend" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -218,11 +251,38 @@ def test_the_command_tells_what_passes_rows() -> None:
         (["--vary", "sphere.density", "2000", "3000", "--best", "frequency"], "--at 0: must be the frequency"),
         (["--vary", "sphere.density", "2000", "3000", "--best", "gap", "--branch", "3"], "must be from 1 to 2"),
         (["--vary", "sphere.density", "2000", "3000", "--best", "passing"], "passing is of a wave along y at"),
+        (
+            ["--vary", "sphere.density", "2000", "3000", "--best", "frequency", "--at", "1e8", "--least"],
+            "--least: must be left out for --best frequency",
+        ),
     ],
 )
 def test_questions_without_an_answer_are_told(arguments: list[str], said: str) -> None:
     with pytest.raises(SystemExit, match=said):
         cli.main(["design", "tr_periodic", *arguments])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["1e8", "--least"], "--least is for a scene, not for a frequency"),
+        (["1e8", "--vary", "sphere.density", "1", "2"], "--vary is for a scene, not for a frequency"),
+        (["tr_periodic", "--second", "1e8"], "--second is for two frequencies, not for a scene"),
+        (["tr_periodic", "--vary", "sphere.density", "1", "2", "--at", "3"], "--at is for --best frequency, not for g"),
+        (["tr_periodic", "--vary", "sphere.density", "1", "2", "--branch", "2"], "--branch is for --best gap, not for"),
+    ],
+)
+def test_options_of_another_question_are_refused(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        cli.main(["design", *arguments])
+    assert said in capsys.readouterr().err
+
+
+def test_passing_needs_rows() -> None:
+    with pytest.raises(SystemExit, match="inclusion 1 must have rows and density, not"):
+        cli.main(["design", "tr_impurity", "--best", "passing", "--vary", "inclusion.1.density", "2300", "4000"])
 
 
 def test_the_jkr_law_keeps_its_overlap() -> None:
