@@ -18,7 +18,9 @@ https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/fix_wall_gra
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import pi, sqrt
 
+from granular_lmp.crystal.adhesion_laws import AdhesionLaw
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.units import AnyUnits
 
@@ -41,6 +43,7 @@ def model(
     shear_damping: float = 0.0,
     rolling: tuple[float, float, float] | None = None,
     twisting: bool = False,
+    shear_modulus: float | None = None,
 ) -> str:
     """Return the contact model of two equal spheres, as `pair` and `wall` take it.
 
@@ -66,6 +69,8 @@ def model(
         Stiffness, N/m, dashpot, N s/m, and friction of ``rolling sds``; spheres roll freely without it.
     twisting : bool
         Resistance to twisting, ``twisting marshall``, with the stiffness and the friction of the shear force.
+    shear_modulus : float, optional
+        Effective shear modulus G*, Pa, in place of that of the sphere's material.
 
     Returns
     -------
@@ -94,7 +99,9 @@ def model(
     if normal != "hertz":
         half_adhesion = units.number(sphere.work_of_adhesion / 2, mass=1, time=-2)  # LAMMPS's γ
         force = f"{normal} {modulus!r} {loss!r} {sphere.poisson_ratio!r} {half_adhesion!r}"
-    slip = "linear_nohistory 0.0 0.0" if shear == "none" else f"{_MINDLIN[shear]} NULL {shear_damping!r} {friction}"
+    stiffness = "NULL" if shear_modulus is None else repr(units.number(8 * shear_modulus, mass=1, length=-1, time=-2))
+    slip = f"{_MINDLIN.get(shear)} {stiffness} {shear_damping!r} {friction}"
+    slip = "linear_nohistory 0.0 0.0" if shear == "none" else slip
     loss_law = "velocity" if restitution is None else "coeff_restitution"
     rolls = "none" if rolling is None else _rolling(units, *rolling)
     turns = f" rolling {rolls} twisting {'marshall' if twisting else 'none'}" if rolling or twisting else ""
@@ -130,6 +137,29 @@ def rigid(sphere: Sphere) -> Sphere:
     On a rigid body 1/E* and 1/G* have one term instead of two equal ones. Both moduli are doubled by doubling E.
     """
     return replace(sphere, youngs_modulus=2 * sphere.youngs_modulus)
+
+
+def of_law(law: AdhesionLaw, effective_radius: float, sphere: Sphere) -> tuple[Sphere, float]:
+    """Return the sphere whose `model` has the normal force of a law, and the ``shear_modulus`` of its shear force.
+
+    E* and w of any two bodies, and stiffnesses as measured, are those of some sphere; G* may be that of none.
+
+    Parameters
+    ----------
+    law : AdhesionLaw
+        Of one contact, with A = (4/3) E* √Rc, B = 8 G* √Rc and the pull-off force F.
+    effective_radius : float
+        Rc, m: R/2 of two equal spheres, R of a sphere on a plane.
+    sphere : Sphere
+        Gives radius, density, Poisson's ratio and the name of the law.
+    """
+    root = sqrt(effective_radius)
+    modulus = 3 / 4 * float(law.normal_coefficient) / root
+    adhesion = float(law.pull_off_force) / (law.pull * pi * effective_radius)
+    alike = replace(
+        sphere, youngs_modulus=2 * (1 - sphere.poisson_ratio**2) * modulus, work_of_adhesion=adhesion, contact_force=0.0
+    )
+    return alike, float(law.shear_coefficient) / (8 * root)
 
 
 def wall(contact: str, place: str, *, name: str = "wall", group: str = "all") -> str:

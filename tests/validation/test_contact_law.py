@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from granular_lmp import Scene, build
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.installation import lammps_module
@@ -287,3 +288,22 @@ def test_a_rigid_plane_has_twice_the_moduli_and_the_whole_radius(normal: str) ->
         assert same(there.normal, stiff * overlap**1.5 - adhesion)
         assert same(there.shear, -shear_stiff * sqrt(overlap) * shear)
         assert same(there.torque, there.shear * 500.0)
+
+
+@pytest.mark.parametrize("name", ["dmt", "jkr"])
+@pytest.mark.parametrize("stiffer", [0.05, 1.0, 7.0])
+@pytest.mark.parametrize("shear_over_normal", [0.3, 2.5])  # no material has the second
+def test_a_plane_has_the_law_of_any_two_bodies(name: str, stiffer: float, shear_over_normal: float) -> None:
+    modulus, radius, adhesion = stiffer * SILICA.effective_modulus, SILICA.radius, 0.2
+    law = ADHESION_LAWS[name].between(modulus, shear_over_normal * modulus, radius, adhesion)
+    sphere, shear_modulus = contact.of_law(law, radius, SILICA)
+    words = contact.model(sphere, NANO, normal=name, friction=FRICTION, shear_modulus=shear_modulus)
+    rest, shear = law.overlap_under(0.0), 2.0**-10
+    overlap = round(rest * 1e9 * 2**14) / 2**14 + 0.125  # nm, a multiple of what positions are
+    there = touch(
+        contact.pair(words) + "\n" + contact.wall(words, "xplane NULL 0.0"), SILICA, overlap, (shear, 0.0), plane=True
+    )
+    metres = overlap * 1e-9
+    assert there.normal == pytest.approx(law.force(metres) * 1e12, rel=1e-9)  # JKR's equation is solved by LAMMPS
+    assert there.shear == pytest.approx(-law.shear_stiffness(metres) * shear * 1e3, rel=1e-9)
+    assert same(there.torque, there.shear * 500.0)
