@@ -33,15 +33,12 @@ Source: the laws of the paper (springN, springS) and of LAMMPS's pair style gran
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.theory import jkr as johnson
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -197,22 +194,19 @@ class Bonds:
         """Return the forces (..., B, 6) on spheres of those at both ends (..., C, 2, 6) of the contacts."""
         half = self._half(wavevector)
         ends = ends * np.stack([half, half.conj()], axis=-2)
-        # Sparse matrices multiply two dimensions: ends before all others
         columns = np.moveaxis(ends.reshape(*ends.shape[:-3], -1, 6), -2, 0)
-        acting = self._acting
-        summed = np.zeros((spheres, columns[0].size), dtype=columns.dtype)
-        summed[: acting.shape[0]] = acting @ columns.reshape(len(columns), -1)
-        return np.ascontiguousarray(np.moveaxis(summed.reshape(spheres, *columns.shape[1:]), 0, -2))
+        order, begin, acted = self._acting
+        summed = np.zeros((spheres, *columns.shape[1:]), dtype=columns.dtype)
+        summed[acted] = np.add.reduceat(columns[order], begin, axis=0)
+        return np.ascontiguousarray(np.moveaxis(summed, 0, -2))
 
     @cached_property
-    def _acting(self) -> "csr_array":
-        """Return which of both ends of the contacts acts on which sphere, sparse, up to the last that has a contact."""
-        from scipy.sparse import csr_array  # slow to import, and only forces on spheres need it
-
-        count, pairs = np.arange(len(self.first)), self.second >= 0
-        rows = np.concatenate([self.first, self.second[pairs]])
-        columns = np.concatenate([2 * count, 2 * count[pairs] + 1])
-        return csr_array((np.ones(len(rows)), (rows, columns)), (rows.max(initial=-1) + 1, 2 * len(count)))
+    def _acting(self) -> tuple[Integers, Integers, Integers]:
+        """Return the ends (of 2C) in the order of the spheres that they act on, where each begins, and the spheres."""
+        sphere = np.stack([self.first, self.second], axis=-1).ravel()
+        order = np.argsort(sphere, kind="stable")[np.count_nonzero(sphere < 0) :]
+        acted, begin = np.unique(sphere[order], return_index=True)
+        return order, begin, acted
 
     def linear(self, strain: Strain) -> Complexes:
         """Return the first-order forces at both ends, (..., C, 2, 6)."""

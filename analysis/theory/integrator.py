@@ -5,9 +5,11 @@ SciPy sums the stages by BLAS, which may hand states of a few hundred complex nu
 machine of four cores `analysis.compare` of one run then took 41 s of processor time, and 1.5 s with one thread.
 """
 
+import json
 from collections.abc import Callable
 from functools import cache
 from math import hypot, sqrt
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,12 +35,9 @@ STAGES, ROWS = 12, 16  # of a step, and with its result and interpolation
 
 @cache
 def tableau() -> Tableau:
-    """Return SciPy's coefficients."""
-    from scipy.integrate import DOP853  # slow to import, and only motions need it
-
-    stages = np.zeros((ROWS, ROWS))
-    stages[:STAGES, :STAGES], stages[STAGES, :STAGES], stages[STAGES + 1 :] = DOP853.A, DOP853.B, DOP853.A_EXTRA
-    return Tableau(stages, np.stack([DOP853.E5, DOP853.E3]), DOP853.D)
+    """Return the coefficients, those of SciPy, whose import would take longer than many a motion."""
+    table = json.loads(Path(__file__).with_name("dop853.json").read_text(encoding="utf-8"))
+    return Tableau(**{name: np.array(rows) for name, rows in table.items()})
 
 
 class Step:

@@ -67,7 +67,11 @@ def test_the_wheel_holds_both_packages_typed_and_every_shipped_file(built: Path)
     shipped = {path.relative_to(SHIPPED).as_posix() for path in SHIPPED.rglob("*") if path.is_file()}
     assert {"in.plane_wave", "tr_pulse/data.tr_pulse", "collisions/test5.toml"} <= shipped
     wanted = {f"granular_lmp/lammps_inputs/{name}" for name in shipped}
-    wanted |= {"granular_lmp/lammps/kernel/contact.cpp", "granular_lmp/studies/identity.json"}
+    wanted |= {
+        "granular_lmp/lammps/kernel/contact.cpp",
+        "granular_lmp/studies/identity.json",
+        "analysis/theory/dop853.json",
+    }
     for package in ("granular_lmp", "analysis"):
         wanted |= {path.relative_to(ROOT).as_posix() for path in (ROOT / package).rglob("*.py")}
         wanted.add(f"{package}/py.typed")

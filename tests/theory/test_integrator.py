@@ -2,15 +2,24 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import DOP853, solve_ivp
 
-from analysis.theory.integrator import dop853
+from analysis.theory.integrator import STAGES, dop853, tableau
 
 TAU = np.linspace(0, 60, 121)
 
 
 def pendulum(y: np.ndarray) -> np.ndarray:
     return np.array([y[1], -np.sin(y[0])])
+
+
+def test_the_coefficients_are_scipys() -> None:
+    table = tableau()
+    assert np.array_equal(table.stages[:STAGES, :STAGES], DOP853.A)
+    assert np.array_equal(table.stages[STAGES, :STAGES], DOP853.B)
+    assert np.array_equal(table.stages[STAGES + 1 :], DOP853.A_EXTRA)
+    assert np.array_equal(table.errors, [DOP853.E5, DOP853.E3])
+    assert np.array_equal(table.dense, DOP853.D)
 
 
 @pytest.mark.parametrize("longest", [np.inf, 0.3])
