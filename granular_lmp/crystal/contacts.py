@@ -43,9 +43,10 @@ class Contacts:
     Attributes
     ----------
     i, j : (C,) int arrays
-        The two spheres of each contact; i = j where a sphere touches its own periodic image.
+        The two spheres of each contact; i = j where a sphere touches its own periodic image, j = −1 where i touches a
+        rigid wall at rest.
     vector : (C, 3) array
-        Vector from the centre of i to that of j across periodic faces, m.
+        Vector from the centre of i to that of j across periodic faces, or to the foot point on the wall, m.
     overlap : (C,) array
         Overlap δ, m.
     normal_stiffness, shear_stiffness : (C,) arrays
@@ -81,6 +82,11 @@ class Contacts:
         return len(self.i)
 
     @cached_property
+    def on_wall(self) -> NDArray[np.bool_]:
+        """True for the contacts with a wall, (C,)."""
+        return self.j < 0
+
+    @cached_property
     def length(self) -> Floats:
         """Distances of the centres, (C,), m."""
         return np.linalg.norm(self.vector, axis=1)
@@ -103,13 +109,14 @@ class Contacts:
 
     @cached_property
     def radii(self) -> Floats:
-        """Ri + Rj of each contact, (C,), m."""
-        return self.radius[self.i] + self.radius[self.j]
+        """Ri + Rj of each contact, (C,), m; Ri at a wall."""
+        return self.radius[self.i] + np.where(self.on_wall, 0.0, self.radius[self.j])
 
     @cached_property
     def per_sphere(self) -> Integers:
         """Number of contacts of each sphere, (N,)."""
-        return np.bincount(self.i, minlength=len(self.mass)) + np.bincount(self.j, minlength=len(self.mass))
+        ends = np.concatenate([self.i, self.j[~self.on_wall]])
+        return np.bincount(ends, minlength=len(self.mass))
 
 
 def find_contacts(crystal: ase.Atoms, materials: Sequence[Sphere], contact_force: float | None = None) -> Contacts:

@@ -7,7 +7,10 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.wavevector import WaveVector
 
-UX, UY, F = range(3)
+# A sphere's six freedoms: displacement u, and φ = Rθ for the rotation θ
+UX, UY, UZ, FX, FY, F = range(6)
+PLANE = (UX, UY, F)  # those that move in a plane z = const
+TURNS = np.array([1, 1, 1, 1j, 1j, 1j])  # φ = i f
 
 
 @dataclass(frozen=True)
@@ -23,16 +26,20 @@ class Physics:
     rolling : float
         Rolling stiffness k_r of a contact, N/m: the roll ρ = Rc(φ_j/R_j − φ_i/R_i) of two spheres that turn against
         each other, Rc = RiRj/(Ri + Rj), has the energy ½ k_r ρ². It is 0 if spheres roll freely.
+    space : bool
+        True if spheres may leave the plane z = const.
     """
 
     shear: bool = True
     rotation: bool = True
     rolling: float = 0.0
+    space: bool = False
 
     @property
     def coordinates(self) -> list[int]:
-        """Indices of the components of (ux, uy, f) that move."""
-        return [UX, UY, F] if self.rotation else [UX, UY]
+        """Indices of the freedoms (ux, uy, uz, φx, φy, φz) that move."""
+        moving = range(6) if self.space else PLANE
+        return [each for each in moving if self.rotation or each <= UZ]
 
 
 FULL = Physics()
@@ -40,7 +47,7 @@ FULL = Physics()
 
 @dataclass(frozen=True)
 class Mode:
-    """One Bloch mode: displacement (ux, uy) and rotation φ = Rθ = i f, with ux² + uy² + f² = 1, and frequency in 1/t0.
+    """One Bloch mode: displacement u and rotation φ = Rθ = i f, with |u|² + |f|² = 1, and frequency in 1/t0.
 
     p is the displacement along the wave vector k, q that along ẑ × k: along y p = uy, q = −ux, the field's names. The
     larger of the two is positive, so p > 0 for L, and q = Q > 0 for TR and RT along y.
@@ -52,9 +59,10 @@ class Mode:
     vector : WaveVector
     frequency : float
     ux, uy, f : float
-        Of several spheres the roots of the sums of their squares, all positive.
-    cell : tuple of (ux, uy, φ)
-        Complex amplitudes of the spheres of a cell of several, each in front of e^{ik·r} at its own place r.
+        Of a mode with a number the roots of the sums of squares over the cell, f over all axes; all positive.
+    cell : tuple of (ux, uy, uz, φx, φy, φz)
+        Complex amplitudes of the spheres of a cell, each in front of e^{ik·r} at its own place r; () if the mode is L,
+        TR or RT of one sphere.
     """
 
     name: str
@@ -63,7 +71,7 @@ class Mode:
     ux: float
     uy: float
     f: float
-    cell: tuple[tuple[complex, complex, complex], ...] = ()
+    cell: tuple[tuple[complex, ...], ...] = ()
 
     @property
     def wavenumber(self) -> float:
@@ -93,21 +101,22 @@ class Mode:
         return self.uy > self.ux if self.cell else self.name == "L"
 
     def shape(self) -> NDArray[np.complex128]:
-        """Complex amplitudes (ux, uy, φ) of the spheres of a cell, (P, 3)."""
-        return np.array(self.cell or [(self.ux, self.uy, 1j * self.f)])
+        """Complex amplitudes (ux, uy, uz, φx, φy, φz) of the spheres of a cell, (P, 6)."""
+        return np.array(self.cell or [(self.ux, self.uy, 0, 0, 0, 1j * self.f)])
 
 
 def branch_mode(number: int, vector: WaveVector, frequency: float, shape: NDArray) -> Mode:
-    """Return the mode of a branch, counted from 1, from its shape (ux, uy, f) of each sphere, (3P,), normalised to 1.
+    """Return the mode of a branch, counted from 1, from its shape (u, f) of each sphere, (6P,), normalised to 1.
 
     Its phase makes the largest p or q of a sphere real and positive, of equal ones the first, to 1e-6; of spheres that
-    only turn, the largest −f.
+    only leave their plane or turn, the largest uz, or the largest −f.
     """
-    each = shape.reshape(-1, 3)
-    ways = np.stack([vector.along(each[:, 0], each[:, 1]), vector.across(each[:, 0], each[:, 1])], axis=1).ravel()
-    parts = ways if np.abs(ways).max() > 1e-9 else -each[:, 2]
+    each = shape.reshape(-1, 6)
+    ways = np.stack([vector.along(each[:, UX], each[:, UY]), vector.across(each[:, UX], each[:, UY])], axis=1).ravel()
+    parts = next((way for way in (ways, each[:, UZ]) if np.abs(way).max() > 1e-9), -each[:, FX:].ravel())
     size = np.abs(parts)
     first = parts[np.argmax(size > size.max() * (1 - 1e-6))]
-    amplitudes = each * np.conj(first) / abs(first) * [1, 1, 1j]
-    ux, uy, f = np.linalg.norm(amplitudes, axis=0).tolist()
+    amplitudes = each * np.conj(first) / abs(first) * TURNS
+    ux, uy = np.linalg.norm(amplitudes[:, :UZ], axis=0).tolist()
+    f = float(np.linalg.norm(amplitudes[:, FX:]))
     return Mode(str(number), vector, frequency, ux, uy, f, tuple(map(tuple, amplitudes.tolist())))

@@ -12,16 +12,18 @@ compressed strut does when it buckles. Shapes are the eigenvectors of M^{-1/2} (
 of squares E gives for its shape. Taken so, ω is accurate for long waves too, where an eigenvalue loses half its digits.
 
 With φ = i f the rows of a cell of one sphere are real: δN = 2 sin(χ/2) n·u, δS = 2 sin(χ/2) t·u − 2 cos(χ/2) f with
-χ = k·d, and so are its shapes (ux, uy, f). The waves of a lattice of one sphere a cell have the names L, TR and RT
+χ = k·d, and so are its shapes (u, f). The waves of a lattice of one sphere a cell have the names L, TR and RT
 (`bloch_mode`). Frequencies are in rad/t0, wave vectors in 1/R, both of a reference sphere.
 
-An effect that a scene leaves out leaves its part out here: no shear, no g; no rotation, no f. The spheres move in the
-plane; in space each would have six freedoms instead of three and each contact a second tangent (`_PLANE`).
+An effect that a scene leaves out leaves its part out here: no shear, no g; no rotation, no f. Every sphere has six
+freedoms and every contact two tangents; in the plane three of the freedoms move (`Physics.coordinates`). A rigid wall
+is a contact whose other side is at rest and drops out: δN = −n·u_i, δS = −t·u_i − φ_i·(n × t).
 
 **The torque arm.** A shear force at a contact with overlap δ has the arm R as it does work on the slip, but in LAMMPS
 the arm R − δ/2 in the torque. Where all contacts of a sphere have one overlap that is the same as an inertia larger by
 1/(1 − η), η = δ/2R. Where they have not, the contacts are no longer derived from an energy; η is then the mean over the
-contacts of the sphere, weighted by g, and frequencies are wrong by less than the spread of η, 1e-4 for microspheres.
+contacts of the sphere, weighted by g, and frequencies are wrong by less than the spread of η, 1e-4 for microspheres. At
+a wall the torque has the arm R. A crystal on one has the exact modes, of a matrix that is not symmetric (`_exact`).
 
 This is a numerical derivation from the geometry, kept apart from the closed forms of ``analysis.second_harmonic``.
 """
@@ -33,17 +35,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import lattice_constant, lattice_of_contacts
-from granular_lmp.crystal.mode import FULL, UX, UY, F, Mode, Physics, branch_mode
+from granular_lmp.crystal.mode import FULL, FX, TURNS, UX, UY, F, Mode, Physics, branch_mode
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.crystal.wavevector import WaveVector, zone_path
 from granular_lmp.errors import CrystalError, SceneError
 
 MODES = ("L", "TR", "RT")
-BRANCHES = tuple(map(str, range(1, 7)))  # of two spheres a cell, lowest first
+BRANCHES = tuple(map(str, range(1, 7)))  # of two spheres a cell in the plane, of one in space; lowest first
 _MEET = 1e-9  # relative distance of two frequencies below which the shapes of their branches are any
 _STILL = 1e-6  # of the highest frequency: one below it is the root of a rounding
-# A motion in the plane has three of a sphere's six freedoms, displacement (x, y, z) and rotation about (x, y, z)
-_PLANE = [0, 1, 5]
 # A wave along an axis keeps the mirror of the lattice that holds the axis: L lives in the one displacement, TR and RT
 # in the other and the rotation; each sorted by frequency.
 _SUBSPACE = {
@@ -60,7 +60,7 @@ _BUCKLING = 1e-9
 def bloch_modes(
     contacts: Contacts, sphere: Sphere, wavevectors: ArrayLike, physics: Physics = FULL
 ) -> tuple[NDArray, NDArray]:
-    """Return frequencies and shapes of all modes of a crystal in the plane at any wave vectors, lowest first.
+    """Return frequencies and shapes of all modes of a crystal at any wave vectors, lowest first.
 
     Parameters
     ----------
@@ -68,28 +68,29 @@ def bloch_modes(
         Contacts of the spheres of one cell.
     sphere : Sphere
         Reference sphere, whose R and t0 are the units.
-    wavevectors : array_like, (..., 2)
-        Wave vectors k, 1/R.
+    wavevectors : array_like, (..., 2 or 3)
+        Wave vectors k, 1/R; without kz if they lie in the plane.
     physics : Physics
         Degrees of freedom.
 
     Returns
     -------
-    frequencies : (..., 3N) array, or (..., 2N) without rotation
-        Frequencies in rad/t0, ascending.
-    shapes : (..., 3N, 3N) array, or (..., 2N, 3N)
-        One row per mode: (ux, uy, f) of each sphere in turn, normalised to 1; real for one sphere per cell. The phase
-        of a row is arbitrary, and degenerate modes are returned in an arbitrary basis.
+    frequencies : (..., FN) array
+        Frequencies in rad/t0, ascending, of the F freedoms of `Physics.coordinates`: 3 in the plane, 6 in space.
+    shapes : (..., FN, 6N) array
+        One row per mode: (u, f) of each sphere in turn, normalised to 1; real for one sphere per cell without a wall.
+        The phase of a row is arbitrary, and degenerate modes are returned in an arbitrary basis.
 
     Raises
     ------
     CrystalError
         If a mode has a negative ω², so that the crystal is not at a stable equilibrium.
     ValueError
-        If contacts do not lie in a plane z = const.
+        If spheres move in the plane and contacts do not lie in a plane z = const.
     """
-    require_plane(contacts)
-    columns = [3 * each + column for each in range(len(contacts.mass)) for column in physics.coordinates]
+    if not physics.space:
+        require_plane(contacts)
+    columns = [6 * each + column for each in range(len(contacts.mass)) for column in physics.coordinates]
     return _solve(contacts, sphere, np.asarray(wavevectors, dtype=float), physics, columns)
 
 
@@ -105,12 +106,18 @@ def effective_inertia(contacts: Contacts) -> NDArray:
 
     A sphere that no contact turns keeps Ĩm. The module docstring defines η.
     """
+    return INERTIA_RATIO * contacts.mass / (1 - _arm_loss(contacts))
+
+
+def _arm_loss(contacts: Contacts) -> NDArray:
+    """Return the mean η of each sphere, (N,), over its contacts with others."""
     turned, weighted = np.zeros_like(contacts.mass), np.zeros_like(contacts.mass)
-    for end in (contacts.i, contacts.j):
-        np.add.at(turned, end, contacts.shear_stiffness)
-        np.add.at(weighted, end, contacts.shear_stiffness * contacts.overlap / (2 * contacts.radius[end]))
-    ratio = np.divide(weighted, turned, out=np.zeros_like(turned), where=turned > 0)
-    return INERTIA_RATIO * contacts.mass / (1 - ratio)
+    pairs = ~contacts.on_wall
+    stiffness, overlap = contacts.shear_stiffness[pairs], contacts.overlap[pairs]
+    for end in (contacts.i[pairs], contacts.j[pairs]):
+        np.add.at(turned, end, stiffness)
+        np.add.at(weighted, end, stiffness * overlap / (2 * contacts.radius[end]))
+    return np.divide(weighted, turned, out=np.zeros_like(turned), where=turned > 0)
 
 
 def effective_rolling(contacts: Contacts, physics: Physics) -> NDArray:
@@ -122,35 +129,75 @@ def effective_rolling(contacts: Contacts, physics: Physics) -> NDArray:
     return physics.rolling / (1 - contacts.overlap / contacts.radii)
 
 
-def _stretch_rows(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Return the rows (..., C, 3N) that give −i times δN, δT and δS − δT of a shape (ux, uy, f); k in 1/m."""
-    half_phase = wavevectors @ contacts.vector[:, :2].T / 2
-    phase_i, phase_j = np.exp(-1j * half_phase)[..., None], np.exp(1j * half_phase)[..., None]
-    n, t = contacts.normals, contacts.tangents[:, 0]
-    none = np.zeros_like(n)
-    moves_n, moves_t = np.hstack([n, none])[:, _PLANE], np.hstack([t, none])[:, _PLANE]
-    turns = np.hstack([none, np.cross(n, t)])[:, _PLANE]
-    normal, sideways = (_rows(contacts, 1j * phase_i * moves, -1j * phase_j * moves) for moves in (moves_n, moves_t))
-    return normal, sideways, _rows(contacts, -phase_i * turns, -phase_j * turns)
+def _stretch_rows(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, list[NDArray], list[NDArray]]:
+    """Return rows (..., C, 6N) of a shape (u, f): −i times δN, and of both tangents δT and δS − δT; k in 1/m."""
+    phase_i, phase_j = _phases(contacts, wavevectors)
+
+    def moves(way: NDArray) -> NDArray:
+        part = np.hstack([way, np.zeros_like(way)])
+        return _rows(contacts, 1j * phase_i * part, -1j * phase_j * part)
+
+    tangents = [contacts.tangents[:, way] for way in range(2)]
+    turns = [_turn_rows(contacts, way, -phase_i, -phase_j) for way in tangents]
+    return moves(contacts.normals), [moves(way) for way in tangents], turns
+
+
+def _turn_rows(contacts: Contacts, tangent: NDArray, on_i: NDArray, on_j: NDArray) -> NDArray:
+    """Return the rows (..., C, 6N) of the rotations about n × t, from factors (..., C, 1) of spheres i and j."""
+    part = np.hstack([np.zeros_like(tangent), np.cross(contacts.normals, tangent)])
+    return _rows(contacts, on_i * part, on_j * part)
+
+
+def _torque_rows(contacts: Contacts, wavevectors: NDArray) -> list[NDArray]:
+    """Return, for both tangents, the rows of `_stretch_rows` of δS − δT times what the true arm of a torque adds.
+
+    The arm is (R − δ/2)/R of a pair and 1 of a wall; `effective_inertia` stands for the mean 1 − η of each sphere.
+    """
+    phase_i, phase_j = _phases(contacts, wavevectors)
+    mean, pairs = 1 - _arm_loss(contacts), ~contacts.on_wall
+    more_i, more_j = (
+        (1 - pairs * contacts.overlap / (2 * contacts.radius[end])) / mean[end] - 1 for end in (contacts.i, contacts.j)
+    )
+    factors = -phase_i * more_i[:, None], -phase_j * more_j[:, None]
+    return [_turn_rows(contacts, contacts.tangents[:, way], *factors) for way in range(2)]
+
+
+def _exact(matrix: NDArray) -> tuple[NDArray, NDArray]:
+    """Return ω² (..., F) and eigenvectors as columns of a matrix that is nearly symmetric, with real eigenvalues.
+
+    Raises
+    ------
+    CrystalError
+        If ω² is not real: torques of different arms feed the mode.
+    """
+    squared, vectors = np.linalg.eig(matrix)
+    if np.abs(np.imag(squared)).max() > _BUCKLING * np.abs(squared).max():
+        raise CrystalError("two modes of one frequency feed each other by torques of different arms; must be beside it")
+    return np.real(squared), vectors
+
+
+def _phases(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, NDArray]:
+    """Return e^{−ik·d/2} and e^{ik·d/2} of each contact, (..., C, 1), for spheres i and j."""
+    half_phase = wavevectors @ contacts.vector[:, : wavevectors.shape[-1]].T / 2
+    return np.exp(-1j * half_phase)[..., None], np.exp(1j * half_phase)[..., None]
 
 
 def _roll_rows(contacts: Contacts, wavevectors: NDArray) -> NDArray:
-    """Return the rows (..., C, 3N) that give the roll ρ of a shape, up to a phase; k in 1/m."""
-    half_phase = wavevectors @ contacts.vector[:, :2].T / 2
-    turn = np.array([0.0, 0.0, 1.0])
-    on_i = 1j * np.exp(-1j * half_phase) * contacts.radius[contacts.j] / contacts.radii
-    on_j = -1j * np.exp(1j * half_phase) * contacts.radius[contacts.i] / contacts.radii
-    return _rows(contacts, on_i[..., None] * turn, on_j[..., None] * turn)
+    """Return the rows (..., C, 6N) that give the roll ρ of a shape in the plane, up to a phase; k in 1/m."""
+    phase_i, phase_j = _phases(contacts, wavevectors)
+    turn = np.eye(6)[F]
+    share_i, share_j = ((contacts.radius[other] / contacts.radii)[:, None] for other in (contacts.j, contacts.i))
+    return _rows(contacts, 1j * phase_i * share_i * turn, -1j * phase_j * share_j * turn)
 
 
 def _rows(contacts: Contacts, on_i: NDArray, on_j: NDArray) -> NDArray:
-    """Return one row a contact over the freedoms of all spheres, from its parts (..., C, 3) on spheres i and j."""
-    count, spheres = len(contacts), len(contacts.mass)
-    rows = np.zeros((*on_i.shape[:-2], count, spheres, 3), dtype=complex)
+    """Return one row a contact over the freedoms of all spheres, from its parts (..., C, 6) on spheres i and j."""
+    count, spheres, pairs = len(contacts), len(contacts.mass), np.flatnonzero(~contacts.on_wall)
+    rows = np.zeros((*on_i.shape[:-2], count, spheres, 6), dtype=complex)
     rows[..., np.arange(count), contacts.i, :] += on_i
-    rows[..., np.arange(count), contacts.j, :] += on_j
-    rows = rows.reshape(*on_i.shape[:-2], count, 3 * spheres)
-    return rows.real if spheres == 1 else rows
+    rows[..., pairs, contacts.j[pairs], :] += on_j[..., pairs, :]
+    rows = rows.reshape(*on_i.shape[:-2], count, 6 * spheres)
+    return rows.real if spheres == 1 and len(pairs) == count else rows
 
 
 def _solve(
@@ -158,19 +205,30 @@ def _solve(
 ) -> tuple[NDArray, NDArray]:
     """Return frequencies, ascending, and shapes of the modes in the subspace of some of the columns."""
     normal, sideways, turn = _stretch_rows(contacts, wavevectors / sphere.radius)
-    mass = np.column_stack([contacts.mass, contacts.mass, effective_inertia(contacts)]).ravel()
+    mass = np.repeat([contacts.mass, effective_inertia(contacts)], 3, axis=0).T.ravel()
     inverse_root_mass = np.sqrt(sphere.mass / mass)
     per_mass = sphere.time_scale**2 / sphere.mass
+    ways = range(2 if physics.space else 1)  # in the plane nothing moves along the second tangent
     springs = [(contacts.normal_stiffness, normal)]
     if physics.shear:
-        springs.append((contacts.shear_stiffness, sideways + turn))
+        springs += [(contacts.shear_stiffness, sideways[way] + turn[way]) for way in ways]
     if physics.rolling and physics.rotation:
         springs.append((effective_rolling(contacts, physics), _roll_rows(contacts, wavevectors / sphere.radius)))
     if contacts.contact_force.any():
-        springs.append((-contacts.contact_force / contacts.length, sideways))
+        springs += [(-contacts.contact_force / contacts.length, sideways[way]) for way in ways]
     energy = [(stiffness[:, None] * per_mass, (rows * inverse_root_mass)[..., columns]) for stiffness, rows in springs]
-    _, vectors = np.linalg.eigh(sum(rows.conj().swapaxes(-1, -2) @ (weight * rows) for weight, rows in energy))
-    squared = sum(np.sum(weight * np.abs(rows @ vectors) ** 2, axis=-2) for weight, rows in energy)
+    matrix = sum(rows.conj().swapaxes(-1, -2) @ (weight * rows) for weight, rows in energy)
+    if contacts.on_wall.any() and physics.shear and physics.rotation:
+        torques = [
+            (rows * inverse_root_mass)[..., columns] for rows in _torque_rows(contacts, wavevectors / sphere.radius)
+        ]
+        slips = zip(torques, energy[1:3], strict=True)
+        squared, vectors = _exact(
+            matrix + sum(turned.conj().swapaxes(-1, -2) @ (k * rows) for turned, (k, rows) in slips)
+        )
+    else:
+        _, vectors = np.linalg.eigh(matrix)
+        squared = sum(np.sum(weight * np.abs(rows @ vectors) ** 2, axis=-2) for weight, rows in energy)
     if squared.min() < -_BUCKLING * squared.max():
         raise CrystalError(
             f"the crystal is not stable: a mode has the squared frequency {squared.min():.6g} in 1/t0^2, and none may "
@@ -195,12 +253,12 @@ def restored(lattice: Contacts, physics: Physics = FULL) -> tuple[str, ...]:
     wave: in a chain, whose spheres roll on each other freely, and in a square lattice without shear. If such a lattice
     is pressed together, motions across y grow, and L is all there is.
     """
-    if len(lattice.mass) > 1:
-        return BRANCHES[: len(lattice.mass) * len(physics.coordinates)]
+    if len(lattice.mass) > 1 or physics.space:
+        return tuple(map(str, range(1, len(lattice.mass) * len(physics.coordinates) + 1)))
     freedoms = [column for column in (UX, F) if column in physics.coordinates]
     along_y = np.array([0.0, 1 / lattice.length[0]])  # any but Γ and the edge of the zone
     normal, sideways, turn = _stretch_rows(lattice, along_y)
-    rows = [normal] + [sideways + turn] * physics.shear + [_roll_rows(lattice, along_y)] * (physics.rolling > 0)
+    rows = [normal] + [sideways[0] + turn[0]] * physics.shear + [_roll_rows(lattice, along_y)] * (physics.rolling > 0)
     floppy = np.linalg.matrix_rank(np.vstack(rows)[:, freedoms]) < len(freedoms)
     if floppy and lattice.contact_force.any():
         return ("L",)
@@ -238,9 +296,10 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
         modes of other crystals have no names; `bloch_modes` returns them all.
     """
     kind = lattice_of_contacts(lattice, sphere)
-    if name not in (known := MODES if len(lattice.mass) == 1 else restored(lattice, physics)):
+    named = len(lattice.mass) == 1 and not physics.space
+    if name not in (known := MODES if named else restored(lattice, physics)):
         raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(known)} in the {kind.name} lattice")
-    if len(lattice.mass) > 1:
+    if not named:
         return _branch(lattice, sphere, vector, int(name), physics)
     if name == "RT" and not physics.rotation:
         raise SceneError(f"wave.mode = {name!r}: needs effects.rotation, which is off; without it there are L and TR")
@@ -258,15 +317,15 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
     shape, same = shapes[index], np.abs(frequencies - frequencies[index]) < _MEET * frequencies[-1]
     if same.sum() > 1 and not vector.axis:  # a square lattice along its diagonal, whose spheres do not turn
         x, y = vector.unit
-        shape = np.array([x, y, 0.0] if name == "L" else [-y, x, 0.0]) @ shapes[same].T @ shapes[same]
+        shape = (np.eye(6)[[UX, UY]].T @ ([x, y] if name == "L" else [-y, x])) @ shapes[same].T @ shapes[same]
         shape = shape / np.linalg.norm(shape)
     shape = shape * _sign(name, vector, shape) + 0.0  # + 0.0: no minus zero
-    return Mode(name, vector, float(frequencies[index]), *shape.tolist())
+    return Mode(name, vector, float(frequencies[index]), *shape[[UX, UY, F]].tolist())
 
 
 def modes_at(lattice: Contacts, sphere: Sphere, vector: WaveVector, physics: Physics = FULL) -> list[Mode]:
     """Return all modes of a lattice at a wave vector that contacts restore; branches that meet are any of their sum."""
-    if len(lattice.mass) == 1:
+    if len(lattice.mass) == 1 and not physics.space:
         return [bloch_mode(lattice, sphere, vector, name, physics) for name in restored(lattice, physics)]
     frequencies, shapes = bloch_modes(lattice, sphere, _wavevector(sphere, vector), physics)
     return [branch_mode(n, vector, *each) for n, each in enumerate(zip(frequencies.tolist(), shapes, strict=True), 1)]
@@ -309,12 +368,13 @@ def _moduli(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, ND
     if len(contacts.mass) == len(mode.cell):
         normal, sideways, turn = _stretch_rows(contacts, _wavevector(sphere, mode.vector) / sphere.radius)
         shape = _freedoms(mode)
-        return np.abs(normal @ shape), np.abs((sideways + turn) @ shape)
-    moved, turned = mode.shape()[:, :2], np.abs(mode.shape()[:, 2]).max()
-    normal, sideways = (
-        np.abs(each @ moved.T).max(axis=1) for each in (contacts.normals[:, :2], contacts.tangents[:, 0, :2])
+        slips = [(sideways[way] + turn[way]) @ shape for way in range(2)]
+        return np.abs(normal @ shape), np.hypot(*np.abs(slips))
+    moved, turned = mode.shape()[:, :FX], np.abs(mode.shape()[:, FX:]).max()
+    normal, *across = (
+        np.abs(each @ moved.T).max(axis=1) for each in (contacts.normals, *contacts.tangents.swapaxes(0, 1))
     )
-    return 2 * normal, 2 * (sideways + turned)
+    return 2 * normal, 2 * (np.hypot(*across) + turned)
 
 
 def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray:
@@ -323,8 +383,8 @@ def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray:
 
 
 def _freedoms(mode: Mode) -> NDArray:
-    """Return (ux, uy, f) of each sphere of a cell in turn, (3P,)."""
-    return (mode.shape() * [1, 1, -1j]).ravel()
+    """Return (u, f) of each sphere of a cell in turn, (6P,)."""
+    return (mode.shape() / TURNS).ravel()
 
 
 @lru_cache(maxsize=64)  # the same for all runs of a sweep

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.mode import TURNS
 from granular_lmp.crystal.modes import FULL, MODES, Physics, bloch_modes, effective_inertia
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
@@ -69,8 +70,8 @@ def line_of(lattice: Contacts, sphere: Sphere, physics: Physics = FULL) -> Line:
     physics : Physics
     """
     relative = float(lattice.mass[0]) / sphere.mass
-    mass = np.array([relative, relative, float(effective_inertia(lattice)[0]) / sphere.mass])[physics.coordinates]
-    turn = np.diag(np.array([1.0, 1.0, 1.0j])[physics.coordinates])  # φ = i f
+    mass = np.repeat([relative, float(effective_inertia(lattice)[0]) / sphere.mass], 3)[physics.coordinates]
+    turn = np.diag(TURNS[physics.coordinates])
     row = float(lattice.vector[:, 1].max()) / sphere.radius
     phases = 2 * np.pi * np.arange(3) / 3
     frequencies, shapes = bloch_modes(lattice, sphere, np.column_stack([0 * phases, phases / row]), physics)

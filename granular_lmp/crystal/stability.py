@@ -43,7 +43,7 @@ def time_scale(contacts: Contacts, row_spacing: float) -> float:
 
 
 def frequency_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
-    """Return a frequency that no motion of a crystal in the plane exceeds, rad/t0.
+    """Return a frequency that no motion of a crystal exceeds, rad/t0.
 
     Parameters
     ----------
@@ -58,18 +58,18 @@ def frequency_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL)
     Raises
     ------
     ValueError
-        If contacts do not lie in a plane z = const.
+        If spheres move in the plane and contacts do not lie in a plane z = const.
 
     Notes
     -----
     The bound is at most 2e-3 too high for large crystals; held spheres only lower the spectrum. The start is random but
     the same every time. A start orthogonal to the highest mode would miss it, which has not been observed.
     """
-    require_plane(contacts)
-    mass = np.column_stack([contacts.mass, contacts.mass, effective_inertia(contacts)])
+    if not physics.space:
+        require_plane(contacts)
+    mass = np.repeat(np.column_stack([contacts.mass, effective_inertia(contacts)]), 3, axis=1)
     inverse_root_mass = np.sqrt(sphere.mass / mass)
-    if not physics.rotation:
-        inverse_root_mass[:, 2] = 0.0
+    inverse_root_mass[:, np.setdiff1d(range(6), physics.coordinates)] = 0.0
     per_mass = sphere.time_scale**2 / sphere.mass
 
     def apply(motion: Floats) -> Floats:
@@ -91,18 +91,24 @@ def frequency_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL)
 
 
 def _restoring(contacts: Contacts, motion: Floats, physics: Physics) -> Floats:
-    """Return minus the forces and torques/R (N, 3) of the contacts on spheres that move by (ux, uy, φ)."""
-    i, j = contacts.i, contacts.j
-    n, t = contacts.normals[:, :2], contacts.tangents[:, 0, :2]
-    apart = motion[j, :2] - motion[i, :2]
-    sideways = np.sum(t * apart, axis=1)
-    shear = contacts.shear_stiffness * (sideways - motion[i, 2] - motion[j, 2]) * physics.shear
-    along = contacts.normal_stiffness * np.sum(n * apart, axis=1)
-    across = shear - contacts.contact_force / contacts.length * sideways
-    pull = along[:, None] * n + across[:, None] * t
-    arm_i, arm_j = contacts.radius[j] / contacts.radii, contacts.radius[i] / contacts.radii  # Rc/Ri, Rc/Rj
-    roll = effective_rolling(contacts, physics) * (arm_j * motion[j, 2] - arm_i * motion[i, 2])
-    count = len(motion)
-    columns = [np.bincount(j, part, count) - np.bincount(i, part, count) for part in pull.T]
-    turned = np.bincount(j, arm_j * roll - shear, count) - np.bincount(i, arm_i * roll + shear, count)
-    return np.column_stack([*columns, turned])
+    """Return minus the forces and torques/R (N, 6) of the contacts on spheres that move by (u, φ)."""
+    n, i = contacts.normals, contacts.i
+    still = np.zeros((1, 6))  # a wall, whose index is −1
+    moving = np.vstack([motion, still])
+    u_i, u_j, turn_i, turn_j = (each for part in (moving[:, :3], moving[:, 3:]) for each in (part[i], part[contacts.j]))
+    apart = u_j - u_i
+    along = np.sum(n * apart, axis=1)
+    sideways = apart - along[:, None] * n
+    shear = contacts.shear_stiffness[:, None] * (sideways - np.cross(turn_i + turn_j, n)) * physics.shear
+    across = shear - (contacts.contact_force / contacts.length)[:, None] * sideways
+    pull = (contacts.normal_stiffness * along)[:, None] * n + across
+    wrench = np.cross(n, shear)
+    arm_i, arm_j = ((contacts.radius[end] / contacts.radii)[:, None] for end in (contacts.j, i))  # Rc/Ri, Rc/Rj
+    roll = effective_rolling(contacts, physics)[:, None] * (arm_j * turn_j - arm_i * turn_i)
+    back = np.zeros_like(moving)
+    for end, part in (
+        (i, np.hstack([-pull, -wrench - arm_i * roll])),
+        (contacts.j, np.hstack([pull, arm_j * roll - wrench])),
+    ):
+        np.add.at(back, end, part)
+    return back[:-1]

@@ -196,7 +196,7 @@ def _of_wave(record: Record, dump: Path, problem: Problem) -> None:
     expected = np.zeros(2)
     if scene.wave.form != "driven":
         crystal = problem.crystal
-        ux, uy, _ = initial_fields(scene, crystal, problem.mode).displacement[centre(crystal)]
+        ux, uy = initial_fields(scene, crystal, problem.mode).displacement[centre(crystal), :2]
         expected = np.array([scene.vector.along(ux, uy), scene.vector.across(ux, uy)])
     found = np.array([record.p[0], record.q[0]])
     unit = scene.wave.amplitude * scene.sphere.static_overlap

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import Shape, lattice_constant, offsets, places
+from granular_lmp.crystal.mode import TURNS
 from granular_lmp.crystal.modes import Mode, bloch_modes
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.crystal.wavevector import WaveVector
@@ -38,8 +39,8 @@ class Fields:
 
     Attributes
     ----------
-    displacement, velocity : (N, 3) arrays
-        Columns (ux, uy, φ) with φ = Rθ, in D0 and D0/t0.
+    displacement, velocity : (N, 6) arrays
+        Columns (ux, uy, uz, φx, φy, φz) with φ = Rθ, in D0 and D0/t0.
     """
 
     displacement: Floats
@@ -67,7 +68,7 @@ def initial_fields(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
         For unit amplitude; the deck multiplies them by D0.
     """
     if scene.wave.form == "none":
-        return Fields(np.zeros((len(packing), 3)), np.zeros((len(packing), 3)))
+        return Fields(np.zeros((len(packing), 6)), np.zeros((len(packing), 6)))
     if scene.wave.form == "driven":
         return _driven_row(packing, mode, scene.envelope)
     fields = _enveloped(scene, packing, mode) if scene.envelope.finite else plane_wave(packing, mode, scene.wave.phase)
@@ -84,7 +85,7 @@ def plane_wave(packing: ase.Atoms, mode: Mode, phase: float = 0.0) -> Fields:
     packing : ase.Atoms
         From `granular_lmp.crystal.lattices`.
     mode : Mode
-        Gives U = (ux, uy, i f), k and Ω.
+        Gives U = (u, i f), k and Ω.
     phase : float
         rad.
 
@@ -145,7 +146,7 @@ def _around(vector: WaveVector, envelope: Envelope, shape: Shape) -> tuple[Float
 
 
 def _branch(scene: Scene, mode: Mode, vectors: Floats) -> tuple[Floats, NDArray[np.complex128]]:
-    """Return frequencies (M,) and shapes (M, P, 3), (ux, uy, i f), of a mode's branch at phase advances (M, 2).
+    """Return frequencies (M,) and shapes (M, P, 6), (u, i f), of a mode's branch at phase advances (M, 2).
 
     The branch is followed by the overlap of the shapes, because names are exchanged where branches come close.
     """
@@ -153,28 +154,28 @@ def _branch(scene: Scene, mode: Mode, vectors: Floats) -> tuple[Floats, NDArray[
     across = scene.lattice.column_distance(lattice_constant(sphere))
     k = vectors / [1, mode.vector.row_spacing] / across
     frequencies, shapes = bloch_modes(unit_contacts(scene), sphere, k, physics_of(scene))
-    own = mode.shape() * [1, 1, -1j]
-    likeness = shapes.conj() @ (own * [1, 1, INERTIA_RATIO]).ravel()
+    own = mode.shape() / TURNS
+    likeness = shapes.conj() @ (own * np.repeat([1, INERTIA_RATIO], 3)).ravel()
     best = np.argmax(np.abs(likeness), axis=-1)[:, None]
     alike = np.take_along_axis(likeness, best, axis=-1)
     turned = np.take_along_axis(shapes, best[..., None], axis=-2)[:, 0] * alike / np.abs(alike)
-    polarisation = turned.reshape(-1, *own.shape) * [1, 1, 1j]
+    polarisation = turned.reshape(-1, *own.shape) * TURNS
     return np.take_along_axis(frequencies, best, axis=-1)[:, 0], polarisation
 
 
 def _sum_of_waves(
     packing: ase.Atoms, per_column: Floats, per_row: Floats, amplitude: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
-    """Return Σ amplitude(i, j) e^{ik_ij·r} at the spheres, (N, 3), over a grid of wave vectors: first y, then x.
+    """Return Σ amplitude(i, j) e^{ik_ij·r} at the spheres, (N, 6), over a grid of wave vectors: first y, then x.
 
     Spheres of one place of their cells and of rows of one parity stand on a grid of x and y.
     """
     (along_x, along_y), place, row = offsets(packing), places(packing), packing.arrays["row"]
-    result = np.empty((len(packing), 3), dtype=complex)
+    result = np.empty((len(packing), 6), dtype=complex)
     for parity, own in product((0, 1), range(amplitude.shape[2])):
         these = (row % 2 == parity) & (place == own)
         (x, at_x), (y, at_y) = (np.unique(each[these], return_inverse=True) for each in (along_x, along_y))
-        by_row = np.tensordot(np.exp(1j * np.outer(y, per_row)), amplitude[:, :, own], axes=(1, 1))  # (y, i, 3)
+        by_row = np.tensordot(np.exp(1j * np.outer(y, per_row)), amplitude[:, :, own], axes=(1, 1))  # (y, i, 6)
         result[these] = (np.exp(1j * np.outer(x, per_column)) @ by_row)[at_y, at_x]
     return result
 
@@ -188,6 +189,6 @@ def _driven_row(packing: ase.Atoms, mode: Mode, envelope: Envelope) -> Fields:
         columns = packing.info["columns"]
         middle = along_x - columns * np.round(along_x / columns) if packing.pbc[0] else along_x
         profile = np.exp(-0.5 * (middle / (envelope.width * mode.vector.row_spacing)) ** 2)
-    displacement = np.zeros((len(packing), 3))
+    displacement = np.zeros((len(packing), 6))
     displacement[first, int(mode.along_y)] = (1 if mode.along_y else -1) * profile[first]
     return Fields(displacement, np.zeros_like(displacement))

@@ -80,7 +80,7 @@ def test_in_lammps_the_energy_of_a_turned_sphere_is_on_the_front_of_rt(ring: Pat
     tau = np.linspace(0, BURST, 400)
     signal = np.sin(np.pi * tau / BURST) ** 2 * np.cos(1.4 * tau)
     weight = np.abs(np.exp(1j * frequency[..., None] * tau) @ signal) ** 2
-    weight *= shape[..., 2] ** 2 / (shape[..., 0] ** 2 + shape[..., 1] ** 2 + 0.4 * shape[..., 2] ** 2)
+    weight *= shape[..., 5] ** 2 / (shape[..., 0] ** 2 + shape[..., 1] ** 2 + 0.4 * shape[..., 5] ** 2)
     slopes = [
         (bloch_modes(LATTICE, SILICA, k + each)[0] - bloch_modes(LATTICE, SILICA, k - each)[0]) / 2e-4
         for each in 1e-4 * np.eye(2)
