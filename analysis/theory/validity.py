@@ -9,6 +9,7 @@ All numbers are of the wave with its amplitude A, to leading order in it.
 | `second` | A | the forced second harmonic over the wave |
 | `drift` | A² | the phase in rad by which third order has turned the wave after a period; nan for the incremental law |
 | `creep` | A | the way in a period, over A, by which spheres creep as slip winds up; 0 in planar lattices |
+| `departure` | A² | the share by which the second harmonic changes that creep (`analysis.theory.creep`) |
 
 Second order ends where any of the first three is near 1, and misses the wave itself by drift times the periods.
 """
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.theory.bonds import Law, Strain
+from analysis.theory.creep import creep
 from analysis.theory.crystal import Crystal
 from analysis.theory.second_order import Mixed, Wave
 from analysis.theory.third_order import shift
@@ -36,6 +38,7 @@ class Validity(NamedTuple):
     second: float
     drift: float
     creep: float
+    departure: float
 
 
 class Reached(NamedTuple):
@@ -91,14 +94,15 @@ def validity(crystal: Crystal, wave: Wave) -> Validity:
     """Return how far second order holds for a single wave with its amplitude."""
     far = reached(crystal.bonds.law, crystal.bonds.strain(wave.shape, wave.wavevector))
     size, period = _size(wave.shape), 2 * np.pi / float(wave.frequency)
-    doubled, still = Mixed(crystal, wave, wave), Mixed(crystal, wave, wave.reversed)
-    steady = crystal.bonds.shear_law == "secant" and not np.any(still.winds)
+    slow = creep(crystal, wave)
+    steady = crystal.bonds.shear_law == "secant" and not np.any(slow.velocity)
     return Validity(
         opening=far.opening,
         friction=far.friction,
-        second=0.5 * _size(doubled.forced()) / size,
+        second=0.5 * _size(Mixed(crystal, wave, wave).forced()) / size,
         drift=float(shift(crystal, wave).total) * period if steady else float("nan"),
-        creep=0.5 * _size(still.creep) * period / size,
+        creep=_size(slow.velocity) * period / size,
+        departure=slow.departure,
     )
 
 

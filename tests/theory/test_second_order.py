@@ -11,6 +11,7 @@ from analysis.cases.driven import waves as driven
 from analysis.theory import bonds, jkr, third_order
 from analysis.theory.bloch import hexagonal
 from analysis.theory.contact import Contact
+from analysis.theory.creep import creep, winding_rate
 from analysis.theory.crystal import Crystal, Wall, find_contacts
 from analysis.theory.network import Material, Network, mixed
 from analysis.theory.network_motion import integrate
@@ -434,7 +435,20 @@ def test_a_layer_on_a_wall_creeps_by_rolling() -> None:
     one = wave(crystal, [0, 0.9 / A, 0], 0)
     pair = Mixed(crystal, one.times(0.2 * D), one.times(0.2 * D).reversed)
     assert pair.winds
-    assert np.linalg.norm(pair.creep) > 0
+    velocity = creep(crystal, one.times(0.2 * D)).velocity
+    np.testing.assert_allclose(velocity, 0.5 * pair.creep.real)
+    np.testing.assert_allclose(velocity[0, 3], -velocity[0, 1], rtol=1e-9)  # rolls: the foot stays
+    assert velocity[0, 1] != 0
+
+
+def test_slip_winds_up_at_the_rate_of_its_formula() -> None:
+    crystal = Crystal.of(TRIANGULAR, np.zeros((1, 3)), R, DENSITY, [SILICA], walls=[FLOOR])
+    for branch in range(6):
+        one = wave(crystal, [0.3 / A, 0.8 / A, 0], branch).times(0.1 * D)
+        strain, bonds = crystal.bonds.strain(one.shape, one.wavevector), crystal.bonds
+        wound = bonds.quadratic(strain, Mixed(crystal, one, one.reversed).strains[1], (one.frequency, -one.frequency))
+        pushed = bonds.law.shear[:, None] * winding_rate(crystal, one)
+        np.testing.assert_allclose(0.5 * wound.winding[:, 0, :3].real, pushed, atol=1e-12 * np.abs(pushed).max())
 
 
 def test_crystals_that_are_none_are_refused() -> None:
@@ -583,6 +597,7 @@ def test_what_is_said_of_validity_grows_with_its_order() -> None:
     one = wave(crystal, [0, 0.9 / A, 0], 0)
     weak, strong = (np.array(validity(crystal, one.times(size * D))) for size in (0.1, 0.2))
     np.testing.assert_allclose((strong / weak)[[0, 1, 2, 4]], 2, rtol=1e-12)
+    np.testing.assert_allclose((strong / weak)[5], 4, rtol=1e-12)
     assert np.isnan(strong[3])  # slip winds up, and there is no steady drift
     # By theory a layer creeps by 1 to 2e-5 D0 a period at a = 0.2
     assert 1e-5 < strong[4] < 3e-5

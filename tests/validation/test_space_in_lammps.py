@@ -1,0 +1,209 @@
+"""Second order of crystals in space beside LAMMPS, by commands of their own: fcc, hcp, a layer on a substrate."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.theory.creep import creep
+from analysis.theory.crystal import Crystal, Wall
+from analysis.theory.lattices import LATTICES, Lattice
+from analysis.theory.network import Material, mixed
+from analysis.theory.second_order import Wave, second_order, wave
+from tests.instance import silent_lammps
+
+SILICA = Material(73e3, 0.17, 63.0)  # MPa, mJ/m²: lengths in nm, masses in ag, times in ns
+RADIUS, DENSITY = 500.0, 2.2e-3
+ROOT2, ROOT3 = np.sqrt(2), np.sqrt(3)
+ENDLESS = np.inf  # of a box: without a period
+
+
+def overlap(radius: float) -> float:
+    """Return the overlap at rest of a sphere with another, or with a wall of radius inf."""
+    none = np.array([0])
+    A, _, F, _ = mixed([SILICA], (none, none), (np.array([RADIUS]), np.array([radius])))
+    return float((F / A)[0] ** (2 / 3))
+
+
+DEPTH, SUNK = overlap(RADIUS), overlap(ENDLESS)
+APART = 2 * RADIUS - DEPTH
+FLOOR = Wall((0.0, 0.0, SUNK - RADIUS), (0.0, 0.0, -1.0), SILICA)
+
+
+def filled(lattice: Lattice, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the places (N, 3) of a lattice in a box, in distances of spheres, and which of the cell they are (N,)."""
+    reach = np.ceil(np.linalg.norm(box) * np.linalg.norm(np.linalg.pinv(lattice.vectors), axis=0)).astype(int)
+    steps = np.array(list(product(*(range(-each, each + 1) for each in reach))))
+    place = (steps @ lattice.vectors)[:, None] + lattice.basis
+    inside = np.all((place > -1e-9) & (place < box - 1e-9), axis=-1)
+    return place[inside], np.nonzero(inside)[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A wave along y in a box of a crystal, in distances of spheres; a box without a top stands on a wall."""
+
+    lattice: Lattice
+    box: tuple[float, float, float]
+    branch: int
+    cycles: int = 1
+    along: Any = None
+
+    @cached_property
+    def floor(self) -> bool:
+        return not np.isfinite(self.box[2])
+
+    @cached_property
+    def crystal(self) -> Crystal:
+        vectors, place = APART * self.lattice.vectors, APART * self.lattice.basis
+        return Crystal.of(vectors, place, RADIUS, DENSITY, [SILICA], walls=[FLOOR] if self.floor else [])
+
+    @cached_property
+    def wave(self) -> Wave:
+        k = 2 * np.pi * self.cycles / (APART * self.box[1])
+        return wave(self.crystal, [0.0, k, 0.0], self.branch, along=self.along)
+
+    @cached_property
+    def places(self) -> tuple[np.ndarray, np.ndarray]:
+        place, kind = filled(self.lattice, np.where(np.isfinite(self.box), self.box, 0.1))
+        return APART * place, kind
+
+    @property
+    def period(self) -> float:
+        return float(2 * np.pi / self.wave.frequency)
+
+    def theory(self, size: complex, times: np.ndarray) -> np.ndarray:
+        """Return the second order (T, N, 3) of u."""
+        place, kind = self.places
+        field = np.empty((len(times), len(place), 3))
+        corners = place - self.crystal.position[kind]
+        # Cells of one y move alike
+        for y in np.unique(np.round(corners[:, 1], 6)):
+            here = np.flatnonzero(np.abs(corners[:, 1] - y) < 1e-5)
+            _, second = second_order(self.crystal, [self.wave.times(size)], times, corners[here[0]])
+            field[:, here] = second[:, kind[here], :3]
+        return field
+
+    def even(self, size: complex, times: np.ndarray, substeps: int) -> np.ndarray:
+        """Return the displacements (T, N, 3) in LAMMPS that are even in the amplitude."""
+        return (self.lammps(size, times, substeps) + self.lammps(-size, times, substeps)) / 2
+
+    def lammps(self, size: complex, times: np.ndarray, substeps: int) -> np.ndarray:
+        """Return the displacements (T, N, 3) in LAMMPS, with some steps between two times."""
+        place, kind = self.places
+        field = size * self.wave.shape[kind] * np.exp(1j * (place @ self.wave.wavevector))[:, None]
+        rate = -1j * self.wave.frequency * field
+        step = float(times[1] / substeps)
+        box = APART * np.asarray(self.box)
+        with silent_lammps() as lammps:
+
+            def values(name: str) -> tuple[np.ndarray, np.ndarray]:
+                return lammps.numpy.extract_atom(name), np.argsort(lammps.numpy.extract_atom("id")[: len(place)])
+
+            def moving(speed: np.ndarray) -> None:
+                for name, value in (("v", speed[:, :3]), ("omega", speed[:, 3:] / RADIUS)):
+                    array, order = values(name)
+                    array[order] = value
+
+            lammps.commands_string("\n".join(commands(place, box, step, 5 * abs(size) / DEPTH)))
+            lammps.command("run 0 post no")
+            moving(field.real / step)  # one step without forces loads the springs of the displaced lattice
+            lammps.commands_string("fix move all nve/noforce\nrun 1 post no\nunfix move\nfix move all nve/sphere")
+            moving(rate.real)
+            seen = []
+            for sample in range(len(times)):
+                if sample:
+                    lammps.command(f"run {substeps} post no")
+                array, order = values("x")
+                seen.append(array[order] - place)
+        moved = np.array(seen)
+        periods = np.where(np.isfinite(box), box, 1e9)
+        return np.asarray(moved - periods * np.round(moved / periods))
+
+
+def commands(place: np.ndarray, box: np.ndarray, step: float, friction: float) -> list[str]:
+    """Return the commands of spheres at rest; friction is a few times what a wave needs, as more would freeze slips."""
+    low = np.where(np.isfinite(box), -box / 16, -2 * RADIUS).tolist()  # no sphere is on the border
+    high = np.where(np.isfinite(box), 15 / 16 * box, 4 * RADIUS).tolist()
+    young, ratio, adhesion = SILICA.youngs_modulus, SILICA.poisson_ratio, SILICA.work_of_adhesion / 2
+    law = f"dmt {young!r} 0.0 {ratio!r} {adhesion!r} tangential mindlin NULL 0.0 {float(friction)!r} damping velocity"
+    floor = not np.isfinite(box[2])
+    return [
+        f"units nano\natom_style sphere\natom_modify map array\nboundary p p {'f' if floor else 'p'}",
+        f"comm_modify vel yes\nregion all block {low[0]!r} {high[0]!r} {low[1]!r} {high[1]!r} {low[2]!r} {high[2]!r}",
+        "create_box 1 all",
+        *(f"create_atoms 1 single {x!r} {y!r} {z!r}" for x, y, z in place.tolist()),
+        f"set group all diameter {2 * RADIUS!r}\nset group all density {DENSITY!r}\nneighbor 50 bin",
+        f"pair_style granular\npair_coeff * * {law}\nthermo 1000000\ntimestep {step!r}",
+        *([f"fix floor all wall/gran granular {law} zplane {SUNK - RADIUS!r} NULL"] if floor else []),
+    ]
+
+
+def left(run: Run, amplitude: float) -> float:
+    """Return the share of the second order, in three periods, that theory and LAMMPS do not have in common."""
+    size, times = amplitude * DEPTH * np.exp(0.3j), np.linspace(0.0, 3 * run.period, 21)
+    highest = run.crystal.modes(run.wave.wavevector).frequencies[-1]
+    fewest = int(np.ceil(times[1] * highest / 0.25))
+    # Errors of first and second order in the step go: LAMMPS turns a slip by the end of a step
+    parts = [weight * run.even(size, times, n * fewest) for n, weight in ((1, 1 / 3), (2, -2.0), (4, 8 / 3))]
+    theory = run.theory(size, times)
+    return float(np.linalg.norm(sum(parts) - theory) / np.linalg.norm(theory))
+
+
+def layer(branch: int) -> Callable[[], Run]:
+    return lambda: Run(LATTICES["hexagonal", ""], (3.0, 3 * ROOT3, ENDLESS), branch)
+
+
+SIDEWAYS = (1.0, 0, 0, 0, 0, 0)
+CASES: dict[str, Callable[[], Run]] = {
+    "fcc along [001], T": lambda: Run(LATTICES["fcc", "[001]"], (3.0, 4 * ROOT2, 3.0), 0, 2, SIDEWAYS),
+    "hcp along c, T": lambda: Run(LATTICES["hcp", "c"], (3.0, 3 * np.sqrt(8 / 3), 2 * ROOT3), 0, 1, [SIDEWAYS] * 2),
+    "cubic along [001], L": lambda: Run(LATTICES["cubic", "[001]"], (3.0, 8.0, 3.0), 2, 1),
+    "square layer on a substrate": lambda: Run(LATTICES["square", ""], (3.0, 6.0, ENDLESS), 0),
+} | {f"layer on a substrate, branch {branch + 1}": layer(branch) for branch in range(6)}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_lammps_has_the_second_order_in_space(name: str) -> None:
+    # Fourth order is some a² = 4e-4 of the second where no resonance is near
+    assert left(CASES[name](), 0.02) < 5e-4
+
+
+@pytest.mark.parametrize("name", ["fcc along [001], T", "layer on a substrate, branch 1"])
+def test_what_is_left_in_space_falls_as_the_square_of_the_amplitude(name: str) -> None:
+    strong, weak = (left(CASES[name](), amplitude) for amplitude in (0.16, 0.08))
+    assert np.log2(strong / weak) == pytest.approx(2, abs=0.1)
+
+
+# --- slip that winds up -----------------------------------------------------------------------------------------------
+
+
+def drifted(run: Run, amplitude: float, periods: int) -> float:
+    """Return the velocity of the mean of all spheres along y in LAMMPS, by that of theory."""
+    times = np.linspace(0.0, periods * run.period, 8 * periods + 1)
+    size = amplitude * DEPTH * np.exp(0.3j)
+    highest = run.crystal.modes(run.wave.wavevector).frequencies[-1]
+    moved = run.even(size, times, int(np.ceil(times[1] * highest / 0.25))).mean(axis=1)[:, 1]
+    window = np.hanning(len(times) + 2)[1:-1]  # by which oscillations are no part of a slope
+    slope = np.polyfit(times, moved, 1, w=window)[0]
+    return float(slope / creep(run.crystal, run.wave.times(size)).velocity[0, 1])
+
+
+@pytest.mark.parametrize("branch", [0, 1])
+def test_a_layer_creeps_in_lammps_as_its_slip_winds_up(branch: int) -> None:
+    assert drifted(layer(branch)(), 0.04, 40) == pytest.approx(1, abs=1e-3)
+
+
+def test_a_harmonic_near_a_resonance_takes_from_the_creep() -> None:
+    # At ξ = π/4 the lowest branch has twice its frequency within 1.2 % of a branch there: both beat for 41 periods
+    run = Run(LATTICES["hexagonal", ""], (3.0, 4 * ROOT3, ENDLESS), 0)
+    far = creep(run.crystal, run.wave.times(0.2 * DEPTH))
+    assert far.beat / run.period == pytest.approx(40.8, abs=0.1)
+    assert far.departure == pytest.approx(-0.12, abs=0.005)
+    # To leading order in the amplitude, of which 0.2 leaves a tenth
+    assert drifted(run, 0.2, 164) - 1 == pytest.approx(far.departure, rel=0.15)
+    assert drifted(run, 0.2, 41) > 2  # over one beat the wave itself comes and goes
