@@ -92,12 +92,20 @@ class Collisions:
         return np.asarray(self.contacts.overlap / self.scale.length)
 
     @cached_property
+    def softest(self) -> float:
+        """Smallest of the `coefficients`, A; that of a wall of a single sphere."""
+        return float(self.coefficients.min()) if len(self.coefficients) else self._on_wall(0)
+
+    @cached_property
     def shortest_collision(self) -> float:
         """Shortest time, t0, in which two neighbours part again that meet with the velocity of the fastest striker.
 
         Of neighbours that are pressed together it is half a period of their vibration, π/ω. Between the two limits
-        1/T² is taken as the sum of both squares, which makes T too short, by 17 % at most.
+        1/T² is taken as the sum of both squares, which makes T too short, by 17 % at most. A single sphere
+        meets its wall.
         """
+        if not len(self.contacts):
+            return collision_time(float(self.mass[0]), self.softest)
         one, other = self.mass[self.contacts.i], self.mass[self.contacts.j]
         light = one * other / (one + other)
         rate = np.sqrt(self.rest_stiffness / light)
@@ -124,7 +132,7 @@ class Collisions:
         """Deepest overlap at the beginning, in ℓ; of contacts of unlike spheres that of the softest at their force."""
         if not self.scene.start.state:
             return float(self.rest_force.max(initial=0.0) / self.coefficients.min(initial=1.0)) ** (2 / 3)
-        radius, places, softest = self.crystal.arrays["radius"], self.started.positions, self.coefficients.min()
+        radius, places, softest = self.crystal.arrays["radius"], self.started.positions, self.softest
         i, j, vector = overlapping(self.started)
         law = law_between(self.crystal, self.materials, i, j)
         relative = (law.normal_coefficient / self.scene.sphere.normal_coefficient / softest) ** (2 / 3)

@@ -96,7 +96,7 @@ KEYS = frozenset({"monitor"}).union(
         "effects": "adhesion shear rotation tracking sliding damping contact_opening "
         "rolling twisting shear_law friction viscosity restitution "
         "rolling_stiffness rolling_viscosity rolling_friction",
-        "output": "particles checkpoint",
+        "output": "particles checkpoint forces",
         "disorder": "seed",
     }.items()
     for key in keys.split()

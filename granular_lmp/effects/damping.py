@@ -33,7 +33,7 @@ def law(scene: Scene, on: bool) -> Mapping[str, Any]:
         return {}
     effects = scene.effects
     kind = {"damping": effects.viscosity} if effects.restitution == 1 else {"restitution": effects.restitution}
-    return kind | {"shear_damping": 1.0}
+    return kind | {"shear_damping": effects.shear_damping}
 
 
 def refuse(case: Case) -> str:

@@ -83,11 +83,12 @@ def _centre(problem: Problem) -> list[str]:
 
 def _recorded(problem: Problem) -> list[str]:
     """Return the dump of the recorded spheres of a struck crystal."""
+    forces = " fx fy" if problem.scene.output.forces else ""
     seen = "all" if len(problem.recorded) == len(problem.crystal) else "recorded"
     return [
         f"group        recorded id {id_ranges(problem.recorded)}",
         *selection.lines("record", problem),
-        f"dump         record {seen} custom ${{every}} ${{dump}} {sphere_columns(problem)}",
+        f"dump         record {seen} custom ${{every}} ${{dump}} {sphere_columns(problem)}{forces}",
         f"dump_modify  record {every_digit(problem)}",
     ]
 

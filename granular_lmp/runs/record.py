@@ -31,7 +31,7 @@ from granular_lmp.runs.agreement import (
 from granular_lmp.runs.formats import is_one_column, scene_of
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.seal import refuse_changed
-from granular_lmp.runs.snapshots import Snapshots, dimensionless, step_of
+from granular_lmp.runs.snapshots import Snapshots, dimensionless, force_on, step_of
 from granular_lmp.runs.status import STATUS as STATUS
 from granular_lmp.runs.status import read_status as read_status
 from granular_lmp.runs.status import write_status as write_status
@@ -47,7 +47,7 @@ TRAJECTORY = "trajectory.csv"
 HEADER = ["tau", "p", "q", "phi"]
 IN_SPACE = ["ux", "uy", "uz", "phix", "phiy", "phiz"]  # behind them in space
 _PLACES = ["id", "type", "x", "y", "z", "radius", "mass", "Displacement.X", "Displacement.Y", "vx", "vy"]
-_SPHERE_COLUMNS = tuple([*_PLACES, *more] for more in (["vz"], ["vz", "omegaz"]))
+_SPHERE_COLUMNS = tuple([*_PLACES, "vz", *spin, *force] for spin in ([], ["omegaz"]) for force in ([], ["fx", "fy"]))
 
 
 def header_of(scene: Scene) -> list[str]:
@@ -68,7 +68,7 @@ class Record(HasCard):
         displacement along the wave vector k and along ẑ × k in units of D0, v/D0 and −u/D0 for a wave along y, and its
         rotation Rθ/D0, which is 0 if spheres do not turn and nan if they turn but are not tracked. Of a scene without a
         wave ``displacement`` and ``velocity`` of the n recorded spheres, (T, n, 2), columns x and y, in ℓ and in v, and
-        if they turn ``spin``, (T, n), R ω/v.
+        if they turn ``spin``, (T, n), R ω/v; with ``output.forces`` also ``force``, (T, n, 2), in m v/t0.
     scene : Scene
         Scene of the run with every "auto" decided.
     info : dict
@@ -168,6 +168,8 @@ class Record(HasCard):
             displacement, velocity, _, spin = dimensionless(table, scene)
             spins = {"spin": spin} if "omegaz" in table else {}
             signals = {"velocity": velocity, **spins, "displacement": displacement}
+            if "fx" in table:
+                signals["force"] = force_on(table, scene)
             tau = table["step"] * step_of(scene, steps, scene.time.sample)
             return cls(tau, signals, scene, info or {}, folder)
         table = read_centre(folder / (dump or DUMP))

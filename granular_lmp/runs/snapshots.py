@@ -82,6 +82,13 @@ def dimensionless(columns: dict[str, Floats], scene: Scene) -> tuple[Floats, Flo
     )
 
 
+def force_on(columns: dict[str, Floats], scene: Scene) -> Floats:
+    """Return the force on spheres, (..., 2), in units of the scene, m ℓ/t0², from the columns of a dump."""
+    scale = scene.scale
+    unit = scene.units.number(scale.mass * scale.length / scale.time**2, mass=1, length=1, time=-2)
+    return np.stack([columns["fx"], columns["fy"]], axis=-1) / unit
+
+
 def _angle(columns: dict[str, Floats], turns: str) -> Floats | None:
     """Return the rotation vector from the angles in a dump or from its quaternions, (..., 1 or 3); None without any."""
     if "Orientation.W" in columns:

@@ -2,7 +2,7 @@
 
 Of the centre sphere a line for each time: tau, p, q, phi. Of recorded spheres a line for each time and sphere, time by
 time: tau, row, column, u, v, their rates u_t and v_t, and where spheres turn phi_t = R ω; the names are those of a
-monitor.
+monitor. With ``output.forces`` fx and fy follow.
 """
 
 import csv
@@ -29,6 +29,7 @@ _SAID = {
     "displacement": ("l", "displacement of the recorded spheres from rest"),
     "velocity": ("l/t0", "velocity of the recorded spheres"),
     "spin": ("l/t0", "rate of rotation of the recorded spheres, R omega"),
+    "force": ("m l/t0^2", "force on the recorded spheres"),
 }
 
 
@@ -41,7 +42,9 @@ def columns(record: Any) -> Columns:
     found |= {name: np.tile(places, len(record.tau)) for name, places in (("row", row), ("column", column))}
     for names, values in ((("u", "v"), record.displacement), (("u_t", "v_t"), record.velocity)):
         found |= {name: values[..., axis].ravel() for axis, name in enumerate(names)}
-    return found | ({"phi_t": record.spin.ravel()} if "spin" in record.signals else {})
+    found |= {"phi_t": record.spin.ravel()} if "spin" in record.signals else {}
+    forces = record.signals.get("force")
+    return found if forces is None else found | {f"f{axis}": forces[..., n].ravel() for n, axis in enumerate("xy")}
 
 
 def si(record: Any) -> Columns:
@@ -60,6 +63,7 @@ def si(record: Any) -> Columns:
         **{f"phi{axis}": (f"theta{axis}_rad", unit, radius) for axis in "xyz"},
         **{"u_t": ("vx_m_s", scale.velocity, 1.0), "v_t": ("vy_m_s", scale.velocity, 1.0)},
         "phi_t": ("spin_rad_s", scale.velocity, radius),
+        **{f"f{axis}": (f"f{axis}_N", scale.mass * scale.velocity / scale.time, 1.0) for axis in "xy"},
     }
     found: Columns = {}
     for name, values in columns(record).items():

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any, Literal
 
-from granular_lmp.crystal.lattices import CHAIN, FREE, PERIODIC
+from granular_lmp.crystal.lattices import CHAIN, FREE, PERIODIC, WALL
 from granular_lmp.crystal.scale import DEEPEST
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.declared import Declared
@@ -194,6 +194,17 @@ def restitution_of_pressed_spheres(scene: Declared) -> str:
     return (
         f"effects.restitution = {scene.effects.restitution!r}: must be 1 beside packing.contact_force, as it is "
         "that of a collision of spheres that part again"
+    )
+
+
+@_line("physics")
+def sphere_that_meets_nothing(scene: Declared) -> str:
+    packing = scene.packing
+    if scene.shape.spheres > 1 or WALL in (packing.first, packing.last):
+        return ""
+    return (
+        f'packing.first = "{packing.first}": must be "wall", or packing.last, where packing.rows = 1: a single sphere '
+        "meets nothing else"
     )
 
 

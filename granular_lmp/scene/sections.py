@@ -6,7 +6,7 @@ if that differs. `granular_lmp.scene.scene` checks combinations of values.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import ceil, floor, hypot, pi, sqrt
 from typing import Any
 
@@ -16,7 +16,7 @@ from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, LATTICES
 from granular_lmp.crystal.modes import BRANCHES, MODES, Physics
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.places import AtPlaces, Rows, Spheres, places_field, rows_rule, spheres_rule
+from granular_lmp.scene.places import AtPlaces, Rows, Spheres, rows_rule, spheres_rule
 from granular_lmp.scene.records import Remembering
 from granular_lmp.scene.schema import AUTO, ArrayRule, Bare, Interval, Rule, choice, count, flag, number, shown, switch
 from granular_lmp.scene.shape import Auto
@@ -51,7 +51,7 @@ class Packing(Remembering):
         bare=choice("chain: one row of spheres along y", tuple(LATTICES), default=CHAIN.name),
     )
     rows: int | Auto = count(
-        "along y", 4, 10_000_000, words=(AUTO,), default=AUTO, bare=count("along y", 2, 10_000_000)
+        "along y", 4, 10_000_000, words=(AUTO,), default=AUTO, bare=count("along y; 1 at a wall", 1, 10_000_000)
     )
     columns: int | Auto = count(
         "along x: at least 3; 1 in a chain",
@@ -254,6 +254,11 @@ class Time(Remembering, Sampled):
     allow_echo: bool = flag("run past the echo of the walls at the centre", default=False, bare=NOT_BARE)
 
 
+def _unwaved(rule: Rule, default: Any) -> Any:
+    """Return a dataclass field of a key that a scene without ``[wave]`` has alone."""
+    return field(default=default, metadata={"rule": replace(rule, bare=Bare(rule, default, only=True))})
+
+
 @dataclass(frozen=True)
 class Effects(Remembering):
     """Effects in the deck, each true, false or "auto", and the coefficients that some of them need.
@@ -275,7 +280,7 @@ class Effects(Remembering):
         "of the shear force",
         SHEAR_LAWS,
         default="secant",
-        bare=choice("of the shear force", SHEAR_LAWS, default="incremental"),
+        bare=choice("of the shear force", (*SHEAR_LAWS, "rescaled"), default="incremental"),
     )
     friction: float | Auto = number(
         "",
@@ -294,6 +299,9 @@ class Effects(Remembering):
     )
     rolling_friction: float = number("", "largest rolling over normal force", 0, 1e4, default=0.0, bare=NOT_BARE)
     restitution: float = number("", "of a Hertz contact; 1: none lost", 0, 1, open_low=True, default=1.0)
+    shear_damping: float = _unwaved(
+        Rule(float, "", "dashpot of shear over that of normal motion", Interval(0, 100)), default=1.0
+    )
 
     @property
     def physics(self) -> Physics:
@@ -311,20 +319,16 @@ class Absorb:
     reflection: float = number("", "share of the amplitude that may come back", 1e-5, 0.5, default=1e-3)
 
 
-def _recorded(rule: ArrayRule) -> Any:
-    """Return a dataclass field for places that a scene without ``[wave]`` records, where others have monitors."""
-    return places_field(replace(rule, bare=Bare(rule, (), only=True)))
-
-
 @dataclass(frozen=True)
 class Output(Remembering, AtPlaces):
     """Output of a run in addition to the record of the centre sphere; without ``[wave]`` the spheres that are recorded.
 
-    They are recorded at each sample, all of them if none are declared.
+    They are recorded at each sample, all of them if none are declared, where others have monitors.
     """
 
-    rows: Rows = _recorded(rows_rule("first and last recorded row"))
-    spheres: Spheres = _recorded(spheres_rule("[row, column] of each recorded sphere"))
+    rows: Rows = _unwaved(rows_rule("first and last recorded row"), ())
+    spheres: Spheres = _unwaved(spheres_rule("[row, column] of each recorded sphere"), ())
+    forces: bool = _unwaved(Rule(bool, "", "the force on each recorded sphere, too"), default=False)
     particles: float = number("tau", "between snapshots of all spheres; 0: none", 0, 1e7, default=0.0, bare=NOT_BARE)
     checkpoint: float | Auto = number(
         "minutes",
