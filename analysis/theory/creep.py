@@ -51,11 +51,12 @@ def creep(crystal: Crystal, wave: Wave) -> Creep:
     waves = list(_doubled(crystal, wave))
     own = sum((np.sum(_velocity(crystal, each) * velocity) for each in waves), 0.0)
     taken = sum(_energy(crystal, each) for each in waves) / _energy(crystal, wave)
-    gaps = [abs(abs(each.frequency) - 2 * abs(wave.frequency)) for each in waves[1:]]
+    doubled = 2 * abs(float(wave.frequency))
+    slowest = min((abs(abs(float(each.frequency)) - doubled) for each in waves[1:]), default=0.0)
     return Creep(
         velocity=velocity,
         departure=float(own / np.sum(velocity**2) - taken),
-        beat=float(2 * np.pi / min(gaps)) if gaps and min(gaps) else np.inf,
+        beat=2 * np.pi / slowest if slowest else np.inf,
     )
 
 

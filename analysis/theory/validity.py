@@ -16,7 +16,7 @@ Second order ends where any of the first three is near 1, and misses the wave it
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -120,5 +120,5 @@ def turned(crystal: Crystal, waves: Sequence[Wave], time: ArrayLike) -> Floats:
     return most * (1 if crystal.bonds.shear_law == "secant" else 2)
 
 
-def _size(field: NDArray[np.complex128]) -> float:
+def _size(field: NDArray[Any]) -> float:
     return float(np.sqrt(np.sum(np.abs(field) ** 2) / len(field)))
