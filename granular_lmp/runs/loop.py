@@ -140,8 +140,10 @@ def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any]
             info |= simulation.judged(record) | {"files": files_of(folder)}
     except BaseException as error:  # a full disk, or malformed files of LAMMPS
         failure = failure or error
-    status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
-    info = info | {"status": status, "message": str(failure or "")}
+    # SystemExit: a batch system's library ends the process, as at the end of its time
+    stopped = isinstance(failure, (RunInterrupted, SystemExit))
+    status = "finished" if failure is None else "interrupted" if stopped else "failed"
+    info = info | {"status": status, "message": str(failure) if failure is not None else ""}
     with writable(folder):
         write_status(folder, info)
     if failure is not None:

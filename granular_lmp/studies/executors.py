@@ -7,20 +7,23 @@ fails only its own call and is replaced, only the package is imported, and the c
 
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Any
 
 from granular_lmp.errors import LaunchError, RunInterrupted, WorkerError
 
 _STOP = b""  # message that asks for a stop instead of a call
 _served: Connection | None = None  # connection of a worker to the caller
+_terminated = False  # SIGTERM came during a call
 
 
 class Workers(Executor):
@@ -85,6 +88,15 @@ class Workers(Executor):
         return result
 
 
+class Here(Executor):
+    """Executor that runs each call at once in this thread, so that Ctrl-C stops the caller too."""
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
+        future: Future[Any] = Future()
+        future.set_result(function(*args, **kwargs))
+        return future
+
+
 def mpi_workers() -> Executor:
     """Return an executor on the ranks of ``mpiexec -n RANKS python -m mpi4py.futures …``; the first rank submits.
 
@@ -106,6 +118,37 @@ def mpi_workers() -> Executor:
 def stop_requested() -> bool:
     """Return whether the caller asks this worker's call to stop or has ended; False in any other process."""
     return _served is not None and _served.poll()
+
+
+@contextmanager
+def terminable() -> Iterator[None]:
+    """Let SIGTERM, as batch systems send it, interrupt a call like Ctrl-C where it would end the process at once.
+
+    It acts in the main thread, where workers of MPI and of executorlib make their calls, unless the program handles
+    SIGTERM itself. A process that was asked to end makes no further call.
+
+    Raises
+    ------
+    RunInterrupted
+        If the process was asked to end before.
+    """
+    if _terminated:
+        raise RunInterrupted("stopped before it began")
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGTERM) not in (signal.SIG_DFL, signal.SIG_IGN):
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, _end_after_call)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _end_after_call(number: int, frame: FrameType | None) -> None:
+    global _terminated
+    _terminated = True
+    raise KeyboardInterrupt
 
 
 def _start() -> "tuple[Connection, subprocess.Popen[bytes]]":

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.ladder import sphere_steps
 from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.card import HasCard
-from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, one_line
+from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted, one_line
 from granular_lmp.lammps.outputs import STATUS, SWEEP, csv_text, replace_text, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
@@ -28,7 +28,7 @@ from granular_lmp.runs.record import Record, optional_package, write_status
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import plain_value
 from granular_lmp.studies.coinciding import remarks
-from granular_lmp.studies.executors import stop_requested
+from granular_lmp.studies.executors import Here, stop_requested, terminable
 from granular_lmp.studies.sweep_points import points, scene_hash
 from granular_lmp.studies.sweep_rows import (
     ASKED,
@@ -242,7 +242,7 @@ def sweep(
         total = left = sum(cost.values())
         started = saved = time.monotonic()
         try:
-            for name, row in _results(folder / RUNS, {name: made[name] for name in cost}, executor or _Here()):
+            for name, row in _results(folder / RUNS, {name: made[name] for name in cost}, executor or Here()):
                 rows[name] = row
                 left -= cost.pop(name)
                 if progress is not None:
@@ -317,7 +317,7 @@ def _results(folder: Path, todo: dict[str, Scene], executor: Executor) -> Iterat
 
     try:
         for name, scene in todo.items():
-            waiting[executor.submit(run_point, scene, folder / name)] = name
+            waiting[_submitted(executor, scene, folder / name)] = name
             if time.monotonic() > look_at:
                 yield from done()
         while waiting:
@@ -328,17 +328,15 @@ def _results(folder: Path, todo: dict[str, Scene], executor: Executor) -> Iterat
             future.cancel()
 
 
-class _Here(Executor):
-    """Executor that runs each call at once in this thread, so that Ctrl-C stops the caller too."""
-
-    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
-        future: Future[Any] = Future()
-        try:
-            future.set_result(function(*args, **kwargs))
-        except RunInterrupted:
-            raise
-        except Exception as error:
-            future.set_exception(error)
+def _submitted(executor: Executor, scene: Scene, folder: Path) -> "Future[Point]":
+    """Return the future of a run; of one that fails at once or is refused, a future that holds the error."""
+    try:
+        return executor.submit(run_point, scene, folder)
+    except RunInterrupted:
+        raise
+    except Exception as error:  # also of a batch system that takes no more jobs
+        future: Future[Point] = Future()
+        future.set_exception(error)
         return future
 
 
@@ -356,7 +354,8 @@ def run_point(scene: Scene, folder: Path) -> Point:
             raise KeyboardInterrupt
 
     try:
-        record = _continued(scene, folder, heed)
+        with terminable():
+            record = _continued(scene, folder, heed)
     except RunInterrupted:
         raise
     except GranularError as error:  # as a row: an exception of several arguments cannot be sent between processes
@@ -365,8 +364,11 @@ def run_point(scene: Scene, folder: Path) -> Point:
 
 
 def _continued(scene: Scene, folder: Path, heed: Callable[[int, int], None]) -> Record:
-    if info_of(folder).get("status") in ("running", "interrupted"):
-        with suppress(RunFolderError):  # it has no checkpoint
+    """Continue a run from its checkpoint, however it ended, or begin it."""
+    status = info_of(folder).get("status", "finished")
+    if status != "finished":
+        # It has no checkpoint, or failed by a guard; what failed otherwise may fail from its checkpoint again
+        with suppress(RunFolderError, *([LammpsError] if status == "failed" else [])):
             return resume(folder, progress=heed)
     return run(scene, folder, force=True, progress=heed)
 

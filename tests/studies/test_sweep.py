@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import nullcontext
 from multiprocessing import get_context
 from pathlib import Path
@@ -21,6 +21,7 @@ import pytest
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted, SceneError
 from granular_lmp.lammps.deck import deck_of
+from granular_lmp.lammps.outputs import CHECKPOINTS
 from granular_lmp.problem import Problem
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.folder import locked
@@ -268,6 +269,71 @@ def test_a_run_that_was_cut_off_is_continued_to_the_same_bytes(
         assert len(done.having("finished")) == 1
         dumps.append((part / "dump.centre").read_bytes())
     assert dumps[0] == dumps[1]
+
+
+def preempt(step: int, steps: int) -> None:
+    """End the process as a batch system's library does, with a run on its way."""
+    if 0 < step < steps:
+        sys.exit(1)
+
+
+def test_a_run_of_a_process_that_was_told_to_exit_is_interrupted_and_continued(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(routes, "_POLL", 1e-3)
+    scene = small.with_values({"time.duration": 300.0})
+    part = tmp_path / "sweep" / "runs" / scene_hash(scene)
+    with pytest.raises(SystemExit):
+        run(scene, part, progress=preempt)
+    assert read_status(part)["status"] == "interrupted"
+    continued: list[Path] = []
+    monkeypatch.setattr(module, "resume", lambda *a, **o: continued.append(a[0]) or launch.resume(*a, **o))
+    assert len(sweep(scene, {"wave.amplitude": [0.2]}, tmp_path / "sweep", force=True).having("finished")) == 1
+    assert continued == [part]
+
+
+@pytest.mark.parametrize("checkpoint", [True, False])
+def test_a_run_that_the_machine_failed_is_continued_where_it_has_a_checkpoint(
+    checkpoint: bool, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(routes, "_POLL", 1e-3)
+    scene = small.with_values({"time.duration": 300.0})
+    part = tmp_path / "sweep" / "runs" / scene_hash(scene)
+    with pytest.raises(RunInterrupted):
+        run(scene, part, progress=interrupt)
+    write_status(part, read_status(part) | {"status": "failed", "message": "the process of the run ended by signal 9"})
+    for name in () if checkpoint else CHECKPOINTS:
+        (part / name).unlink(missing_ok=True)
+    began: list[Path] = []
+    monkeypatch.setattr(module, "run", lambda *a, **o: began.append(a[1]) or run(*a, **o))
+    assert len(sweep(scene, {"wave.amplitude": [0.2]}, tmp_path / "sweep", force=True).having("finished")) == 1
+    assert began == ([] if checkpoint else [part])
+
+
+def test_a_run_that_fails_from_its_checkpoint_again_is_begun_anew(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part = tmp_path / "run"
+    part.mkdir()
+    monkeypatch.setattr(module, "info_of", lambda folder: {"status": "failed"})
+    monkeypatch.setattr(module, "resume", lambda *a, **o: (_ for _ in ()).throw(LammpsError("no", "run", "")))
+    assert run_point(small, part)["status"] == "finished"
+
+
+def test_a_run_that_the_executor_refuses_fails_and_the_others_go_on(small: Scene, tmp_path: Path) -> None:
+    class Full(ThreadPoolExecutor):
+        taken = 0
+
+        def submit(self, *arguments: Any, **named: Any) -> "Future[Any]":
+            self.taken += 1
+            if self.taken == 1:
+                raise OSError("sbatch: error: Batch job submission failed: Job violates accounting/QOS policy")
+            return super().submit(*arguments, **named)
+
+    with Full(1) as executor:
+        done = sweep(small, TWO, tmp_path / "sweep", executor=executor)
+    assert sorted(done.column("status")) == ["failed", "finished"]
+    assert "Batch job submission failed" in done.having("failed")[0]["message"]
 
 
 def interrupt(step: int, steps: int) -> None:

@@ -5,12 +5,14 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from granular_lmp.errors import LaunchError, WorkerError
+from granular_lmp.errors import LaunchError, RunInterrupted, WorkerError
+from granular_lmp.studies import executors
 from granular_lmp.studies.executors import Workers, mpi_workers, stop_requested
 
 ROOT = Path(__file__).parents[2]
@@ -99,3 +101,42 @@ def test_alive_tells_the_living_from_the_dead() -> None:
     with subprocess.Popen([sys.executable, "-c", ""]) as process:
         process.wait()
     assert not alive(process.pid)
+
+
+# --- batch systems ---------------------------------------------------------------------------------------------------
+
+
+def end_this_process() -> None:
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(10)
+
+
+def test_sigterm_interrupts_a_call_and_ends_the_process_to_further_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(executors, "_terminated", False)
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt), executors.terminable():
+        end_this_process()
+    assert signal.getsignal(signal.SIGTERM) == before
+    with pytest.raises(RunInterrupted, match="stopped before it began"), executors.terminable():
+        pass
+
+
+def test_a_program_that_handles_sigterm_keeps_its_handler(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, _: heard.append(number))
+    try:
+        with executors.terminable():
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(0.01)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert heard == [signal.SIGTERM]
+
+
+def test_threads_leave_sigterm_to_the_main_thread() -> None:
+    def handler() -> object:
+        with executors.terminable():
+            return signal.getsignal(signal.SIGTERM)
+
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(handler).result() == signal.getsignal(signal.SIGTERM)
