@@ -48,7 +48,7 @@ def pair_error(frequency: float, step: float, duration: float) -> float:
 def deciding_frequency(scene: Scene) -> float:
     """Return the highest frequency in the wave and its second harmonic by linear theory, in rad/t0."""
     lattice, physics, usual = unit_contacts(scene), physics_of(scene), mode_of(scene).frequency
-    if scene.lattice.column_period > 1:  # the second harmonic may be of any branch
+    if scene.lattice.column_period > 1 or scene.space == 3:  # the second harmonic may be of any branch
         free = highest_frequency(lattice, scene.sphere, physics)
     else:
         free = bloch_mode(lattice, scene.sphere, scene.vector.doubled, "L", physics).frequency

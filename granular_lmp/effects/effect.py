@@ -53,7 +53,11 @@ class Case:
     def mode(self) -> Mode:
         """Bloch mode of the wave in the lattice with these effects; undecided effects count as on."""
         shear = self.on.get("shear", True)
-        return self.mode_with(Physics(shear, self.on.get("rotation", shear), self.rolling))
+        return self.mode_with(self.physics(shear, self.on.get("rotation", shear), self.rolling))
+
+    def physics(self, shear: bool = True, rotation: bool = True, rolling: float = 0.0) -> Physics:
+        """Return the degrees of freedom with some effects, in as many dimensions as the scene has."""
+        return Physics(shear, rotation, rolling, space=self.scene.space == 3)
 
     @property
     def rolling(self) -> float:
@@ -251,7 +255,7 @@ class Case:
 
     def frequency_shift(self, physics: Physics) -> str:
         """Return a description of the change in the wave's frequency in a lattice with the given physics."""
-        full = self.mode_with(Physics(rolling=self.rolling)).frequency
+        full = self.mode_with(self.physics(rolling=self.rolling)).frequency
         try:
             less = self.mode_with(physics).frequency
         except SceneError:

@@ -5,14 +5,16 @@ result.
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, pi
 from typing import Any, Protocol
 
 import ase
 
+from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.scale import Scale
+from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.scene.resolution import gathered_rounding
 from granular_lmp.scene.scene import Scene
 from granular_lmp.units import AnyUnits
@@ -45,6 +47,10 @@ class Prepared(Protocol):
     def collisions(self) -> Any: ...  # `granular_lmp.collisions.Collisions`
     @property
     def planes(self) -> Mapping[str, float]: ...
+    @property
+    def contacts(self) -> Contacts: ...
+    @property
+    def materials(self) -> Sequence[Sphere]: ...
 
 
 Lines = Callable[[Prepared], list[str]]
@@ -75,6 +81,15 @@ def kept_at_looks(lines: list[str], first: str) -> tuple[list[str], list[str]]:
     """
     kept = list(dict.fromkeys([first, *(name for line in lines for name in _LOOK.findall(line))]))
     return kept, [_LOOK.sub(lambda match: f"f_looks[{kept.index(match[1]) + 1}]", line) for line in lines]
+
+
+def read(compute: str, of: str, column: int = 0) -> str:
+    """Return an extreme of a compute as it stands in the line of a variable.
+
+    `of` is that of `granular_lmp.effects.reading.overlap_lines`.
+    """
+    name = f"c_{compute}{'_all' if of == 'all' else ''}" + (f"[{column}]" if column else "")
+    return f"look({name})" if of == "looks" else name
 
 
 @dataclass(frozen=True)

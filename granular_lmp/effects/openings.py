@@ -19,6 +19,7 @@ import numpy as np
 
 from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.search import overlapping
+from granular_lmp.effects import on_walls
 from granular_lmp.effects.guard import LOOKS, Prepared, watches_part
 from granular_lmp.effects.law_formulas import FORMULAS
 from granular_lmp.effects.reading import alike, bounded, nearly_open
@@ -78,13 +79,16 @@ def at_rest_lines(problem: Prepared) -> list[str]:
 
     LAMMPS counts them, so that the number is that of the data file.
     """
-    if problem.scene.loose or _by_pairs(problem.scene):
+    if problem.scene.loose:
         return []
+    walls = on_walls.at_rest_lines(problem)
+    if _by_pairs(problem.scene):
+        return walls
     sphere, count = problem.scene.sphere, "contact/atom"
     if sphere.pull_off_distance:
         reach = 2 * sphere.radius + sphere.pull_off_distance * (1 - PULL_OFF)
         count = f"coord/atom cutoff {problem.units.number(reach, length=1)!r}"
-    return [f"compute      touching all {count}", "fix          at_rest all store/state 0 c_touching"]
+    return [f"compute      touching all {count}", "fix          at_rest all store/state 0 c_touching", *walls]
 
 
 def changed_lines(problem: Prepared, *, everywhere: bool = False) -> list[str]:
@@ -94,7 +98,7 @@ def changed_lines(problem: Prepared, *, everywhere: bool = False) -> list[str]:
     near = f"{_OPEN_LOOKS}{'' if judged_singly else f'+({nearly_open(scene):.4f}>v_overlap_looks)'}{_MAY}"
     if not _by_pairs(scene):
         group, tag, name = ("all", "_all", "open_all") if everywhere else ("inside", "", "changed")
-        missed = "variable     missed atom abs(f_at_rest-c_touching)"
+        missed = f"variable     missed atom abs(f_at_rest-c_touching){on_walls.missed(problem)}"
         return [
             *([] if everywhere else [f"{missed}  # contacts that a sphere had at rest and has not now, or new"]),
             f"compute      missing{tag} {group} reduce sum v_missed",
@@ -110,11 +114,13 @@ def changed_lines(problem: Prepared, *, everywhere: bool = False) -> list[str]:
         for axis, count in axes.items()
     ]
     most = "ternary(v_off_x>v_off_y,v_off_x,v_off_y)" if len(axes) > 1 else f"v_off_{_AXES[next(iter(axes))]}"
+    left, sums = on_walls.missed(problem)[1:], "compute      missing all reduce sum v_missed"
     return [
         "# contacts that were there at rest and are not now, or new",
+        *([f"variable     missed atom {left}", sums] if left else []),
         *([f"compute      pairs all pair/local{law.mark} cutoff {law.cutoff}"] if watches_part(scene) else []),
         *off,
-        f"variable     changed equal {most}",
+        f"variable     changed equal {most}{'+c_missing' if left else ''}",
         _OPEN_LOOKS if _lingers(scene) else near,
     ]
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from granular_lmp.effects.effect import Case
-from granular_lmp.effects.guard import BETWEEN, Prepared
+from granular_lmp.effects.guard import BETWEEN, Prepared, read
 from granular_lmp.effects.law_formulas import FORMULAS, Formulas
+from granular_lmp.effects.on_walls import OnWall
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.scene import Scene
 
@@ -30,6 +31,8 @@ class Reading:
         Of the adhesion law.
     adhesive_force, dashpot : float
         Adhesion of the weakest contact and dashpot of the strongest one, in units of the deck.
+    walls : tuple of OnWall
+        Contacts with walls.
     """
 
     lengths: bool
@@ -38,6 +41,7 @@ class Reading:
     whole: bool = False
     adhesive_force: float = 0.0
     dashpot: float = 0.0
+    walls: tuple[OnWall, ...] = ()
 
     @classmethod
     def of(cls, problem: Prepared) -> "Reading":
@@ -46,13 +50,13 @@ class Reading:
         holding = units.number(sphere.holding_force, mass=1, length=1, time=-2)
         case = Case(scene, problem.on)
         weakest = sphere.pull_off_force if scene.perfect else float(case.contacts.adhesive_force.min())
-        adhesive = units.number(weakest, mass=1, length=1, time=-2)
+        adhesive, walls = units.number(weakest, mass=1, length=1, time=-2), OnWall.all_of(problem)
         formulas = FORMULAS[sphere.adhesion_law](sphere, holding)
         if scene.effects.damping is not True:
-            return cls(scene.perfect, formulas, adhesive_force=adhesive)
+            return cls(scene.perfect, formulas, adhesive_force=adhesive, walls=walls)
         same, whole = alike(scene), scene.effects.adhesion is not True
         dashpot = units.number(case.strongest_dashpot, mass=1, time=-1)
-        return cls(same, formulas, not same, whole, adhesive, dashpot)
+        return cls(same, formulas, not same, whole, adhesive, dashpot, walls)
 
     @property
     def forces(self) -> bool:
@@ -97,11 +101,13 @@ def contact_lines(group: str, tag: str, how: Reading) -> list[str]:
         lines.append(f"compute      weakest{tag} {group} reduce min c_contact{tag}[3] inputs local")
     if how.dashpots:
         lines.append(f"compute      swift{tag} {group} reduce maxabs vx vy")
-    return lines
+    return lines + [line for each in how.walls for line in each.lines(group, tag)]
 
 
 def overlap_lines(of: str, how: Reading) -> list[str]:
     """Return the lines of the variable ``overlap_OF``, the smallest overlap of contacts that touch, in Δ0.
+
+    That with a wall is over its own overlap at rest. The smallest one between spheres alone is `between`.
 
     Parameters
     ----------
@@ -112,28 +118,36 @@ def overlap_lines(of: str, how: Reading) -> list[str]:
         With `lengths` the overlap of a contact is 2R less its length. Otherwise it is that of two spheres of the
         lattice that have the smallest normal force; with `dashpots` of that force less the most that a dashpot adds.
     """
-    style, longest, weakest = "vector" if of == "looks" else "equal", read("extreme", of, 1), read("weakest", of)
+    style = "vector" if of == "looks" else "equal"
+    lines, smallest = _between(of, how, style), between(of, how)
+    for each in how.walls:
+        left = f"v_left_{each.name}_{of}"
+        lines.append(f"variable     {left[2:]} {style} {each.overlap(of)}  # at the wall, over its overlap at rest")
+        smallest = f"ternary({left}<{smallest},{left},{smallest})"
+    return lines + ([f"variable     overlap_{of} {style} {smallest}"] if how.walls else [])
+
+
+def between(of: str, how: Reading) -> str:
+    """Return the variable of the smallest overlap between spheres."""
+    return f"v_between_{of}" if how.walls else f"v_overlap_{of}"
+
+
+def _between(of: str, how: Reading, style: str) -> list[str]:
+    """Return the lines of the variable `between`."""
+    name, longest, weakest = between(of, how)[2:], read("extreme", of, 1), read("weakest", of)
     if how.lengths:
         return [
-            f"variable     overlap_{of} {style} (2*v_R-{longest})/v_Delta0"
-            "  # the smallest, in Delta0, of contacts that touch"
+            f"variable     {name} {style} (2*v_R-{longest})/v_Delta0  # the smallest, in Delta0, of contacts that touch"
         ]
     least, holding = f"{weakest}+{how.adhesive_force!r}", repr(how.formulas.holding_force)
     if not how.dashpots:
         overlap = how.formulas.overlap(f"(({least}>0)*({least})/{holding})")
-        return [f"variable     overlap_{of} {style} {overlap}  # of the smallest normal force, in Delta0"]
+        return [f"variable     {name} {style} {overlap}  # of the smallest normal force, in Delta0"]
     swift, spring = f"sqrt({read('swift', of, 1)}^2+{read('swift', of, 2)}^2)", f"v_spring_{of}"
     share = f"(1e-9+({spring}>0)*(({spring}<1)*{spring}+({spring}>=1)))"
     # The dashpot of a restitution grows with the force: its bound, and so that of the overlap, are of the force at rest
     return [
         f"variable     spring_{of} {style} ({least}-2*{how.dashpot!r}*{swift})/{holding}"
         "  # the smallest normal force, as if the strongest dashpot added the most to it",
-        f"variable     overlap_{of} {style} {how.formulas.overlap(share)}"
-        "  # of that force, in Delta0: never above the truth",
+        f"variable     {name} {style} {how.formulas.overlap(share)}  # of that force, in Delta0: never above the truth",
     ]
-
-
-def read(compute: str, of: str, column: int = 0) -> str:
-    """Return an extreme of `contact_lines` as it stands in the line of a variable; `of` as of `overlap_lines`."""
-    name = f"c_{compute}{'_all' if of == 'all' else ''}" + (f"[{column}]" if column else "")
-    return f"look({name})" if of == "looks" else name

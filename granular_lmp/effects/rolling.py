@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.crystal.modes import Physics, contact_rolls
+from granular_lmp.crystal.modes import contact_rolls
 from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.scene import Scene
@@ -34,7 +34,7 @@ def called_for(case: Case) -> Finding:
 
 
 def loss(case: Case) -> str:
-    return case.frequency_shift(Physics(shear=case.on.get("shear", True), rotation=case.on.get("rotation", True)))
+    return case.frequency_shift(case.physics(case.on.get("shear", True), case.on.get("rotation", True)))
 
 
 def law(scene: Scene, on: bool) -> Mapping[str, Any]:

@@ -2,7 +2,6 @@
 
 from math import inf
 
-from granular_lmp.crystal.modes import Physics
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.effects.effect import NOTHING, Case, Effect, Finding
 from granular_lmp.effects.freedoms import about, turns
@@ -80,7 +79,7 @@ def without_wave(case: Case) -> Finding:
 def loss(case: Case) -> str:
     if case.scene.envelope.width > 0:
         return "the sides of a beam, where spheres turn, are wrong"
-    return case.frequency_shift(Physics(shear=case.on.get("shear", True), rotation=False))
+    return case.frequency_shift(case.physics(case.on.get("shear", True), rotation=False))
 
 
 ROTATION = Effect(

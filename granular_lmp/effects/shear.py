@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.crystal.modes import Physics, bears_compression, contact_stretches
+from granular_lmp.crystal.modes import bears_compression, contact_stretches
 from granular_lmp.effects.effect import NOTHING, Case, Effect, Finding
 from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.scene import Scene
@@ -40,7 +40,7 @@ def without_wave(case: Case) -> Finding:
 
 
 def loss(case: Case) -> str:
-    return case.frequency_shift(Physics(shear=False, rotation=False))
+    return case.frequency_shift(case.physics(shear=False, rotation=False))
 
 
 def law(scene: Scene, on: bool) -> Mapping[str, Any]:

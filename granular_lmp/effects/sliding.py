@@ -6,8 +6,8 @@ If the effect is off, the deck has a friction at which no contact slides.
 from math import inf, isfinite
 
 from granular_lmp.effects.effect import Case, Effect, Finding
-from granular_lmp.effects.guard import BETWEEN, Guard, Prepared
-from granular_lmp.effects.reading import Reading, read
+from granular_lmp.effects.guard import BETWEEN, Guard, Prepared, read
+from granular_lmp.effects.reading import Reading, between
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
@@ -36,8 +36,22 @@ def measured(problem: Prepared) -> list[str]:
     return [
         f"variable     mu equal {'v_friction' if friction == AUTO else repr(friction)}",
         "# the hardest sheared contact over the sliding force of the one that touches least: never below the truth",
-        f"variable     slip_looks vector look(c_extreme[2])/{sliding_force('looks', Reading.of(problem))}",
+        *slip_lines("looks", Reading.of(problem)),
     ]
+
+
+def slip_lines(of: str, how: Reading) -> list[str]:
+    """Return the lines of the variable ``slip_OF``, the largest share of a shear force in the sliding force."""
+    style, tag = ("vector", "") if of == "looks" else ("equal", "_all")
+    pairs = f"{'look(c_extreme[2])' if of == 'looks' else f'c_extreme{tag}[2]'}/{sliding_force(of, how)}"
+    if not how.walls:
+        return [f"variable     slip_{of} {style} {pairs}"]
+    lines, largest = [f"variable     rub_{of} {style} {pairs}"], f"v_rub_{of}"
+    for each in how.walls:
+        name = f"rub_{each.name}_{of}"
+        lines.append(f"variable     {name} {style} {each.slip(of)}")
+        largest = f"ternary(v_{name}>{largest},v_{name},{largest})"
+    return [*lines, f"variable     slip_{of} {style} {largest}"]
 
 
 GUARD = Guard(
@@ -49,7 +63,7 @@ GUARD = Guard(
     cure="set effects.sliding = true with effects.friction = the coefficient of the spheres, or take a smaller "
     "wave.amplitude",
     of_contacts=True,
-    per_contact=lambda scene: True,
+    per_contact=lambda scene: scene.space == 2,  # of contacts with a wall the bound decides
 )
 
 
@@ -67,7 +81,7 @@ def sliding_force(of: str, how: Reading) -> str:
     if how.whole:
         force = read("weakest", of)
         return f"(v_mu*(1e-9*{how.formulas.holding_force!r}+({force}>0)*{force}))"
-    return f"(v_mu*({how.adhesive_force!r}+{how.formulas.above_pull_off(f'v_overlap_{of}')}))"
+    return f"(v_mu*({how.adhesive_force!r}+{how.formulas.above_pull_off(between(of, how))}))"
 
 
 def called_for(case: Case) -> Finding:

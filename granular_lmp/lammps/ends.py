@@ -12,11 +12,13 @@ from granular_lmp.problem import Problem
 
 def boundary(problem: Problem) -> str:
     """Return the words for the faces of the box: the box follows spheres at a free face, which may fly."""
+    periodic = problem.crystal.pbc
+    depth = "f" if problem.scene.space == 3 and not periodic[2] else "p"
     if problem.scene.loose:
-        return f"{'p' if problem.crystal.pbc[0] else 'm'} m p"
+        return f"{'p' if periodic[0] else 'm'} m {depth}"
     shape = problem.scene.shape
     faces = (shape.along_x, "sides" in shape.free), (shape.along_y, {"first", "last"} & {*shape.free})
-    return " ".join("p" if periodic else "m" if free else "f" for periodic, free in faces) + " p"
+    return " ".join(["p" if along else "m" if free else "f" for along, free in faces] + [depth])
 
 
 def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:

@@ -17,7 +17,7 @@ from granular_lmp.effects.openings import changed_lines, counted_lines
 from granular_lmp.effects.reading import Reading, contact_lines, nearly_open, overlap_lines
 from granular_lmp.effects.selection import guards as all_guards
 from granular_lmp.effects.sliding import GUARD as SLIP
-from granular_lmp.effects.sliding import sliding_force
+from granular_lmp.effects.sliding import sliding_force, slip_lines
 from granular_lmp.lammps.outputs import CONTACTS
 from granular_lmp.problem import Problem
 from granular_lmp.scene.at_rest import swiftness
@@ -162,12 +162,11 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
     ]
     if part:
         *missing, open_all = changed_lines(problem, everywhere=True)
-        slip_all = f"variable     slip_all equal c_extreme_all[2]/{sliding_force('all', how)}"
         text += [
             "# for information: the same for all spheres, also those that cannot affect the record; no run fails by it",
             *_of_contacts("all", "all", how),
             *missing,
-            *([slip_all] if SLIP.title in names else []),
+            *(slip_lines("all", how) if SLIP.title in names else []),
             open_all,
         ]
     if undecided := [name for name in names if GUARDS[name].per_contact(scene) and name in problem.left_out]:

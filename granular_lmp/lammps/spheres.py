@@ -11,6 +11,8 @@ from granular_lmp.lammps.ends import boundary
 from granular_lmp.problem import Problem
 from granular_lmp.scene.sources import TORQUES
 
+FREE = 3.0  # radii between the centres of the outer spheres and the faces of the box along z where it is not periodic
+
 
 def data_of(problem: Problem) -> DataFile:
     """Return all spheres of a problem with the fields in which they begin."""
@@ -47,6 +49,9 @@ def _box(problem: Problem) -> NDArray[np.float64]:
     if problem.scene.loose:
         low[1] = min(low[1], packing.positions[:, 1].min() - 1)
         high[1] = max(high[1], packing.positions[:, 1].max() + 1)
+    if problem.scene.space == 3 and not packing.pbc[2]:
+        z = packing.positions[:, 2] * to_deck
+        low[2], high[2] = z.min() - FREE * to_deck, z.max() + FREE * to_deck
     return np.column_stack([low, high])
 
 

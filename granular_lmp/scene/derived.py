@@ -183,7 +183,8 @@ class Derived(Document):
     @property
     def plane_along_y(self) -> bool:
         """True if the wave is the paper's, a running plane wave along y in a perfect lattice."""
-        return self.perfect and self.starts_along_y and self.shape.infinite and self.lattice.column_period == 1
+        paper = self.space == 2 and self.lattice.column_period == 1
+        return paper and self.perfect and self.starts_along_y and self.shape.infinite
 
     @property
     def starts_along_y(self) -> bool:

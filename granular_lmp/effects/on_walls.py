@@ -1,0 +1,114 @@
+"""What guards read of contacts with walls across z: of each sphere LAMMPS has whether it touches, and the force.
+
+A wall is named after its face, and its fix after that and the material of the spheres that it pushes: ``zlo1``.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from granular_lmp.effects.guard import Prepared, read
+from granular_lmp.effects.law_formulas import FORMULAS, Formulas
+
+FACES = {"zlo": 1, "zhi": -1}  # walls across z, and the way in which they push
+
+
+@dataclass(frozen=True)
+class OnWall:
+    """What guards read of the contacts of one material with one wall: the forces that LAMMPS has of each sphere.
+
+    Attributes
+    ----------
+    name : str
+        Fix of the wall.
+    inward : int
+        1 if the wall pushes along z, −1 against it.
+    formulas : Formulas
+        Of the adhesion law.
+    adhesive_force, dashpot : float
+        In units of the deck.
+    """
+
+    name: str
+    inward: int
+    formulas: Formulas
+    adhesive_force: float
+    dashpot: float = 0.0
+
+    @property
+    def face(self) -> str:
+        """Name of the wall, a key of `FACES`."""
+        return self.name[:3]
+
+    @classmethod
+    def all_of(cls, problem: Prepared) -> tuple["OnWall", ...]:
+        """Return the walls of a problem, of each face and material one."""
+        contacts, sphere, found = problem.contacts, problem.scene.sphere, []
+        material = problem.crystal.arrays.get("material", np.zeros(len(problem.crystal), dtype=int))[contacts.i]
+        dashpot = problem.scene.effects.viscosity if problem.scene.effects.damping is True else 0.0
+        for face, inward in FACES.items():
+            for m in range(len(problem.materials)):
+                own = contacts.on_wall & (contacts.vector[:, 2] * inward < 0) & (material == m)
+                if own.any():
+                    adhesive, pressed = contacts.adhesive_force[own], contacts.contact_force[own]
+                    forces = (
+                        problem.units.number(float(each.min()), mass=1, length=1, time=-2)
+                        for each in (adhesive + pressed, adhesive)
+                    )
+                    holding, pull = forces
+                    formulas = FORMULAS[sphere.adhesion_law](sphere, holding)
+                    loss = problem.units.number(dashpot, mass=1, time=-1)
+                    found.append(cls(f"{face}{m + 1}", inward, formulas, pull, loss))
+        return tuple(found)
+
+    def lines(self, group: str, tag: str) -> list[str]:
+        """Return the lines that measure the smallest push and the largest shear force of a group."""
+        least = "min" if self.inward > 0 else "max"
+        lines = [
+            f"compute      press_{self.name}{tag} {group} reduce {least} f_{self.name}[4]",
+            f"compute      drag_{self.name}{tag} {group} reduce maxabs f_{self.name}[2] f_{self.name}[3]",
+        ]
+        if self.dashpot:
+            lines.append(f"compute      lift_{self.name}{tag} {group} reduce maxabs vz")
+        return lines
+
+    def overlap(self, of: str) -> str:
+        """Return the smallest overlap over that at rest, from the smallest push; never above the truth."""
+        push = read(f"press_{self.name}", of) if self.inward > 0 else f"-{read(f'press_{self.name}', of)}"
+        if self.dashpot:
+            push += f"-{self.dashpot!r}*{read(f'lift_{self.name}', of)}"
+        least = f"{push}+{self.adhesive_force!r}"
+        return self.formulas.overlap(f"(({least}>0)*({least})/{self.formulas.holding_force!r})")
+
+    def slip(self, of: str) -> str:
+        """Return the largest shear force over the sliding force of the contact that touches least."""
+        drag = "+".join(f"{read(f'drag_{self.name}', of, part)}^2" for part in (1, 2))
+        rest = self.formulas.above_pull_off(f"v_left_{self.name}_{of}")
+        return f"sqrt({drag})/(v_mu*({self.adhesive_force!r}+{rest}))"
+
+
+def fixes(problem: Prepared) -> dict[str, list[str]]:
+    """Return the fixes of each wall, one for each material, by face."""
+    found: dict[str, list[str]] = {}
+    for each in OnWall.all_of(problem):
+        found.setdefault(each.face, []).append(each.name)
+    return found
+
+
+def at_rest_lines(problem: Prepared) -> list[str]:
+    """Return the lines that keep which spheres touch a wall at rest."""
+    lines = []
+    for face in fixes(problem):
+        place = problem.units.number(problem.planes[face] * problem.scene.sphere.radius, length=1)
+        gap = f"z-({place!r})" if FACES[face] > 0 else f"({place!r})-z"
+        lines += [
+            f"variable     rests_{face} atom radius>{gap}",
+            f"fix          at_{face} all store/state 0 v_rests_{face}",
+        ]
+    return lines
+
+
+def missed(problem: Prepared) -> str:
+    """Return the terms "+abs(...)", one a wall, that are 1 of a sphere that has left a wall or come to it; or ""."""
+    terms = ("-".join([f"f_at_{face}", *(f"f_{name}[1]" for name in names)]) for face, names in fixes(problem).items())
+    return "".join(f"+abs({term})" for term in terms)
