@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from analysis.theory import green
 from analysis.theory.choice import TheoryError
 from analysis.theory.lattices import LATTICES
-from analysis.theory.network import Network
-from analysis.theory.network_outside import Drive, Function, Wall
+from analysis.theory.network import Network, Wall
+from analysis.theory.network_outside import Drive, Function
 from analysis.theory.scenes import Setting
 from granular_lmp.runs.record import Record, Scene
 
@@ -124,7 +124,7 @@ def _sources(scene: Scene, network: Network, scales: Scales) -> Iterator[Drive]:
         signal, pace, largest = signal_of(source, scene)
         yield Drive(
             chosen(source, scene, network.position),
-            component,  # type: ignore[arg-type]  # one of `COMPONENTS`
+            component,
             _scaled(signal, source.amplitude * unit, scales.time),
             moves=bool(source.motion),
             longest=pace * scales.time,
@@ -178,13 +178,16 @@ def _walls(scene: Scene, network: Network) -> Iterator[Wall]:
         for name, side, outermost in ((low, 1, np.argmin(middle - radius)), (high, -1, np.argmax(middle + radius))):
             if face(scene, name) == WALL:
                 outer = float(middle[outermost] - side * radius[outermost])
-                yield Wall(axis, outer + side * _pressed(scene, network, int(outermost)), side)  # type: ignore[arg-type]
+                place, normal = np.zeros((2, network.dimension))
+                normal[axis] = -side
+                place[axis] = outer + side * _pressed(scene, network, int(outermost), Wall(tuple(place), tuple(normal)))
+                yield Wall(tuple(place), tuple(normal))
 
 
-def _pressed(scene: Scene, network: Network, sphere: int) -> float:
+def _pressed(scene: Scene, network: Network, sphere: int, wall: Wall) -> float:
     """Return how deep the load of a chain presses a sphere into a wall, (F0/A)^{2/3}; 0 where nothing does."""
     force = _load(scene, network)
-    return float((force / network.on_walls(np.array([sphere]))[0][0]) ** (2 / 3)) if force else 0.0
+    return float((force / network.on_wall(wall, np.array([sphere]))[0][0]) ** (2 / 3)) if force else 0.0
 
 
 def _load(scene: Scene, network: Network) -> float:

@@ -1,18 +1,23 @@
-"""Any packing of spheres in the plane with LAMMPS's contact laws: the witness for imperfect crystals.
+"""Any packing of spheres with LAMMPS's contact laws: the witness for imperfect crystals.
 
-Sphere i has the place r_i, angle θ_i, velocity v_i, spin ω_i, mass m_i = (4/3)πR_i³ρ_i and moment of inertia
-(2/5)m_iR_i². Two spheres i and j at the distance |r_j − r_i| < R_i + R_j touch, with the overlap
-δ = R_i + R_j − |r_j − r_i|, the normal n from i to j and the tangent t = ẑ × n of this very moment, and
+Sphere i has the place r_i, velocity v_i, spin ω_i, mass m_i = (4/3)πR_i³ρ_i and moment of inertia (2/5)m_iR_i². Two
+spheres i and j at the distance |r_j − r_i| < R_i + R_j touch, with the overlap δ = R_i + R_j − |r_j − r_i|, the normal
+n from i to j of this very moment, and
 
     repulsion      P = A δ^{3/2} − F            A = (4/3) E* √Rc,   F = 2π w Rc,   Rc = R_iR_j/(R_i + R_j)
     shear force    S = B s δ^{1/2}              B = 8 G* √Rc                              [law = "secant"]
-    slip           ds/dt = t·(v_j − v_i) − (R_i ω_i + R_j ω_j),       s = 0 where the contact closes
-    force on i     S t − P n, the opposite on j;  torques (R_i − δ/2) S on i and (R_j − δ/2) S on j
+    slip           ds/dt = (v_j − v_i)_⊥ − (R_i ω_i + R_j ω_j) × n,     s = 0 where the contact closes
+    force on i     S − P n, the opposite on j;  torques (R_i − δ/2) n × S on i and (R_j − δ/2) n × S on j
 
-These are the laws of LAMMPS's `pair_style granular` with `dmt` (`hertz/material` for w = 0) and `mindlin`, in the limit
-of a short time step. The slip is a number, so it turns with its contact. With law = "incremental" the force itself is
-the state, dS/dt = B δ^{1/2} ds/dt (`mindlin/force`). Friction limits |S| to μ(A δ^{3/2} + F); a contact that slides
-keeps the slip of its limit.
+with (·)_⊥ what is across n. These are the laws of LAMMPS's `pair_style granular` with `dmt` (`hertz/material` for
+w = 0) and `mindlin`, in the limit of a short time step. With law = "incremental" the force itself is the state,
+dS/dt = B δ^{1/2} ds/dt (`mindlin/force`). Friction limits |S| to μ(A δ^{3/2} + F); a contact that slides keeps the slip
+of its limit.
+
+**Plane and space.** Places of two components are of spheres that stay in the plane: of the six freedoms they have x, y
+and the turn about z. Spheres in space have all six. Slip is a vector across n, and is *transported* with its contact:
+it keeps its length, and turns as n does, but not about n, also where both spheres turn about it. LAMMPS does so too, by
+taking the part across the new normal and giving it the old length. In the plane that is a number along ẑ × n.
 
 Dashpots add η dδ/dt to P and η ds/dt to S while a contact is closed: `viscosity` is an η for all (`damping velocity`),
 and with `restitution` e it is √5 ζ (A m')^{1/2} δ^{1/4}, ζ = −ln e/√(π² + ln² e), 1/m' = 1/m_i + 1/m_j (`damping
@@ -28,11 +33,13 @@ LAMMPS says. It departs from that in one place: where a pair of types has no pai
 stiffness is NULL, LAMMPS 22Jul2025 takes for G* that of two equal spheres with E = E* and ν = √(ν_i ν_j). That is
 about half of G*, also if the two types are of one material. `shear_mixing = "lammps"` asks for it.
 
+Walls are planes at rest of a material of their own. A sphere touches one with the same laws, Rc = R, and the arm R in
+place of R − δ/2.
+
 Units are any consistent ones: SI, those of a LAMMPS deck, or dimensionless. `analysis.theory.network_state` holds the
 motion, as displacements from the places at rest, so that no digits are lost in large crystals, and the forces of that
-moment. `analysis.theory.network_outside` holds what acts from outside: walls, pushes and prescribed motions.
-`analysis.theory.network_motion` integrates it, and `analysis.theory.network_ledger` keeps the books of energy and
-momentum.
+moment. `analysis.theory.network_outside` holds pushes and prescribed motions. `analysis.theory.network_motion`
+integrates it, and `analysis.theory.network_ledger` keeps the books of energy and momentum.
 
 Breaks where contacts are not small against the spheres: the contacts of a sphere do not know of each other. The pull of
 spheres that are near and do not touch is left out, as in LAMMPS.
@@ -41,13 +48,13 @@ spheres that are near and do not touch is left out, as in LAMMPS.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.theory.network_laws import Adhesion
-from analysis.theory.network_outside import Drive, Wall
+from analysis.theory.network_outside import Drive
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -57,6 +64,7 @@ ShearMixing = Literal["mindlin", "lammps"]
 # Pairs are candidates up to this gap, in radii of the smallest sphere. A wave moves spheres far less, so that the
 # candidates are searched once; and second neighbours of a crystal are farther, so that none is computed in vain.
 MARGIN = 0.2
+_UNIT = 1e-12  # rounding of the square of a unit vector
 
 
 @dataclass(frozen=True)
@@ -76,19 +84,39 @@ class Material:
             raise ValueError(f"work_of_adhesion = {self.work_of_adhesion} must be finite and not negative")
 
 
+RIGID = Material(1e300, 0.0)  # 1/E is below the rounding of any other
+
+
+class Wall(NamedTuple):
+    """A plane at rest through a point, with the unit normal that points out of the packing, in its dimensions.
+
+    Without a material it is rigid and does not adhere. `factors` multiply the normal force and the shear force of its
+    contacts at a given overlap, as measured stiffnesses ask for.
+    """
+
+    point: tuple[float, ...]
+    normal: tuple[float, ...]
+    material: Material | None = None
+    factors: tuple[float, float] = (1.0, 1.0)
+
+    def beyond(self, position: Floats) -> Floats:
+        """Return how far places (..., d) are from the plane, (...), negative where inside."""
+        return np.asarray((position - np.array(self.point)) @ np.array(self.normal))
+
+
 @dataclass(frozen=True, eq=False)
 class Network:
     """N spheres at rest and the laws of their contacts, in any consistent units.
 
     Parameters
     ----------
-    position : (N, 2) places at rest, which displacements are counted from. They need not be in equilibrium.
+    position : (N, 2) or (N, 3) places at rest, which displacements are counted from. They need not be in equilibrium.
     radius, density : (N,).
     materials : the kinds of spheres.
     kind : (N,) index into `materials` of each sphere; None if there is one kind.
     held : (N,) whether a sphere feels no force: it keeps the velocity and spin it starts with. None holds none.
-    cell : periods in x and y, inf where the network ends. A period must exceed twice the `reach`, so that no two
-        spheres touch twice: three columns of equal spheres do, two do not.
+    cell : periods in x, y (and z), inf where the network ends; () if it does everywhere. A period must exceed twice the
+        `reach`, so that no two spheres touch twice: three columns of equal spheres do, two do not.
     law : of the shear force.
     friction : μ; inf for contacts that never slide.
     shear_mixing : rule for G* of two kinds.
@@ -96,6 +124,7 @@ class Network:
     viscosity : η of a dashpot along the normal and the tangent of every closed contact.
     restitution : e in (0, 1] that sets the dashpots instead, without adhesion only; None: it does not.
     adhesion : law of the normal force.
+    factors : of the normal and of the shear forces of pairs at a given overlap, as measured stiffnesses ask for.
     walls, drives : what acts from outside (`analysis.theory.network_outside`).
     drag : (N,) rates, per time, at which velocity and spin of spheres decay; None: of none.
     """
@@ -106,7 +135,7 @@ class Network:
     materials: tuple[Material, ...]
     kind: Integers | None = None
     held: NDArray[np.bool_] | None = None
-    cell: tuple[float, float] = (np.inf, np.inf)
+    cell: tuple[float, ...] = ()
     law: Law = "secant"
     friction: float = np.inf
     shear_mixing: ShearMixing = "mindlin"
@@ -115,6 +144,7 @@ class Network:
     viscosity: float = 0.0
     restitution: float | None = None
     adhesion: Adhesion = "dmt"
+    factors: tuple[float, float] = (1.0, 1.0)
     walls: tuple[Wall, ...] = ()
     drives: tuple[Drive, ...] = ()
     drag: Floats | None = None
@@ -123,8 +153,9 @@ class Network:
         for name in ("position", "radius", "density"):
             object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
         count = len(self.position)
-        if self.position.shape != (count, 2) or count == 0 or not np.all(np.isfinite(self.position)):
-            raise ValueError(f"position must be finite and of shape (N, 2), not {self.position.shape}")
+        if self.position.shape not in ((count, 2), (count, 3)) or not count or not np.all(np.isfinite(self.position)):
+            raise ValueError(f"position must be finite and of shape (N, 2) or (N, 3), not {self.position.shape}")
+        object.__setattr__(self, "cell", self.cell or (np.inf,) * self.dimension)
         for name in ("radius", "density"):
             values = getattr(self, name)
             if values.shape != (count,) or not np.all(np.isfinite(values) & (values > 0)):
@@ -151,8 +182,24 @@ class Network:
             raise ValueError(
                 f"restitution = {self.restitution} must be in (0, 1], beside no viscosity and no work_of_adhesion"
             )
-        if len(self.cell) != 2 or not min(self.cell) > 2 * self.reach:
-            raise ValueError(f"cell = {self.cell} must be two periods of more than {2 * self.reach}, or inf")
+        if len(self.cell) != self.dimension or not min(self.cell) > 2 * self.reach:
+            number = "two" if self.dimension == 2 else "three"
+            raise ValueError(f"cell = {self.cell} must be {number} periods of more than {2 * self.reach}, or inf")
+        for each in self.walls:
+            if {len(each.point), len(each.normal)} != {self.dimension} or abs(
+                np.dot(each.normal, each.normal) - 1
+            ) > _UNIT:
+                raise ValueError(f"{each}: point and normal must have {self.dimension} components, normal the length 1")
+
+    @cached_property
+    def dimension(self) -> int:
+        """Return d, the number of components of a place."""
+        return self.position.shape[1]
+
+    @cached_property
+    def freedoms(self) -> int:
+        """Return how many freedoms a sphere has: d ways, and one turn in the plane, three in space."""
+        return 3 if self.dimension == 2 else 6
 
     @cached_property
     def kinds(self) -> Integers:
@@ -171,11 +218,12 @@ class Network:
 
     @cached_property
     def mobility(self) -> Floats:
-        """Return accelerations per force and torque, (3, N): 1/m, 1/m, 1/I, and 0 for held and moved spheres."""
+        """Return accelerations per force and torque, (freedoms, N): 1/m and 1/I, and 0 for held and moved spheres."""
         free = np.ones(len(self.position)) if self.held is None else 1.0 - self.held
         for each in self.drives:
             free[each.spheres] *= not each.moves
-        return np.stack([free / self.mass, free / self.mass, self.rotation * free / self.inertia])
+        ways, turns = free / self.mass, self.rotation * free / self.inertia
+        return np.stack([ways] * self.dimension + [turns] * (self.freedoms - self.dimension))
 
     @property
     def adheres(self) -> bool:
@@ -196,13 +244,18 @@ class Network:
         """Return A, B and F of the contacts of spheres `first` and `second`, each (M,), by the mixing above."""
         i, j = self.kinds[first], self.kinds[second]
         A, B, F, _ = mixed(self.materials, (i, j), (self.radius[first], self.radius[second]), self.shear_mixing)
-        return A, self.shear * B, F
+        pressing, shearing = self.factors
+        return pressing * A, shearing * self.shear * B, pressing * F
 
-    def on_walls(self, spheres: Integers) -> tuple[Floats, Floats, Floats]:
-        """Return A, B and F of the contacts of spheres with a rigid wall that does not adhere, each (n,)."""
+    def on_wall(self, wall: Wall, spheres: Integers) -> tuple[Floats, Floats, Floats]:
+        """Return A, B and F of the contacts of spheres with a wall, each (n,)."""
         kinds, radii = self.kinds[spheres], self.radius[spheres]
-        A, B, F, _ = mixed(self.materials, (kinds, kinds), (radii, np.full(len(radii), np.inf)))
-        return 2 * A, 2 * self.shear * B, 0 * F  # E* and G* of two alike are half of those on a rigid body
+        both = [*self.materials, wall.material or RIGID]
+        A, B, F, _ = mixed(
+            both, (kinds, np.full_like(kinds, len(self.materials))), (radii, np.full_like(radii, np.inf))
+        )
+        pressing, shearing = wall.factors
+        return pressing * A, shearing * self.shear * B, pressing * F
 
 
 def mixed(

@@ -34,6 +34,10 @@ class Dmt:
     def __init__(self, hertz: Floats, adhesion: Floats) -> None:
         self.A, self.F = hertz, adhesion
 
+    def closed(self, overlap: Floats, begun: Bools | bool) -> Bools:
+        """Return whether spheres touch that overlap so, and had begun to touch or not."""
+        return overlap > 0
+
     def radius(self, overlap: Floats, closed: Bools) -> Floats:
         """Return r, 0 where open."""
         return np.sqrt(overlap)
@@ -61,6 +65,10 @@ class Jkr:
         self.A, self.F = hertz, adhesion
         self.depth = (3 * adhesion / hertz) ** (2 / 3) / 3
         self.end = -(2 ** (-4 / 3)) * self.depth
+
+    def closed(self, overlap: Floats, begun: Bools | bool) -> Bools:
+        """Return whether spheres touch that overlap so, and had begun to touch or not."""
+        return (overlap > 0) | (begun & (overlap > self.end))
 
     def radius(self, overlap: Floats, closed: Bools) -> Floats:
         """Return r, 0 where open."""

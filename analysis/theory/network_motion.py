@@ -25,6 +25,7 @@ from analysis.theory.network import Network
 from analysis.theory.network_ledger import energy, work_rate
 from analysis.theory.network_outside import imposed, pushes
 from analysis.theory.network_state import State, contacts, forces, present, resultants, searched_again, settled
+from analysis.theory.network_tangents import dot
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -38,7 +39,7 @@ class Trajectory:
     ----------
     times : (T,).
     spheres : (n,) indices of those recorded.
-    motion : (T, 6, n) displacement x, y, rotation, velocity x, y, spin.
+    motion : (T, 2f, n) displacement, turn, velocity, spin of the f freedoms of a sphere, as of `State`.
     energy, work : (T,) E, and W since the start; initial_energy is E there.
     final : state at the last time.
     steps, evaluations : number of steps that were kept, and of evaluations of all forces.
@@ -56,13 +57,14 @@ class Trajectory:
 
     @property
     def displacement(self) -> Floats:
-        """Return the displacements from rest (T, n, 2), as `analysis.measure.coherent.project` takes them."""
-        return np.moveaxis(self.motion[:, :2], 1, 2)
+        """Return the displacements from rest (T, n, d), as `analysis.measure.coherent.project` takes them."""
+        return np.moveaxis(self.motion[:, : len(self.final.pairs.apart)], 1, 2)
 
     @property
     def velocity(self) -> Floats:
-        """Return the velocities (T, n, 2)."""
-        return np.moveaxis(self.motion[:, 3:5], 1, 2)
+        """Return the velocities (T, n, d)."""
+        freedoms = self.motion.shape[1] // 2
+        return np.moveaxis(self.motion[:, freedoms : freedoms + len(self.final.pairs.apart)], 1, 2)
 
     @property
     def heat(self) -> Floats:
@@ -83,12 +85,11 @@ def scales(network: Network, state: State) -> tuple[float, float]:
     now = present(network, state)
     inverse_mass = np.append(network.mobility[0], np.zeros(len(network.walls)))
     pull = np.abs(forces(network, state)) * network.mobility
-    acceleration = float(max(pull[:2].max(), (pull[2] * network.radius).max()))
-    length = float(max(np.abs(motion[:2]).max(), (np.abs(motion[2]) * network.radius).max()))
-    speed = float(max(np.abs(motion[3:5]).max(), (np.abs(motion[5]) * network.radius).max()))
+    arms = _arms(network)
+    length, speed, acceleration = (float(np.max(np.abs(each) * arms)) for each in (*np.split(motion, 2), pull))
     stiffness = 1.5 * pairs.A * now.radius  # A Hertz contact of that radius is stiffer than one that adheres
     for each in network.drives:
-        lever = network.radius[each.spheres] if each.component == 2 else 1.0
+        lever = arms[each.component, each.spheres]
         reached = float(
             np.max(each.size * lever * (1.0 if each.moves else network.mobility[each.component, each.spheres]))
         )
@@ -182,54 +183,67 @@ def integrate(
 
 
 def _packed(state: State, work: float) -> Floats:
-    return np.concatenate([state.motion.ravel(), state.shear, [work]])
+    return np.concatenate([state.motion.ravel(), state.shear.ravel(), [work]])
 
 
 def _at(network: Network, state: State, time: float, y: Floats) -> State:
     """Return the motion and shear of a packed state, with the pairs of a state and those that had begun then."""
-    cut = y.size - 1 - len(state.shear)
-    motion = imposed(network.drives, time, y[:cut].reshape(6, -1).copy())
-    return replace(state, motion=motion, shear=y[cut:-1].copy())
+    cut = state.motion.size
+    motion = imposed(network.drives, time, y[:cut].reshape(state.motion.shape).copy())
+    return replace(state, motion=motion, shear=y[cut:-1].reshape(state.shear.shape).copy())
+
+
+def _arms(network: Network) -> Floats:
+    """Return what makes lengths of displacements and turns, (f, N): 1 and R."""
+    turns = network.freedoms - network.dimension
+    return np.stack([np.ones_like(network.radius)] * network.dimension + [network.radius] * turns)
 
 
 def _sizes(network: Network, state: State, length: float, speed: float) -> Floats:
     """Return the size of each entry of the packed state; that of the work is infinite, so it does not rule the step."""
-    ones = np.ones(len(network.position))
-    ways = [length * ones, length * ones, length / network.radius, speed * ones, speed * ones, speed / network.radius]
-    shear = np.full(len(state.shear), length)
+    arms = _arms(network)
+    shear = np.full(state.shear.shape, length)
     if network.law == "incremental":
         pairs = state.pairs
         stiffness = pairs.B * np.sqrt(np.maximum(pairs.overlap, length))
         shear *= np.where(stiffness > 0, stiffness, 1.0)  # contacts without shear have a memory that stays 0
-    return np.concatenate([*ways, shear, [np.inf]])
+    return np.concatenate([(length / arms).ravel(), (speed / arms).ravel(), shear.ravel(), [np.inf]])
 
 
 def _farthest(state: State) -> float:
     """Return the longest way of a sphere since its pairs were searched."""
-    way = state.motion[:2] - state.pairs.place
-    return float(np.sqrt(np.max(way[0] ** 2 + way[1] ** 2)))
+    way = state.motion[: len(state.pairs.place)] - state.pairs.place
+    return float(np.sqrt(np.max(dot(way, way))))
 
 
 def _rates(network: Network, start: State, time: float, y: Floats) -> Floats:
     """Return the time derivative of the packed state: the equations of `analysis.theory.network`."""
-    spheres = len(network.position)
-    motion = imposed(network.drives, time, y[: 6 * spheres].reshape(6, spheres))
+    freedoms, spheres = network.mobility.shape
+    cut = start.motion.size
+    motion = imposed(network.drives, time, y[:cut].reshape(start.motion.shape))
     pairs = start.pairs
-    now = contacts(network, motion, pairs, y[6 * spheres : -1], start.begun)
+    now = contacts(network, motion, pairs, y[cut:-1].reshape(start.shear.shape), start.begun)
     load = resultants(pairs, now, spheres)
     rate = np.empty_like(y)
-    moved = rate[: 6 * spheres].reshape(6, spheres)
-    moved[:3] = motion[3:]
-    rate[6 * spheres : -1] = now.stiffness * now.slip_rate if network.law == "incremental" else now.slip_rate
-    rate[-1] = work_rate(network, motion, pairs, now)
+    moved = rate[:cut].reshape(motion.shape)
+    moved[:freedoms] = motion[freedoms:]
+    if network.dimension == 3:
+        moved[3:6] += _tilting(motion[3:6], motion[9:])
+    rate[cut:-1] = now.memory_rate.ravel()
+    rate[-1] = work_rate(network, pairs, now)
     if network.drives:
-        push = pushes(network.drives, time, spheres)
-        rate[-1] += np.sum(push * motion[3:])
+        push = pushes(network.drives, time, load.shape)
+        rate[-1] += np.sum(push * motion[freedoms:])
         load += push
         for each in network.drives:
             if each.moves:  # what moves a sphere bears the forces of its contacts
-                rate[-1] -= np.sum((load * motion[3:])[:, each.spheres])
-    moved[3:] = load * network.mobility
+                rate[-1] -= np.sum((load * motion[freedoms:])[:, each.spheres])
+    moved[freedoms:] = load * network.mobility
     if network.drag is not None:
-        moved[3:] -= network.drag * motion[3:]
+        moved[freedoms:] -= network.drag * motion[freedoms:]
     return rate
+
+
+def _tilting(turn: Floats, spin: Floats) -> Floats:
+    """Return dg/dt − ω (3, N) of turns g, which are 2 tan(ϑ/2) times an axis: ½ω × g + ¼(ω·g) g."""
+    return np.cross(spin, turn, axis=0) / 2 + dot(spin, turn) * turn / 4

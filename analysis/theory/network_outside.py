@@ -1,19 +1,11 @@
-"""Loads on a packing of spheres from outside: rigid walls, pushes and prescribed motions.
+"""Drives of a packing of spheres: pushes and prescribed motions.
 
-A wall is a plane at rest. A sphere that reaches it touches it by the contact laws of `analysis.theory.network`, with
-
-    1/E* = (1 − ν²)/E,   1/G* = 2(2 − ν)(1 + ν)/E,   Rc = R,   n = −(the normal of the plane into the packing)
-
-which is a contact with a held sphere whose radius has no bound. `analysis.theory.network_state` makes it one: the
-normal of a sphere of 1e9 radii turns by 1e-9 of the way of the other one, relative to R.
-
-A drive is a signal over time: a force along x or y, a torque, or the displacement along x or y or the angle of spheres,
-which then do nothing else. Their velocity is the slope of the signal, by differences that err by 1e-10 of it.
+A drive is a signal over time: a force along x, y or z, a torque, or the displacement or turn of spheres, which then do
+nothing else. Their velocity is the slope of the signal, by differences that err by 1e-10 of it.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,22 +19,6 @@ _SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12
 _STEP = 1e-3
 
 
-@dataclass(frozen=True)
-class Wall:
-    """A rigid plane at rest, across x (axis 0) or y (1), with the packing beyond it (side 1) or before it (−1)."""
-
-    axis: Literal[0, 1]
-    place: float
-    side: Literal[-1, 1]
-
-    @property
-    def normal(self) -> Floats:
-        """Return the unit vector from the packing into the wall, (2,)."""
-        vector = np.zeros(2)
-        vector[self.axis] = -self.side
-        return vector
-
-
 @dataclass(frozen=True, eq=False)
 class Drive:
     """A signal that pushes or moves spheres.
@@ -50,7 +26,7 @@ class Drive:
     Attributes
     ----------
     spheres : (n,) indices.
-    component : 0 and 1 along x and y, 2 turning.
+    component : 0 and 1 along x and y, 2 turning; in space 0 to 2 along x, y and z, 3 to 5 turning about them.
     signal : of times (T,): a force, a torque, a displacement or an angle.
     moves : whether it prescribes the motion.
     longest : time in which the signal changes; no step of an integration is longer.
@@ -59,7 +35,7 @@ class Drive:
     """
 
     spheres: Integers
-    component: Literal[0, 1, 2]
+    component: int
     signal: Function
     moves: bool = False
     longest: float = np.inf
@@ -73,9 +49,9 @@ class Drive:
         return np.outer([values[2], _SLOPE @ values / step], self.share)
 
 
-def pushes(drives: tuple[Drive, ...], time: float, spheres: int) -> Floats:
-    """Return the forces in x and y and torques of all drives at a time, (3, N)."""
-    total = np.zeros((3, spheres))
+def pushes(drives: tuple[Drive, ...], time: float, shape: tuple[int, int]) -> Floats:
+    """Return the forces and torques of all drives at a time, of a shape (freedoms, N)."""
+    total = np.zeros(shape)
     for each in drives:
         if not each.moves:
             total[each.component, each.spheres] += each.share * each.signal(np.array([time]))[0]
@@ -83,11 +59,11 @@ def pushes(drives: tuple[Drive, ...], time: float, spheres: int) -> Floats:
 
 
 def imposed(drives: tuple[Drive, ...], time: float, motion: Floats) -> Floats:
-    """Return a motion (6, N) with what drives prescribe at a time; itself if they prescribe nothing."""
+    """Return a motion (2·freedoms, N) with what drives prescribe at a time; itself if they prescribe nothing."""
     moving = [each for each in drives if each.moves]
     if not moving:
         return motion
-    motion = motion.copy()
+    motion, freedoms = motion.copy(), len(motion) // 2
     for each in moving:
-        motion[each.component, each.spheres], motion[each.component + 3, each.spheres] = each.at(time)
+        motion[each.component, each.spheres], motion[each.component + freedoms, each.spheres] = each.at(time)
     return motion

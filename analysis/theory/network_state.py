@@ -1,7 +1,11 @@
 """A packing of spheres at one moment: its motion, the pairs that may touch, and the forces of their contacts.
 
-The laws are those of `analysis.theory.network`, in its terms. A wall is the last of the bodies of a pair: a held sphere
-of `_FAR` times the radius of the first one.
+The laws are those of `analysis.theory.network`, in its terms. Spheres in d dimensions have f freedoms: x, y and the
+turn about z in the plane, three ways and three turns in space. Turns in space are 2 tan(ϑ/2) times the axis of the
+turn ϑ, as a quaternion gives it; forces do not depend on them.
+
+A wall is the last of the bodies of a pair: a held sphere of `_FAR` times the radius of the first one, whose normal
+turns by 1e-9 of the way of that one, relative to R.
 """
 
 from dataclasses import dataclass, replace
@@ -9,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.network import Network
+from analysis.theory.network import Network, Wall
 from analysis.theory.network_laws import LAWS, Dmt, Jkr
-from analysis.theory.network_outside import Wall
+from analysis.theory.network_tangents import Tangents, combined, dot, frames, rebased, swerved, tangents, turned
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -26,12 +30,14 @@ class Pairs:
     Attributes
     ----------
     first, second : (M,) indices of the spheres.
-    apart : (2, M) from first to second at rest, to the image of second that is near; its length (M,).
+    apart : (d, M) from first to second at rest, to the image of second that is near; its length (M,).
     overlap : (M,) at rest, negative for a gap.
     radii : (2, M) of first and second, the second 0 of a wall.
+    shortened : (M,) by how much of the overlap an arm is shorter than its radius: ½, and 0 on a wall.
     mass : (M,) reduced, 1/(1/m + 1/m) of both.
     A, B, F : (M,) coefficients of the contacts.
-    place : (2, N) displacements at which the search was made.
+    place : (d, N) displacements at which the search was made.
+    frame : of the tangents (`analysis.theory.network_tangents`).
     normal : law of the normal forces.
     """
 
@@ -41,11 +47,13 @@ class Pairs:
     length: Floats
     overlap: Floats
     radii: Floats
+    shortened: Floats
     mass: Floats
     A: Floats
     B: Floats
     F: Floats
     place: Floats
+    frame: Floats
     normal: Dmt | Jkr
 
 
@@ -55,9 +63,10 @@ class State:
 
     Attributes
     ----------
-    motion : (6, N): displacement x, y, rotation θ, velocity x, y, spin ω.
+    motion : (2f, N): displacement, turn, velocity, spin; x, y, θ, v_x, v_y, ω in the plane.
     pairs : the candidates for contacts.
-    shear : (M,) slip of the pairs, or their shear force under the incremental law; 0 where open.
+    shear : (d − 1, M) slip of the pairs along their tangents, or their shear force under the incremental law; 0 where
+        open.
     begun : (M,) whether the pairs have touched and not parted since: by the JKR law these hold beyond an overlap of 0.
     """
 
@@ -74,30 +83,38 @@ class Contacts:
     Attributes
     ----------
     overlap : (M,) δ, 0 where open.
-    normal : (2, M).
+    normal : (d, M).
+    tangents : of the normals.
     closed : (M,) whether they touch.
     radius : (M,) a/√Rc, δ^{1/2} by the DMT law.
     stiffness : (M,) k = B a/√Rc.
-    repulsion, shear : (M,) P and S.
-    spring : (M,) S less its dashpot.
-    apart : (6, M) motion of the second sphere less that of the first.
-    slip_rate : (M,) ds/dt.
+    repulsion, shear : P (M,), and S along the tangents (d − 1, M).
+    twist : (1 or 3, M) n × S.
+    spring : (d − 1, M) S less its dashpot.
+    rate : (d, M) velocity of the second sphere less that of the first.
+    spins : (1 or 3, M) sum of their spins.
+    slip_rate : (d − 1, M) ds/dt.
+    memory_rate : (d − 1, M) rate of `State.shear`.
     """
 
     overlap: Floats
     normal: Floats
+    tangents: Tangents
     closed: Bools
     radius: Floats
     stiffness: Floats
     repulsion: Floats
     shear: Floats
+    twist: Floats
     spring: Floats
-    apart: Floats
+    rate: Floats
+    spins: Floats
     slip_rate: Floats
+    memory_rate: Floats
 
 
 def search(network: Network, displacement: Floats) -> Pairs:
-    """Return all pairs with gaps below the margin, for spheres displaced by (2, N)."""
+    """Return all pairs with gaps below the margin, for spheres displaced by (d, N)."""
     from scipy.spatial import cKDTree  # slow to import, and only networks need it
 
     period = np.array(network.cell)
@@ -109,46 +126,42 @@ def search(network: Network, displacement: Floats) -> Pairs:
     found = cKDTree(wrapped, boxsize=box).query_pairs(network.reach, output_type="ndarray")
     first, second = found[np.lexsort((found[:, 1], found[:, 0]))].T.astype(np.intp)
 
-    apart = network.position[second] - network.position[first]
-    now = apart + (displacement.T[second] - displacement.T[first])
-    apart = apart - np.where(periodic, box * np.round(now / np.where(periodic, period, 1.0)), 0.0)
+    way = (displacement.T[second] - displacement.T[first]).T
+    apart = (network.position[second] - network.position[first]).T
+    images = np.round((apart + way) / np.where(periodic, period, 1.0)[:, None])
+    apart = apart - np.where(periodic, box, 0.0)[:, None] * images
     radii = np.stack([network.radius[first], network.radius[second]])
-    now = apart + (displacement.T[second] - displacement.T[first])
-    near = np.hypot(*now.T) < radii.sum(axis=0) + network.margin
-    first, second, apart, radii = first[near], second[near], apart[near].T, radii[:, near]
-    length, mass = np.hypot(*apart), 1 / (1 / network.mass[first] + 1 / network.mass[second])
-    found = [
-        first,
-        second,
-        apart,
-        length,
-        radii.sum(axis=0) - length,
-        radii,
-        mass,
-        *network.coefficients(first, second),
-    ]
-    for number, wall in enumerate(network.walls, len(place)):
-        on_wall = _reached(network, wall, number, displacement)
-        found = [np.concatenate(both, axis=-1) for both in zip(found, on_wall, strict=True)]
-    first, second, apart, length, overlap, radii, mass, A, B, F = map(np.ascontiguousarray, found)
-    law = LAWS[network.adhesion](A, F)
-    return Pairs(first, second, apart, length, overlap, radii, mass, A, B, F, displacement, law)
+    near = np.sqrt(dot(apart + way, apart + way)) < radii.sum(axis=0) + network.margin
+    first, second, apart, radii = first[near], second[near], apart[:, near], radii[:, near]
+    length, mass = np.sqrt(dot(apart, apart)), 1 / (1 / network.mass[first] + 1 / network.mass[second])
+    arms = np.full(len(first), 0.5)
+    overlap = radii.sum(axis=0) - length
+    parts = [[first, second, apart, length, overlap, radii, arms, mass, *network.coefficients(first, second)]]
+    parts += [_reached(network, wall, number, displacement) for number, wall in enumerate(network.walls, len(place))]
+    *both, apart, length, overlap, radii, arms, mass, A, B, F = (
+        np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)
+    )
+    first, second = (each.astype(np.intp) for each in both)
+    moved = _bodies(network, displacement)
+    now = apart + moved[:, second] - moved[:, first]
+    frame, law = frames(now / np.sqrt(dot(now, now))), LAWS[network.adhesion](A, F)
+    return Pairs(first, second, apart, length, overlap, radii, arms, mass, A, B, F, displacement, frame, law)
 
 
 def _reached(network: Network, wall: Wall, number: int, displacement: Floats) -> list[Floats | Integers]:
-    """Return the pairs of spheres near a wall, the body of a number: all but the last two attributes of `Pairs`."""
-    beyond = wall.side * (wall.place - network.position[:, wall.axis])
-    near = network.radius + beyond - wall.side * displacement[wall.axis] > -network.margin
-    spheres = np.flatnonzero(near)
+    """Return the pairs of spheres near a wall, the body of a number: `Pairs` from first to F."""
+    beyond, normal = wall.beyond(network.position), np.array(wall.normal)
+    spheres = np.flatnonzero(network.radius + beyond + normal @ displacement > -network.margin)
     own, mass = network.radius[spheres], network.mass[spheres]
-    far, radii = _FAR * own, np.stack([own, np.zeros_like(own)])
+    far, none = _FAR * own, np.zeros_like(own)
     ends = spheres, np.full_like(spheres, number)
-    return [*ends, np.outer(wall.normal, far), far, own + beyond[spheres], radii, mass, *network.on_walls(spheres)]
+    radii, overlap = np.stack([own, none]), own + beyond[spheres]
+    return [*ends, np.outer(normal, far), far, overlap, radii, none, mass, *network.on_wall(wall, spheres)]
 
 
 def _bodies(network: Network, motion: Floats) -> Floats:
-    """Return the motion (6, N), with that of the walls behind it if there are any."""
-    return np.hstack([motion, np.zeros((6, len(network.walls)))]) if network.walls else motion
+    """Return motions (..., N), with those of the walls behind them if there are any."""
+    return np.hstack([motion, np.zeros((len(motion), len(network.walls)))]) if network.walls else motion
 
 
 def dashpots(network: Network, pairs: Pairs, root: Floats) -> Floats:
@@ -165,49 +178,66 @@ def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats, beg
 
     Parameters
     ----------
-    motion : (6, N).
+    motion : (2f, N).
     memory, begun : `State.shear` and `State.begun`.
     """
+    dimension, freedoms = network.dimension, network.freedoms
     here, there = motion.take(pairs.first, axis=1), _bodies(network, motion).take(pairs.second, axis=1)
     apart = there - here
-    turning = pairs.radii[0] * here[5] + pairs.radii[1] * there[5]
-    now = pairs.apart + apart[:2]
-    distance = np.sqrt(now[0] ** 2 + now[1] ** 2)
+    spin, other = here[freedoms + dimension :], there[freedoms + dimension :]
+    turning = pairs.radii[0] * spin + pairs.radii[1] * other
+    way, rate = apart[:dimension], apart[freedoms : freedoms + dimension]
+    now = pairs.apart + way
+    distance = np.sqrt(dot(now, now))
     # The distance less the one at rest, written so that no digits cancel
-    stretch = ((pairs.apart[0] + now[0]) * apart[0] + (pairs.apart[1] + now[1]) * apart[1]) / (distance + pairs.length)
+    stretch = dot(pairs.apart + now, way) / (distance + pairs.length)
     depth = pairs.overlap - stretch
-    closed = (depth > 0) | (begun & (depth > pairs.normal.end))
-    overlap = np.where(closed, depth, 0.0)
+    closed = pairs.normal.closed(depth, begun)
+    overlap = depth * closed
     normal = now / distance
+    frame = tangents(pairs.frame, normal)
     radius = pairs.normal.radius(overlap, closed)
     stiffness = pairs.B * radius
     spring = np.where(closed, memory, 0.0) if network.law == "incremental" else stiffness * memory
-    slip_rate = (normal[0] * apart[4] - normal[1] * apart[3] - turning) * closed
+    across = dot(frame.along, rate)
+    slip_rate = (across - dot(frame.about, turning)) * closed
+    memory_rate = stiffness * slip_rate if network.law == "incremental" else slip_rate
     repulsion = pairs.normal.repulsion(overlap, radius, closed)
     shear, limit = spring, repulsion + 2 * pairs.normal.pull * pairs.F
     if network.viscosity or network.restitution is not None:
         dashpot = dashpots(network, pairs, radius)
-        repulsion = repulsion - dashpot * (normal[0] * apart[3] + normal[1] * apart[4])
+        repulsion = repulsion - dashpot * dot(normal, rate)
         shear = spring + network.shear * dashpot * slip_rate
         limit = limit if network.adheres else np.abs(repulsion)
     if np.isfinite(network.friction):
         wanted, limit = shear, network.friction * limit
-        shear = np.clip(wanted, -limit, limit)
-        spring = np.where(shear == wanted, spring, shear - (wanted - spring))
-    return Contacts(overlap, normal, closed, radius, stiffness, repulsion, shear, spring, apart, slip_rate)
+        size = np.sqrt(dot(wanted, wanted))
+        slides = size > limit
+        shear = wanted * np.divide(limit, size, out=np.ones_like(size), where=slides)
+        spring = np.where(slides, shear - (wanted - spring), spring)
+        if frame.lean is not None:
+            beyond = np.divide(size, limit, out=np.ones_like(size), where=slides & (limit > 0))
+            memory_rate = memory_rate + swerved(memory_rate, wanted, beyond)
+    if frame.lean is not None:
+        memory_rate = memory_rate + turned(memory, across / distance, frame.lean)
+    twist = combined(shear, frame.about)
+    forces = repulsion, shear, twist, spring
+    return Contacts(
+        overlap, normal, frame, closed, radius, stiffness, *forces, rate, spin + other, slip_rate, memory_rate
+    )
 
 
 def resultants(pairs: Pairs, now: Contacts, spheres: int) -> Floats:
-    """Return forces in x and y and torques on the spheres, (3, N)."""
-    force_x = -now.normal[0] * now.repulsion - now.normal[1] * now.shear
-    force_y = -now.normal[1] * now.repulsion + now.normal[0] * now.shear
-    levers = (pairs.radii - now.overlap / 2) * now.shear
+    """Return forces and torques on the spheres, (f, N)."""
+    forces = combined(now.shear, now.tangents.along) - now.repulsion * now.normal
+    levers = pairs.radii - pairs.shortened * now.overlap
 
     def summed(on_first: Floats, on_second: Floats) -> Floats:
         on_both = np.bincount(pairs.first, on_first, spheres) + np.bincount(pairs.second, on_second, spheres)[:spheres]
         return np.asarray(on_both, dtype=np.float64)
 
-    return np.stack([summed(force_x, -force_x), summed(force_y, -force_y), summed(levers[0], levers[1])])
+    pushes = [summed(each, -each) for each in forces]
+    return np.array(pushes + [summed(levers[0] * each, levers[1] * each) for each in now.twist])
 
 
 def start(
@@ -225,25 +255,24 @@ def start(
 
     Parameters
     ----------
-    displacement, velocity : (N, 2), or broadcast to it.
-    rotation, spin : (N,), or broadcast to it; angles in rad.
+    displacement, velocity : (N, d), or broadcast to it.
+    rotation, spin : (N,) in the plane and (N, 3) in space, or broadcast to it; angles in rad.
     """
-    count = len(network.position)
-    motion = np.empty((6, count))
-    for rows, values in ((slice(0, 2), displacement), (slice(3, 5), velocity)):
-        motion[rows] = np.broadcast_to(np.asarray(values, float), (count, 2)).T
-    for row, values in ((2, rotation), (5, spin)):
-        motion[row] = np.broadcast_to(np.asarray(values, float), (count,))
+    count, dimension = network.position.shape
+    motion = np.zeros((2, network.freedoms, count))
+    for part, ways, turns in zip(motion, (displacement, velocity), (rotation, spin), strict=True):
+        part[:dimension] = np.broadcast_to(np.asarray(ways, float), (count, dimension)).T
+        part[dimension:] = np.broadcast_to(np.asarray(turns, float), (count, 3) if dimension == 3 else (count,)).T
     if not np.all(np.isfinite(motion)):
         raise ValueError("displacement, velocity, rotation and spin must be finite")
-    pairs = search(network, motion[:2])
-    way = np.concatenate([motion[:3], motion[:3]])  # the way in one unit of time, as a velocity
+    places, rates = motion
+    pairs = search(network, places[:dimension])
+    way = np.concatenate([places, places])  # the way in one unit of time, as a velocity
     begun = pairs.overlap > pairs.normal.end
-    arrived = contacts(network, way, pairs, np.zeros(len(pairs.first)), begun)
-    sheared = arrived.stiffness * arrived.slip_rate if network.law == "incremental" else arrived.slip_rate
-    still = np.concatenate([motion[:3], np.zeros((3, count))])  # so slow a way that no dashpot resists it
-    moved = settled(network, State(still, pairs, sheared, begun))
-    return settled(network, replace(moved, motion=motion))
+    arrived = contacts(network, way, pairs, np.zeros((dimension - 1, len(pairs.first))), begun)
+    still = np.concatenate([places, 0 * rates])  # so slow a way that no dashpot resists it
+    moved = settled(network, State(still, pairs, arrived.memory_rate, begun))
+    return settled(network, replace(moved, motion=motion.reshape(-1, count)))
 
 
 def present(network: Network, state: State) -> Contacts:
@@ -253,7 +282,7 @@ def present(network: Network, state: State) -> Contacts:
 
 def slip(now: Contacts) -> Floats:
     """Return the force of the spring of S over k, 0 where open: the slip, within the limit of friction."""
-    return np.divide(now.spring, now.stiffness, out=np.zeros_like(now.shear), where=now.stiffness > 0)
+    return np.divide(now.spring, now.stiffness, out=np.zeros_like(now.spring), where=now.stiffness > 0)
 
 
 def settled(network: Network, state: State) -> State:
@@ -268,7 +297,7 @@ def settled(network: Network, state: State) -> State:
 
 def searched_again(network: Network, state: State) -> State:
     """Return the state with its candidate pairs searched again; contacts keep their shear."""
-    pairs = search(network, state.motion[:2])
+    pairs = search(network, state.motion[: network.dimension])
     count = len(network.position) + len(network.walls)
     _, old, new = np.intersect1d(
         state.pairs.first * count + state.pairs.second,
@@ -276,11 +305,13 @@ def searched_again(network: Network, state: State) -> State:
         assume_unique=True,
         return_indices=True,
     )
-    shear, begun = np.zeros(len(pairs.first)), np.zeros(len(pairs.first), dtype=bool)
-    shear[new], begun[new] = state.shear[old], state.begun[old]
+    shear, begun = np.zeros((len(state.shear), len(pairs.first))), np.zeros(len(pairs.first), dtype=bool)
+    begun[new] = state.begun[old]
+    before = present(network, state).tangents.along[..., old]
+    shear[:, new] = rebased(state.shear[:, old], before, pairs.frame[..., new])
     return replace(state, pairs=pairs, shear=shear, begun=begun)
 
 
 def forces(network: Network, state: State) -> Floats:
-    """Return forces in x and y and torques on the spheres, (3, N), held ones included: at rest, the residuals."""
+    """Return forces and torques on the spheres, (f, N), held ones included: at rest, the residuals."""
     return resultants(state.pairs, present(network, state), len(network.position))

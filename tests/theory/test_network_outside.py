@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from analysis.theory import green
-from analysis.theory.network import Material, Network
+from analysis.theory.network import Material, Network, Wall
 from analysis.theory.network_motion import integrate
-from analysis.theory.network_outside import Drive, Wall
+from analysis.theory.network_outside import Drive
 from analysis.theory.network_state import forces, start
 
 GLASS = Material(1.0, 0.2)
-FOUR = Wall(0, -1.0, 1), Wall(0, 5.0, -1), Wall(1, -1.0, 1), Wall(1, 1.0, -1)
+FOUR = Wall((-1, 0), (-1, 0)), Wall((5, 0), (1, 0)), Wall((0, -1), (0, -1)), Wall((0, 1), (0, 1))
 
 
 def spheres(places: list[list[float]], **changes) -> Network:
@@ -23,15 +23,13 @@ def spheres(places: list[list[float]], **changes) -> Network:
 @pytest.mark.parametrize("wall", range(4))
 def test_a_sphere_bounces_off_a_wall_with_the_depth_and_time_of_hertz(wall: int) -> None:
     plane = FOUR[wall]
-    place = [0.0, 0.0]
-    place[plane.axis] = plane.place + plane.side * 1.0
-    network, speed = spheres([place], walls=(plane,)), 1e-4
-    velocity = speed * plane.normal
+    network, speed = spheres([np.subtract(plane.point, plane.normal).tolist()], walls=(plane,)), 1e-4
+    velocity = speed * np.array(plane.normal)
     modulus, mass = GLASS.youngs_modulus / (1 - GLASS.poisson_ratio**2), float(network.mass[0])
     depth = (15 * mass * speed**2 / (16 * modulus)) ** 0.4
     times = np.linspace(0, 4 * depth / speed, 801)
     run = integrate(network, start(network, 0.0, velocity), times, rtol=1e-10)
-    way = run.displacement[:, 0] @ plane.normal
+    way = run.displacement[:, 0] @ np.array(plane.normal)
     assert way.max() == pytest.approx(depth, rel=1e-5)
     assert times[np.flatnonzero(way > 0)[-1]] == pytest.approx(2.943 * depth / speed, rel=3e-3)
     np.testing.assert_allclose(run.velocity[-1, 0], -velocity, rtol=1e-6, atol=1e-6 * speed)
