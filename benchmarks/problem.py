@@ -20,6 +20,7 @@ from analysis.theory.contact import Contact, Law
 from analysis.theory.wave import Wave
 from granular_lmp import Scene, build
 from granular_lmp.crystal.lattices import centre
+from granular_lmp.crystal.mode import PLANE
 from granular_lmp.scene.initial_fields import plane_wave
 
 Floats = NDArray[np.float64]
@@ -124,8 +125,8 @@ class Start:
         low = packing.get_celldisp().ravel()[:2]
         return cls(
             position=(packing.positions[:, :2] - low) * sphere.radius,
-            displacement=fields.displacement * unit,
-            velocity=fields.velocity * unit / sphere.time_scale,
+            displacement=fields.displacement[:, list(PLANE)] * unit,
+            velocity=fields.velocity[:, list(PLANE)] * unit / sphere.time_scale,
             held=packing.arrays["fixed"],
             centre=centre(packing),
             size=packing.cell.lengths()[:2] * sphere.radius,
