@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.theory.bonds import Bonds, ShearLaw, dmt, jkr
+from analysis.theory.mirror import images, mirrored
 from analysis.theory.network import Material, ShearMixing, mixed
 
 Floats = NDArray[np.float64]
@@ -33,6 +34,9 @@ _EVEN = 1e-13  # difference of arms that is rounding
 _AT_REST = 1e-6  # net force on a sphere, in f′δ of its stiffest contact; rounding of places leaves 1e-9
 _ONE_SIGN = 1e-6  # components within this share of the largest are as large
 _TOUCHES_TWICE = 1e-9
+_ASKEW = np.array([0.37, 0.23, 0.41])  # a wave vector that no symmetry of a lattice leaves alone
+_MIRRORED = 1e-9  # share of D by which a mirror may miss
+_ONE = 1e-9  # share by which equal squared frequencies may differ
 _SLOW = 1e-7  # frequencies below this share of the highest are those of a rigid motion, or unstable if squared < 0
 
 
@@ -107,6 +111,27 @@ class Crystal:
         np.add.at(total, bonds.second[bonds.second >= 0], stiff[bonds.second >= 0])
         return float(np.sqrt(np.max(2 * total / self.mass[:, list(self.freedoms)].min(axis=1))))
 
+    @cached_property
+    def level(self) -> Floats | None:
+        """Return how the mirror z → −z acts on what moves (F, F); None in the plane, and without that mirror."""
+        if 2 not in self.freedoms:
+            return None
+        across, units = np.diag([1.0, 1.0, -1.0]), self.whole(np.eye(self.moving(self.mass).size))
+        matrix = self.stiffness(_ASKEW[: len(self.vectors)] @ self.reciprocal * [1.0, 1.0, 0.0])
+        for to in range(len(self)):
+            places = images(self.position, self.vectors, self.mass, across, to)
+            image = None if places is None else self.moving(mirrored(units, across, places)).T.real
+            if image is not None and np.abs(image @ matrix - matrix @ image).max() < _MIRRORED * np.abs(matrix).max():
+                return np.asarray(image)
+        return None
+
+    def parity(self, shapes: Complexes) -> Floats:
+        """Return 1 for modes (..., B, 6) that are even under z → −z, −1 for odd ones; 0 without that mirror."""
+        moved = self.moving(shapes)
+        if self.level is None:
+            return np.zeros(moved.shape[:-1])
+        return np.asarray(np.rint(np.sum(moved.conj() * (moved @ self.level.T), axis=-1).real / _square(moved)))
+
     def stiffness(self, wavevector: ArrayLike) -> Complexes:
         """Return D(k) (..., F, F) of the F = B·freedoms that move; k (..., 3)."""
         bonds, count = self.bonds, len(self)
@@ -141,12 +166,15 @@ class Crystal:
     def modes(self, wavevector: ArrayLike) -> Modes:
         """Return all modes at wave vectors (..., 3) or (..., 2).
 
-        Raises ValueError where one is unstable: a compressed contact that buckles.
+        Where the crystal has the mirror z → −z, and k lies in it, modes are even or odd, also those of one frequency,
+        of which the even one is first. Raises ValueError where one is unstable: a compressed contact that buckles.
         """
         k = padded(wavevector)
         root = np.sqrt(self.moving(self.mass))
         matrix = self.stiffness(k) / (root[:, None] * root)
         if self.even:
+            if parted := self.level is not None and not np.any(k[..., 2]):
+                matrix = matrix - self.highest**2 * self.level  # even ones and odd ones, whatever their frequencies
             _, vectors = np.linalg.eigh(0.5 * (matrix + np.swapaxes(matrix, -1, -2).conj()))
             inverse = np.swapaxes(vectors, -1, -2).conj()
         else:
@@ -157,6 +185,10 @@ class Crystal:
         duals = self.whole(inverse * root)
         if self.even:  # the energy keeps the digits of a low frequency, which eigh rounds to those of the highest
             squares = self.bonds.energy(self.bonds.strain(shapes, k[..., None, :]))
+            if parted:
+                order = np.argsort(squares - _ONE * np.abs(squares) * self.parity(shapes), axis=-1)
+                squares = np.take_along_axis(squares, order, axis=-1)
+                shapes, duals = (np.take_along_axis(each, order[..., None, None], axis=-3) for each in (shapes, duals))
         else:
             if np.any(np.abs(values.imag) > _SLOW * self.highest**2):
                 raise ValueError("modes grow or decay: torques with unequal arms are not conservative here")
@@ -274,6 +306,10 @@ class Crystal:
             raise ValueError(
                 f"the crystal is not at rest: a force of {left:.3g} is left on a sphere, allowed {allowed:.3g}"
             )
+
+
+def _square(vector: Complexes) -> Floats:
+    return np.asarray(np.sum(np.abs(vector) ** 2, axis=-1))
 
 
 def find_contacts(

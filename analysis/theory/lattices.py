@@ -8,7 +8,7 @@ lie in a layer. `row` is the distance of rows, in which wave numbers count.
 | hcp "c" | the hexagonal axis: rows are close-packed layers, AB | rectangular |
 | hcp "[1-100]" | between two contacts | close-packed |
 | fcc "[001]" | a fourfold axis: rows are square layers | rectangular, (110) |
-| fcc "[111]" | a threefold axis: rows are close-packed layers, ABC | oblique, (112) |
+| fcc "[111]" | a threefold axis: rows are close-packed layers, ABC | oblique, (110) |
 | fcc "[110]" | a line of contacts | square, (001) |
 | fcc "[11-2]" | between two contacts | close-packed, (111) |
 | cubic "[001]" | a line of contacts | square |
@@ -86,7 +86,7 @@ LATTICES: dict[tuple[str, str], Lattice] = {
     ("honeycomb", ""): _lattice(1.5, [[_ROOT[3], 0, 0], [_ROOT[3] / 2, 1.5, 0]], [[0, 0, 0], [_ROOT[3] / 2, -0.5, 0]]),
     ("cubic", "[001]"): _lattice(1.0, np.eye(3)),
     ("fcc", "[001]"): _lattice(_ROOT[2] / 2, [[1, 0, 0], [0, _ROOT[2], 0], [0.5, _ROOT[2] / 2, 0.5]]),
-    ("fcc", "[111]"): _lattice(_HIGH, [[1, 0, 0], [0, 3 * _HIGH, 0], [0.5, _HIGH, _ROOT[3] / 6]]),
+    ("fcc", "[111]"): _lattice(_HIGH, [[_ROOT[3], 0, 0], [1 / _ROOT[3], _HIGH, 0], [_ROOT[3] / 2, 0, 0.5]]),
     ("fcc", "[110]"): _lattice(1.0, [[1, 0, 0], [0, 1, 0], [0.5, 0.5, _ROOT[2] / 2]]),
     ("fcc", "[11-2]"): _lattice(_ROOT[3] / 2, [[1, 0, 0], _TRIANGLE, [0, 1 / _ROOT[3], _HIGH]]),
     ("hcp", "c"): _lattice(

@@ -8,8 +8,8 @@ A wave of branch i with the wave vector k drives branch j at 2k. Along a line of
 A mirror of the crystal that contains e makes modes even or odd. The square of either is even: an odd branch at 2k gets
 nothing, at any wave number, and its resonances are *forbidden*.
 
-When it breaks: where two branches of the wave have one frequency all along the line, as shear waves along a fourfold
-axis, whose polarisation is arbitrary; a pair of crossings between two points of the grid is missed.
+When it breaks: where two branches have one frequency all along the line and no mirror z → −z tells them apart, so that
+their polarisation is arbitrary; a pair of crossings between two points of the grid is missed.
 """
 
 from dataclasses import dataclass
@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from analysis.theory.crystal import Crystal, padded
+from analysis.theory.mirror import images, mirrored
 from analysis.theory.second_order import Mixed, Wave, branch_of
 
 Floats = NDArray[np.float64]
@@ -30,7 +31,7 @@ COUNT = 200  # wave numbers on a line
 _FLOPPY = 1e-6  # a branch below this share of the highest frequency all along has the frequency 0
 _SILENT = 1e-9  # share of the largest force on any branch that is rounding, or a zero that was found
 _SYMMETRIC = 1e-9  # share of D by which a mirror may miss, and of a mode by which it may not be even or odd
-_REACH = 2  # reciprocal vectors up to this many of each
+_REACH = 3  # reciprocal vectors up to this many of each
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,8 @@ def matches(crystal: Crystal, direction: ArrayLike, limit: float | None = None, 
     for branch, target in product(moving, range(frequencies.shape[1])):
         above = 2 * frequencies[:, branch] >= doubled[:, target]
         found += [
-            line.resonance(branch, target, numbers[n], numbers[n + 1]) for n in np.flatnonzero(above[1:] != above[:-1])
+            line.resonance(branch, target, (numbers[n], numbers[n + 1]), loudest)
+            for n in np.flatnonzero(above[1:] != above[:-1])
         ]
         size = forces[:, branch, target]
         low = np.flatnonzero((size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:]) & (size[2:] > _SILENT * loudest)) + 1
@@ -125,18 +127,18 @@ class _Line:
         pairs = Mixed(self.crystal, every, every)
         return modes.frequencies, pairs.targets.frequencies[:, 0], np.abs(pairs.steady)
 
-    def resonance(self, branch: int, target: int, low: float, high: float) -> Match:
+    def resonance(self, branch: int, target: int, between: tuple[float, float], loudest: float) -> Match:
         """Return the resonance between two wave numbers where the detuning has different signs."""
 
         def gap(number: float) -> float:
             pair = self.doubled(number, branch)
             return float(pair.frequency - pair.targets.frequencies[target])
 
-        number = float(brentq(gap, low, high, xtol=1e-15 * high, rtol=1e-14))
+        number = float(brentq(gap, *between, xtol=1e-15 * between[1], rtol=1e-14))
         pair = self.doubled(number, branch)
         size = np.abs(pair.steady)
         rate, reason = float(0.5 * size[target] / (2 * pair.targets.frequencies[target])), ""
-        if size[target] < _SILENT * size.max():
+        if size[target] < _SILENT * loudest:
             rate, reason = 0.0, self.selection(pair, target)
         return Match("resonance", number, branch, target, float(pair.first.frequency), rate, reason)
 
@@ -188,7 +190,7 @@ def mirrors(crystal: Crystal, along: Floats) -> list[tuple[Floats, NDArray[np.in
     for normal in normals:
         reflection = np.eye(3) - 2 * np.outer(normal, normal)
         for to in range(len(crystal)):
-            places = _images(crystal, reflection, to)
+            places = images(crystal.position, crystal.vectors, crystal.mass, reflection, to)
             if places is not None and _commutes(crystal, k, reflection, places):
                 found.append((reflection, places))
                 break
@@ -198,34 +200,14 @@ def mirrors(crystal: Crystal, along: Floats) -> list[tuple[Floats, NDArray[np.in
 def _commutes(crystal: Crystal, k: Floats, reflection: Floats, places: NDArray[np.intp]) -> bool:
     size = len(crystal.moving(crystal.mass))
     units = crystal.whole(np.eye(size))
-    image = crystal.moving(_mirrored(units, reflection, places)).T
+    image = crystal.moving(mirrored(units, reflection, places)).T
     matrix = crystal.stiffness(k)
     return bool(np.abs(image @ matrix - matrix @ image).max() < _SYMMETRIC * np.abs(matrix).max())
 
 
-def _images(crystal: Crystal, reflection: Floats, to: int) -> NDArray[np.intp] | None:
-    """Return where each sphere goes (B,) if the first goes to `to`; None if not all go to equal spheres."""
-    shift = crystal.position[to] - reflection @ crystal.position[0]
-    image = crystal.position @ reflection.T + shift
-    apart = image[:, None] - crystal.position
-    cells = apart @ np.linalg.pinv(crystal.vectors)
-    left = np.linalg.norm(apart - np.round(cells) @ crystal.vectors, axis=-1)
-    same = left < _SYMMETRIC * np.linalg.norm(crystal.vectors[0])
-    same &= np.isclose(crystal.mass[:, None, 0], crystal.mass[:, 0], rtol=_SYMMETRIC)
-    return np.argmax(same, axis=1) if np.all(same.any(axis=1)) else None
-
-
-def _mirrored(field: Complexes, reflection: Floats, places: NDArray[np.intp]) -> Complexes:
-    """Return the mirror image of a field (..., B, 6); a rotation is an axial vector."""
-    result = np.empty_like(field)
-    result[..., places, :3] = field[..., :3] @ reflection.T
-    result[..., places, 3:] = -(field[..., 3:] @ reflection.T)
-    return result
-
-
 def parity(mirror: tuple[Floats, NDArray[np.intp]], shape: Complexes) -> int:
     """Return 1 for a mode (B, 6) that is even under a mirror, −1 for an odd one, 0 for one that is neither."""
-    image = _mirrored(shape, *mirror)
+    image = mirrored(shape, *mirror)
     missed = {sign: np.abs(image - sign * shape).max() for sign in (1, -1)}
     return next((sign for sign, miss in missed.items() if miss < 1e-6 * np.abs(shape).max()), 0)
 

@@ -90,14 +90,15 @@ def wave(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike, *, along: A
     Raises
     ------
     ValueError
-        For a branch that is not there, one of several of one frequency without `along`, and an `along` that has
-        nothing of them.
+        For a branch that is not there, one of several of one frequency and parity without `along`, and an `along` that
+        has nothing of them.
     """
     modes = crystal.modes(wavevector)
     plain = chosen(modes, wavevector, branch)
     same = np.abs(modes.frequencies - plain.frequency[..., None]) < _DEGENERATE * crystal.highest
     if along is None:
-        if np.any(same.sum(axis=-1) > 1):
+        alike = crystal.parity(modes.shapes) == crystal.parity(plain.shape)[..., None]
+        if np.any((same & alike).sum(axis=-1) > 1):
             raise ValueError(f"branch {branch!r} has the frequency of another one here: give `along`, its polarisation")
         return plain
     wanted = np.broadcast_to(np.asarray(along, dtype=complex), (len(crystal), 6))
