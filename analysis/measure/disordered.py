@@ -26,12 +26,12 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from analysis.measure.coherent import decay
+from analysis.measure.sheets import Sheet, component
 from analysis.second_harmonic import ModeName
 from analysis.theory import catalogue
 from analysis.theory.bloch import frame, mode, wavevector_of
 from analysis.theory.choice import contact_of, traits_of
 from analysis.theory.contact import Contact
-from analysis.theory.quasilinear import Sheet, component
 from analysis.theory.wave import Wave
 from analysis.theory.wave import resonance as perfect_resonance
 from granular_lmp.runs.record import Record
@@ -193,8 +193,8 @@ def coherent(record: Record, fields: Floats, harmonic: int = 1) -> Complexes:
 
     Raises ValueError where nk and −nk are one wave vector of the lattice.
     """
-    shape, sphere = record.scene.shape, record.scene.sphere
-    places = Sheet(shape.rows, shape.columns, sphere.poisson_ratio, sphere.overlap_ratio).rest
+    shape = record.scene.shape
+    places = Sheet(shape.rows, shape.columns).rest
     places = places - places[shape.centre_row * shape.columns + shape.columns // 2]
     k = harmonic * wavevector_of(record.scene.wavenumber, record.scene.direction)
     if np.allclose(np.exp(2j * places @ k), 1, atol=1e-6):

@@ -17,11 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.measure.norms import relative_error
 from analysis.measure.runs import by_wave
-from analysis.measure.sheets import fields_of, rest_of
+from analysis.measure.sheets import component, fields_of, in_frame, rest_of
 from analysis.theory.bloch import branch_index, in_plane, wavevector_of
 from analysis.theory.catalogue import missing
 from analysis.theory.choice import traits_of, wave_of
-from analysis.theory.quasilinear import component, in_frame
 from analysis.theory.second_order import Mixed, branch_of
 from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record

@@ -167,7 +167,7 @@ class Bonds:
 
         A complex k is that of a wave that decays.
         """
-        field = np.asarray(field, dtype=complex)
+        field = np.asarray(field)
         half = self._half(wavevector)
         here = field[..., self.first, :] / half
         there = field[..., self.second, :] * np.where(self.second < 0, 0.0, half[..., 0])[..., None]

@@ -78,7 +78,7 @@ HOLDS: dict[str, frozenset[str]] = {
     SCRIPT + "standing": _LATTICE | {STANDING, INCREMENTAL},
     SCRIPT + "driven": _LATTICE | {DRIVEN, INCREMENTAL} | QUIET,
     SCRIPT + "dispersion": _CONTACTS,
-    SCRIPT + "sheets": _SHEET | {RUNNING, STANDING, OBLIQUE, ENVELOPE},
+    SCRIPT + "sheets": _SHEET | {RUNNING, STANDING, OBLIQUE, ENVELOPE, INCREMENTAL, JKR, COMPRESSED},
 }
 
 KNOWN = frozenset().union(*HOLDS.values())

@@ -15,6 +15,11 @@ readout P·Y of the answer is that of K oscillators of the frequencies ω_l, dri
 are evaluated at Chebyshev points in time, which are as many as the highest frequency in the integrand asks for, so
 that integrals over time are exact to rounding, too.
 
+`second_order` is what a readout sees of one wave, `fields` are the fields of first and second order of any start, a
+beam or noise, X(t) and Y(t) = ∫₀ᵗ sin(√A(t−s))/√A M⁻¹Q(s) ds of all spheres. The latter may have the time step h of
+velocity Verlet, with which a mode has ω' = (2/h) arcsin(ωh/2) for ω and sin(ω't)/(ω cos(ω'h/2)) for sin(ωt)/ω: exact
+for the first order, with O(h²) of the second left.
+
 Units are those of the network. Good values: N ωt up to 5e6, for which 3 GB are needed.
 
 When it breaks: where contacts open or slide, where the second order is not small (`Second.reached` says how near
@@ -23,7 +28,7 @@ contacts come to opening), and in a network that is not at rest or not stable. D
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebint, chebval
@@ -43,6 +48,7 @@ Complexes = NDArray[np.complex128]
 _MORE = 30  # polynomials and points beyond the number at which their error begins to fall faster than any power
 BAND = 3  # highest frequency in an integrand, the wave's twice and the answer's once, over the bound
 _BATCH = 20_000  # contacts times moments that are evaluated at once
+_LAGS = 20_000_000  # polynomials times moments times times whose weights are held at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +113,13 @@ class Cell:
         """Return a bound of all squared frequencies, by Gershgorin."""
         return float(np.abs(self.matrix).sum(axis=1).max())
 
-    def field(self, vectors: Complexes) -> Complexes:
+    def field(self, vectors: NDArray[Any]) -> NDArray[Any]:
         """Return fields (..., N, 6) of their moving components (..., 3N)."""
         result = np.zeros((*vectors.shape[:-1], len(self.radius), 6), dtype=vectors.dtype)
         result[..., list(PLANE)] = vectors.reshape(*vectors.shape[:-1], -1, 3)
         return result
 
-    def strain(self, vectors: Complexes) -> Strain:
+    def strain(self, vectors: NDArray[Any]) -> Strain:
         """Return the deformation of the contacts in fields (..., 3N)."""
         return self.bonds.strain(self.field(vectors), np.zeros(3))
 
@@ -145,9 +151,39 @@ def second_order(
     course = Course.of(np.asarray(time, dtype=float), float(np.sqrt(cell.highest)))
     moved = course.polynomials(cell.matrix, start)
     heard = course.polynomials(csr_array(cell.matrix.T), np.asarray(readout, dtype=complex))
-    heard = heard * cell.inverse_mass.T.ravel()
+    forces, far = _forces(cell, course, moved)
+    return Second(course.answer(0.5 * (heard * cell.inverse_mass.T.ravel()) @ forces), far)
 
-    here = cell.strain(start[:1])
+
+def fields(
+    cell: Cell, displacement: ArrayLike, velocity: ArrayLike, time: ArrayLike, timestep: float = 0.0
+) -> tuple[Floats, Floats]:
+    """Return the fields of first and second order (T, 3N) of a start that is all of first order.
+
+    Parameters
+    ----------
+    displacement, velocity : (3N,) u_x, u_y, Rθ of a sphere after those of another
+    time : (T,) since the start
+    timestep : of velocity Verlet; 0 for exact frequencies
+
+    Raises ValueError for other shapes, times before the start, and a time step at which Verlet may not be stable.
+    """
+    times, shapes = np.asarray(time, dtype=float), (np.shape(displacement), np.shape(velocity))
+    if set(shapes) != {(cell.inverse_mass.size,)}:
+        raise ValueError(f"displacement and velocity are {shapes}; both must be ({cell.inverse_mass.size},)")
+    if times.ndim != 1 or not len(times) or times.min() < 0:
+        raise ValueError(f"time = {times} must be one or more times since the start, none negative")
+    start = np.array([displacement, velocity], dtype=float)
+    course = Course.of(times, float(np.sqrt(cell.highest)), timestep)
+    moved = course.polynomials(cell.matrix, start)
+    forces, _ = _forces(cell, course, moved)
+    pushed = np.ascontiguousarray(forces.real.T) * cell.inverse_mass.T.ravel()
+    return course.motion(moved, times)[0], course.answers(cell.matrix, pushed)
+
+
+def _forces(cell: Cell, course: "Course", moved: NDArray[Any]) -> tuple[Complexes, Reached]:
+    """Return the forces Q(X, X) + Q₀ + ∫Q_w (3N, S) at the points, from the polynomials of X, and what X reaches."""
+    here = cell.strain(moved[:1, 0])
     far, left = reached(cell.bonds.law, here), cell.forces(cell.bonds.left(here, here))
     running, winding = [left[:0]], [left[:0]]
     at_once = max(_BATCH // len(cell.bonds.first), 1)
@@ -156,8 +192,7 @@ def second_order(
         running.append(cell.forces(cell.bonds.running(here, here)))
         winding.append(cell.forces(cell.bonds.winding(here, onward, -0.5)))
         far = far.beside(reached(cell.bonds.law, here))
-    forces = np.concatenate(running).T + left.T + course.integral(np.concatenate(winding).T)
-    return Second(course.answer(0.5 * heard @ forces), far)
+    return np.concatenate(running).T + left.T + course.integral(np.concatenate(winding).T), far
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +206,7 @@ class Course:
     whole : the last time.
     rates : (K,) ω_l.
     points : (S,) moments at which forces are evaluated.
+    timestep : h.
     """
 
     times: Floats
@@ -178,20 +214,35 @@ class Course:
     whole: float
     rates: Floats
     points: Floats
+    timestep: float
 
     @classmethod
-    def of(cls, times: Floats, highest: float) -> "Course":
+    def of(cls, times: Floats, highest: float, timestep: float = 0.0) -> "Course":
         """Return the course of a network whose frequencies are below a bound."""
+        if not highest * timestep < 2:
+            raise ValueError(f"timestep = {timestep}: must be below 2/Omega_max, for which {2 / highest:.4g} is sure")
         whole = max(float(times.max()), 1e-3 / highest)
         turns = highest * whole / 2
-        count, moments = (next_fast_len(int(1.05 * each) + _MORE) for each in (turns, BAND * turns))
+        fastest = whole / timestep * np.arcsin(highest * timestep / 2) if timestep else turns
+        count, moments = (next_fast_len(int(1.05 * each) + _MORE) for each in (turns, BAND * fastest))
         angles = np.pi * (np.arange(count) + 0.5) / count
         points = 0.5 * whole * (1 - np.cos(np.pi * (np.arange(moments) + 0.5) / moments))
-        return cls(times, highest, whole, highest * np.cos(angles / 2), points)
+        return cls(times, highest, whole, highest * np.cos(angles / 2), points, timestep)
 
-    def polynomials(self, matrix: csr_array, vectors: Complexes) -> Complexes:
+    @cached_property
+    def actual(self) -> Floats:
+        """Return ω'_l (K,), which the time step makes of ω_l."""
+        h = self.timestep
+        return 2 / h * np.arcsin(self.rates * h / 2) if h else self.rates
+
+    @cached_property
+    def gain(self) -> Floats:
+        """Return 1/(ω_l cos(ω'_l h/2)), by which sin(ω'_l t) answers a push."""
+        return np.asarray(1 / (self.rates * np.sqrt(1 - (self.rates * self.timestep / 2) ** 2)))
+
+    def polynomials(self, matrix: csr_array, vectors: NDArray[Any]) -> NDArray[Any]:
         """Return T_n(2A/ω² − 1) of vectors (m, 3N), (m, K, 3N)."""
-        found = np.empty((len(vectors), len(self.rates), vectors.shape[1]), dtype=complex)
+        found = np.empty((len(vectors), len(self.rates), vectors.shape[1]), dtype=vectors.dtype)
         found[:, 0] = vectors
         for n in range(1, len(self.rates)):
             last = found[:, n - 1]
@@ -199,15 +250,16 @@ class Course:
             found[:, n] = turned if n == 1 else 2 * turned - found[:, n - 2]
         return found
 
-    def motion(self, start: Complexes, moments: Floats) -> tuple[Complexes, Complexes]:
+    def motion(self, start: NDArray[Any], moments: Floats) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return X and Ẋ (S, 3N) at moments (S,), from the polynomials (2, K, 3N) of Z and V."""
-        phase = np.outer(moments, self.rates)
+        phase = np.outer(moments, self.actual)
         swing, sway = np.cos(phase), np.sin(phase)
-        still, swung, swayed = (self._coefficients(each) for each in (swing, sway / self.rates, -sway * self.rates))
-        displaced, moving = (each.view(float) for each in start)  # real coefficients take real numbers
+        each = swing, sway * self.gain, -sway * self.actual, swing * self.actual * self.gain
+        still, swung, swayed, moved = map(self._coefficients, each)
+        displaced, moving = (part.view(float) for part in start)  # real coefficients take real numbers
         place = still @ displaced + swung @ moving
-        rate = swayed @ displaced + still @ moving
-        return place.view(complex), rate.view(complex)
+        rate = swayed @ displaced + moved @ moving
+        return place.view(start.dtype), rate.view(start.dtype)
 
     def _coefficients(self, values: Floats) -> Floats:
         """Return the weights of the polynomials in functions with these values (S, K) at the ω_l."""
@@ -218,12 +270,33 @@ class Course:
     def answer(self, moments: Complexes) -> Complexes:
         """Return P·Y (T, R) from P·T_n M⁻¹ of the forces at the points, (R, K, S)."""
         driven = np.asarray(dct(moments, type=3, axis=1)) / len(self.rates)
-        turned = np.exp(1j * np.outer(self.rates, self.points))
+        turned = np.exp(1j * np.outer(self.actual, self.points))
         onward, backward = self.integral(driven * turned.conj()), self.integral(driven * turned)
-        answers = np.sum((turned * onward - turned.conj() * backward) / (2j * self.rates[:, None]), axis=1)
+        answers = np.sum((turned * onward - turned.conj() * backward) * (-0.5j * self.gain[:, None]), axis=1)
         return np.asarray(chebval(1 - 2 * self.times / self.whole, self._expanded(answers).T).T)
 
-    def _expanded(self, values: Complexes) -> Complexes:
+    def answers(self, matrix: csr_array, pushed: Floats) -> Floats:
+        """Return ∫₀ᵗ sin(√A(t−s))/√A P(s) ds (T, 3N) at the times, from P (S, 3N) at the points."""
+        at_once = max(_LAGS // (len(self.rates) * len(self.points)), 1)
+        parts = np.split(self.times, range(at_once, len(self.times), at_once))
+        return np.concatenate([self._answers(matrix, pushed, times) for times in parts])
+
+    def _answers(self, matrix: csr_array, pushed: Floats, times: Floats) -> Floats:
+        since = (times[:, None] - self.points)[..., None] * self.actual
+        weights = self._coefficients((np.sin(since) * self.gain).reshape(-1, len(self.rates)))
+        weights = weights.reshape(len(times), len(self.points), -1) * self._quadrature(times)[..., None]
+        last = before = np.zeros((len(times), pushed.shape[1]))
+        for n in range(len(self.rates) - 1, -1, -1):  # Clenshaw's sum of the polynomials
+            turned = (2 / self.highest**2) * (matrix @ last.T).T - last
+            last, before = weights[..., n] @ pushed + (2 if n else 1) * turned - before, last
+        return last
+
+    def _quadrature(self, times: Floats) -> Floats:
+        """Return the weights (T, S) of values at the points in an integral from 0 to times (T,)."""
+        weights = chebint(self._expanded(np.eye(len(self.points))).real, lbnd=1, scl=-0.5 * self.whole, axis=-1)
+        return np.asarray(chebval(1 - 2 * times / self.whole, weights.T).T)
+
+    def _expanded(self, values: NDArray[Any]) -> Complexes:
         """Return the Chebyshev coefficients (..., S) of a function of time from its values at the points."""
         weights = np.asarray(dct(values, axis=-1), dtype=np.complex128) / len(self.points)
         weights[..., 0] /= 2

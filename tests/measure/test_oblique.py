@@ -9,9 +9,9 @@ import pytest
 from analysis.cases.effects import case as effects
 from analysis.cases.oblique import case as oblique_figure
 from analysis.cases.spectrum import case as spectrum
-from analysis.measure import oblique
+from analysis.measure import oblique, sheets
 from analysis.second_harmonic import second_harmonic
-from analysis.theory import bloch, quasilinear
+from analysis.theory import bloch
 from analysis.theory.contact import Contact
 from analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
@@ -59,15 +59,13 @@ def test_a_wrong_second_harmonic_is_seen(made: list[oblique.Point]) -> None:
 
 def test_the_components_are_those_along_and_across_the_wave() -> None:
     wave = np.array([[1 + 1j, 2.0, 3j]])
-    np.testing.assert_allclose(
-        quasilinear.in_frame(wave, [0.0, 2.0]), [[2.0, -1 - 1j, 3j]], atol=1e-15
-    )  # p = v, q = −u
-    np.testing.assert_allclose(quasilinear.in_frame(wave, [2.0, 0.0]), [[1 + 1j, 2.0, 3j]], atol=1e-15)
+    np.testing.assert_allclose(sheets.in_frame(wave, [0.0, 2.0]), [[2.0, -1 - 1j, 3j]], atol=1e-15)  # p = v, q = −u
+    np.testing.assert_allclose(sheets.in_frame(wave, [2.0, 0.0]), [[1 + 1j, 2.0, 3j]], atol=1e-15)
 
 
 def test_a_field_without_a_wave_vector_is_seen_as_along_y() -> None:
     wave = np.array([[1 + 1j, 2.0, 3j]])
-    np.testing.assert_allclose(quasilinear.in_frame(wave, [0.0, 0.0]), [[2.0, -1 - 1j, 3j]], atol=1e-15)
+    np.testing.assert_allclose(sheets.in_frame(wave, [0.0, 0.0]), [[2.0, -1 - 1j, 3j]], atol=1e-15)
 
 
 def test_along_y_theory_is_the_closed_form() -> None:

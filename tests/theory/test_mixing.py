@@ -9,15 +9,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from analysis.measure.sheets import component
 from analysis.theory import lattice
 from analysis.theory.bloch import branch_index, frame, wavevector_of
 from analysis.theory.contact import Contact
 from analysis.theory.mixing import Pair, Tone, detunings, forced_amplitude, growth_rates, mixed_wave
 from analysis.theory.neighbours import Neighbours, shifted
-from analysis.theory.quasilinear import Sheet, component
 from analysis.theory.selection import forbidden
 from analysis.theory.wave import generated
 from tests.polarisations import modes
+from tests.sheet import Sheet
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.measure.sheets import fields_of, rest_of
+from analysis.measure.sheets import component, fields_of, rest_of
 from analysis.theory.contact import Contact
 from analysis.theory.mixing import Pair, Tone, mixed_wave
-from analysis.theory.quasilinear import component
 from analysis.theory.selection import forbidden
 from granular_lmp import Deck, Scene, build, run
 from tests.polarisations import modes

@@ -26,14 +26,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis.measure.runs import load
-from analysis.measure.sheets import fields_of
+from analysis.measure.sheets import Sheet, fields_of
 from analysis.measure.snapshot import first_snapshot
 from analysis.plotting import parser, show, start
 from analysis.theory import catalogue
 from analysis.theory.born import CELL, group_speed, impurity_width
 from analysis.theory.choice import contact_of, traits_of
 from analysis.theory.network_motion import integrate
-from analysis.theory.quasilinear import Sheet
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -126,7 +125,7 @@ def compare(perfect: Record, record: Record) -> Scattering:
         raise ValueError(
             f"{record.folder} and {perfect.folder} differ in {', '.join(different)}, not in a defect alone"
         )
-    sphere, shape = scene.sphere, scene.shape
+    shape = scene.shape
     count = shape.rows * shape.columns
     there = np.arange(count) != index if ratio == 0 else np.ones(count, bool)
     mass = np.where(np.arange(count) == index, ratio, 1.0)
@@ -136,7 +135,7 @@ def compare(perfect: Record, record: Record) -> Scattering:
         raise ValueError(f"{record.folder} and {perfect.folder}: their snapshots are of different times")
     lammps = [tuple(fields_of(each, *names) for names in _FIELDS) for each in runs]
     network = [witness(each, tau) for each in (record, perfect)]
-    fraction, inertia = contact.overlap_ratio, np.array([1.0, 1.0, contact.inertia])
+    inertia = np.array([1.0, 1.0, contact.inertia])
     incident = np.mean(lammps[1][1] ** 2 @ inertia)  # twice the kinetic energy of a sphere, averaged
     speed = group_speed(scene.wave.mode, scene.wavenumber, contact)
     apart, energies = [], []
@@ -145,7 +144,7 @@ def compare(perfect: Record, record: Record) -> Scattering:
         twice_kinetic = ((rates - rates_without[:, there]) ** 2 @ inertia) @ mass[there]
         energies.append(twice_kinetic * CELL / (speed * incident))
     frequency = float(record.info["frequency"])
-    places = Sheet(shape.rows, shape.columns, sphere.poisson_ratio, fraction).rest
+    places = Sheet(shape.rows, shape.columns).rest
     return Scattering(
         "vacancy" if ratio == 0 else f"sphere {ratio:g} times as heavy",
         tau,

@@ -12,9 +12,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from analysis.measure.runs import load
-from analysis.measure.sheets import Comparison, compare, relative
+from analysis.measure.sheets import ROW, Comparison, compare, in_frame, relative
 from analysis.plotting import parser, show, start
-from analysis.theory.quasilinear import ROW, in_frame
 
 COMPONENTS = ("displacement along k ($D_0$)", "displacement across k ($D_0$)", r"rotation $R\theta$ ($D_0$)")
 
