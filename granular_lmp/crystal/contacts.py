@@ -225,7 +225,7 @@ def equivalent(one: Sphere, other: Sphere) -> Sphere:
     """
     if one == other:
         return one
-    modulus, shear_modulus, adhesion = (float(each[0]) for each in _mixed((one, other), np.array([0]), np.array([1])))
+    modulus, shear_modulus, adhesion = (float(each[0]) for each in mixed(one, other))
     ratio = shear_modulus / modulus
     poisson_ratio = (1 - 4 * ratio) / (1 - 2 * ratio)
     return replace(
@@ -234,6 +234,11 @@ def equivalent(one: Sphere, other: Sphere) -> Sphere:
         poisson_ratio=poisson_ratio,
         work_of_adhesion=adhesion,
     )
+
+
+def mixed(one: Sphere, other: Sphere) -> tuple[Floats, Floats, Floats]:
+    """Return E*, G* and w of the contact between two materials, each (1,)."""
+    return _mixed((one, other), np.array([0]), np.array([1]))
 
 
 def _material(crystal: ase.Atoms) -> Integers:

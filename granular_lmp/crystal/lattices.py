@@ -10,7 +10,6 @@ Rows along x are stacked along y. A `Lattice` holds how, and the places of the s
 
 from dataclasses import dataclass
 from functools import cache
-from math import pi, sqrt
 from typing import Any
 
 import ase
@@ -18,116 +17,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts, find_contacts
+from granular_lmp.crystal.lattice import CHAIN as CHAIN
+from granular_lmp.crystal.lattice import HEXAGONAL as HEXAGONAL
+from granular_lmp.crystal.lattice import HONEYCOMB as HONEYCOMB
+from granular_lmp.crystal.lattice import LATTICE_NAMES as LATTICE_NAMES
+from granular_lmp.crystal.lattice import LATTICES as LATTICES
+from granular_lmp.crystal.lattice import ORIENTATIONS as ORIENTATIONS
+from granular_lmp.crystal.lattice import PLANE_LATTICES as PLANE_LATTICES
+from granular_lmp.crystal.lattice import SQUARE as SQUARE
+from granular_lmp.crystal.lattice import Lattice as Lattice
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.wavevector import EDGES, ROW_SPACING, WaveVector, zone_edge
+from granular_lmp.crystal.walls import Wall, on_wall
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _SAME_LATTICE = 1e-9  # relative: rounding of a lattice constant is far below it
 _BESIDE_CHAIN = 2.0  # radii from the centre of a chain to the faces of its box, which no other sphere is behind
-
-
-@dataclass(frozen=True)
-class Lattice:
-    """Geometry of a lattice whose rows are alike; the spheres of a cell lie in one row, one column each.
-
-    A row need not be straight: that of a honeycomb is a zigzag of two spheres a cell, each lower than the one before by
-    a third of the distance of the rows or higher by as much.
-
-    Attributes
-    ----------
-    name : str
-        Value of ``packing.lattice``.
-    row_spacing : float
-        Distance of the rows along y, in distances of columns.
-    shift : float
-        Shift of the cells of every other row along x, columns.
-    sheet : bool
-        True if the spheres of a row touch; False if each row is one sphere.
-    corners : tuple of (kx, ky)
-        Γ and corners of the Brillouin zone, rad per column. The highest frequency of a lattice of one sphere a cell
-        lies on the edges between them.
-    column_spacing : float
-        Distance of the columns along x, in that of two spheres that touch.
-    places : tuple of (x, y)
-        Places of the spheres of a cell, column by column: x in columns, y in rows. The first is (0, 0).
-    collapses : bool
-        True if it resists no shear without friction: spheres that press on each other would leave their places.
-    """
-
-    name: str
-    row_spacing: float
-    shift: float
-    sheet: bool
-    corners: tuple[tuple[float, float], ...]
-    column_spacing: float = 1.0
-    places: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
-    collapses: bool = False
-
-    @property
-    def column_period(self) -> int:
-        """Number of columns after which they repeat, the spheres of a cell: a packing has a multiple of it."""
-        return len(self.places)
-
-    def zone_edge(self, direction: float) -> float:
-        """Return the ξ at which the zone ends in a direction (degrees): a hexagon, a square where no row is shifted."""
-        return zone_edge(direction, EDGES if self.shift else (0.0, 90.0))
-
-    @property
-    def fewest_columns(self) -> int:
-        """Fewest columns between periodic sides that LAMMPS simulates correctly.
-
-        With 1 or 2 columns of a periodic row a sphere touches two images of the same neighbour, and LAMMPS, which finds
-        the shear of a contact by the neighbour's tag, mixes up the shear of both.
-        """
-        return 3 + -3 % self.column_period if self.sheet else 1
-
-    @property
-    def row_period(self) -> int:
-        """Number of rows after which they repeat: a periodic cell has a multiple of it."""
-        return 2 if self.shift else 1
-
-    def column_distance(self, touching: float) -> float:
-        """Return the distance of the columns where spheres that touch are `touching` apart, in its unit."""
-        return touching * self.column_spacing
-
-    def row_distance(self, touching: float) -> float:
-        """Return the distance of the rows where spheres that touch are `touching` apart, in its unit."""
-        return self.column_distance(touching) * self.row_spacing
-
-    def vector(self, wavenumber: float, direction: float = 90.0) -> WaveVector:
-        """Return the wave vector with ξ (rad per row) and a direction in degrees from x towards y."""
-        return WaveVector.of(wavenumber, direction, self.row_spacing, self.column_spacing)
-
-    def place(self, row: Integers, column: Integers) -> Integers:
-        """Return which sphere of its cell each is, counted from 0, by row and column from the first of a cell."""
-        return np.asarray((column - int(self.shift) * (row % 2)) % self.column_period)
-
-    def offsets(self, row: Integers, column: Integers) -> tuple[Floats, Floats]:
-        """Return places relative to column 0 of row 0, the first of its cell: along x in columns, along y in rows.
-
-        A shift by whole columns leaves the numbers of the columns where they are, and shifts the cells.
-        """
-        x, y = np.array(self.places).T
-        begun, place = column - int(self.shift) * (row % 2), self.place(row, column)
-        return begun - place + x[place] + self.shift * (row % 2), row + y[place]
-
-
-HEXAGONAL = Lattice("hexagonal", ROW_SPACING, 0.5, True, ((0.0, 0.0), (pi, pi / sqrt(3)), (4 * pi / 3, 0.0)))
-SQUARE = Lattice("square", 1.0, 0.0, True, ((0.0, 0.0), (0.0, pi), (pi, pi)), collapses=True)
-CHAIN = Lattice("chain", 1.0, 0.0, False, ((0.0, 0.0), (0.0, pi)))
-# Rows are zigzags, 3/2 of a contact apart
-HONEYCOMB = Lattice(
-    "honeycomb",
-    sqrt(3),
-    1.0,
-    True,
-    ((0.0, 0.0), (pi / 2, sqrt(3) * pi / 6), (2 * pi / 3, 0.0)),
-    column_spacing=sqrt(3) / 2,
-    places=((0.0, 0.0), (1.0, -1 / 3)),
-    collapses=True,
-)
-LATTICES = {each.name: each for each in (HEXAGONAL, SQUARE, CHAIN, HONEYCOMB)}
 
 
 HELD, FREE, PERIODIC, WALL = "held", "free", "periodic", "wall"  # what a face of a packing is
@@ -147,6 +52,8 @@ class Shape:
         The first and the last row where it ends.
     sides : "periodic", "held" or "free"
         The first and the last column of a sheet; a chain has none.
+    layers : int
+        Layers along z.
     """
 
     rows: int
@@ -156,6 +63,12 @@ class Shape:
     first: str = HELD
     last: str = HELD
     sides: str = PERIODIC
+    layers: int = 1
+
+    @property
+    def along_z(self) -> bool:
+        """True if the packing is periodic along z."""
+        return self.lattice.solid and not self.lattice.film
 
     @property
     def along_x(self) -> bool:
@@ -210,7 +123,7 @@ class Shape:
     @property
     def spheres(self) -> int:
         """Number of spheres."""
-        return self.rows * self.columns
+        return self.rows * self.columns * self.layers
 
     @property
     def words(self) -> str:
@@ -218,7 +131,8 @@ class Shape:
         if self.lattice == CHAIN:
             return f"a chain of {self.rows} rows"
         square = " of a square lattice" if self.lattice == SQUARE else ""
-        return f"{self.rows} rows x {self.columns} column{'s' * (self.columns != 1)}{square}"
+        layers = f" x {self.layers} layer{'s' * (self.layers != 1)}" if self.lattice.solid else ""
+        return f"{self.rows} rows x {self.columns} column{'s' * (self.columns != 1)}{layers}{square}"
 
 
 def lattice_constant(sphere: Sphere) -> float:
@@ -230,24 +144,37 @@ def lattice_constant(sphere: Sphere) -> float:
 
 
 def unit_cell(sphere: Sphere, lattice: Lattice = HEXAGONAL) -> ase.Atoms:
-    """Return the primitive cell of a lattice, periodic along y and, unless it is a chain, along x."""
-    a, across, count = lattice_constant(sphere), lattice.sheet, lattice.column_period
-    column, row = lattice.column_distance(a), lattice.row_distance(a)
-    vectors = [[count * column if across else 2, 0, 0], [lattice.shift * column, row, 0], [0, 0, 2]]
-    positions = [[x * column, y * row, 0] for x, y in lattice.places]
-    cell = ase.Atoms(f"X{count}", positions=positions, cell=vectors, pbc=[across, True, False])
+    """Return the primitive cell of a lattice, periodic along y, unless it is a chain along x, and in space along z."""
+    a, count = lattice_constant(sphere), lattice.cell_size
+    shape = np.indices((lattice.cell_rows, lattice.column_period, lattice.cell_layers))
+    row, column, layer = (index.ravel() for index in shape)
+    x, y, z = lattice.offsets(row, column, layer)
+    places = np.column_stack(
+        [x * lattice.column_distance(a), y * lattice.row_distance(a), z * lattice.layer_distance(a)]
+    )
+    positions = np.empty_like(places)
+    positions[lattice.place(row, column, layer)] = places
+    periodic = [lattice.sheet, True, lattice.solid and not lattice.film]
+    cell = ase.Atoms(f"X{count}", positions=positions, cell=lattice.cell(a), pbc=periodic)
     cell.set_array("radius", np.ones(count))
     return cell
 
 
 @cache
-def unit_lattice(sphere: Sphere, lattice: Lattice = HEXAGONAL) -> Contacts:
-    """Return the contacts of the spheres of one cell of an infinite lattice.
+def unit_lattice(sphere: Sphere, lattice: Lattice = HEXAGONAL, wall: Wall | None = None) -> Contacts:
+    """Return the contacts of the spheres of one cell of an infinite lattice, and those of its outer layers with walls.
 
     The one sphere of a cell touches images of itself opposite to each other, which are one contact: three in the
     hexagonal lattice, two in the square one, one in a chain.
     """
-    return find_contacts(unit_cell(sphere, lattice), [sphere], sphere.contact_force)
+    contacts = find_contacts(unit_cell(sphere, lattice), [sphere], sphere.contact_force)
+    if wall is None:
+        return contacts
+    for height in wall.heights:
+        layers = np.arange(lattice.cell_size) % lattice.cell_layers
+        spheres = np.flatnonzero(layers == (0 if height < 0 else lattice.cell_layers - 1))
+        contacts = on_wall(contacts, wall, spheres, np.full(len(spheres), wall.overlap), height)
+    return contacts
 
 
 def lattice_of_contacts(contacts: Contacts, sphere: Sphere) -> Lattice:
@@ -258,14 +185,14 @@ def lattice_of_contacts(contacts: Contacts, sphere: Sphere) -> Lattice:
     ValueError
         If the contacts are those of no lattice of the sphere.
     """
-    for lattice in LATTICES.values():
+    for lattice in PLANE_LATTICES.values():
         known = unit_lattice(sphere, lattice).vector
         if contacts.vector.shape == known.shape and np.allclose(
             contacts.vector, known, rtol=0, atol=_SAME_LATTICE * sphere.lattice_constant
         ):
             return lattice
     raise ValueError(
-        f"{len(contacts)} contacts: not those of the sphere's {', '.join(LATTICES)} lattice; see `unit_lattice`"
+        f"{len(contacts)} contacts: not those of the sphere's {', '.join(PLANE_LATTICES)} lattice; see `unit_lattice`"
     )
 
 
@@ -298,8 +225,9 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
     """
     lattice = shape.lattice
     a, spacing = lattice_constant(sphere), lattice.row_distance(lattice_constant(sphere))
-    row, column = (index.ravel() for index in np.indices((shape.rows, shape.columns)))
-    along_x, along_y = _offsets(row, column, shape)
+    indices = np.indices((shape.rows, shape.columns, shape.layers))
+    row, column, layer = (index.ravel() for index in indices)
+    along_x, along_y, along_z = _offsets(row, column, layer, shape)
     step = lattice.column_distance(a)
     if shape.along_x:
         x, left, width = (along_x + 0.25) * step, -(shape.columns // 2) * step, shape.columns * step
@@ -309,49 +237,72 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
     y = along_y * spacing
     periodic = shape.along_y
     low, high = (edge(place for _, place in lattice.places) * spacing for edge in (min, max))
-    # Half a row below the first row when periodic; a radius of air beyond the held rows otherwise.
-    below, above = (0.5 * spacing, -0.5 * spacing) if periodic else (1.0 - low, 1.0 + high)
+    shifted = lattice.highest_shift(1)
+    # Half a row below the first row when periodic, or half of what shifts leave; a radius of air beyond the held rows
+    # otherwise
+    half = (1 - shifted) / 2
+    below, above = (half * spacing, -half * spacing) if periodic else (1.0 - low, 1.0 + high)
     bottom = -shape.centre_row * spacing - below
-    rows = shape.rows if periodic else shape.rows - 1
+    rows = shape.rows if periodic else shape.rows - 1 + shifted
     height = rows * lattice.row_spacing * lattice.column_distance(a) + (below + above)
+    z, (under, depth) = along_z * lattice.layer_distance(a), _depth(shape, a)
     packing = ase.Atoms(
         numbers=np.zeros(len(row), dtype=int),
-        positions=np.column_stack([x, y, np.zeros_like(x)]),
-        cell=[width, height, 2.0],
-        celldisp=[left, bottom, -1.0],
-        pbc=[shape.along_x, periodic, False],
+        positions=np.column_stack([x, y, z]),
+        cell=[width, height, depth],
+        celldisp=[left, bottom, under],
+        pbc=[shape.along_x, periodic, shape.along_z],
         info={"rows": shape.rows, "columns": shape.columns, "lattice_name": lattice.name},
     )
     packing.set_array("row", row)
     packing.set_array("column", column)
+    if lattice.solid:
+        packing.info["layers"] = shape.layers
+        packing.set_array("layer", layer)
     packing.set_array("fixed", shape.holds(row, column))
     packing.set_array("radius", np.ones(len(row)))
     return packing
 
 
+def _depth(shape: Shape, touching: float) -> tuple[float, float]:
+    """Return the lower face of the box along z and its depth: a radius of air beyond the layers unless periodic."""
+    spacing, shifted = shape.lattice.layer_distance(touching), shape.lattice.highest_shift(2)
+    if shape.along_z:
+        return -(1 - shifted) / 2 * spacing, shape.layers * spacing
+    return -1.0, (shape.layers - 1 + shifted) * spacing + 2.0
+
+
 def offsets(packing: ase.Atoms) -> tuple[Floats, Floats]:
     """Return the places relative to the centre sphere: along x in columns, (N,), and along y in rows, (N,)."""
-    return _offsets(packing.arrays["row"], packing.arrays["column"], _shape_of(packing))
+    return _offsets(*_indices(packing), _shape_of(packing))[:2]
 
 
 def places(packing: ase.Atoms) -> Integers:
     """Return which sphere of its cell each is, (N,), counted from 0; the centre sphere is the first of its own."""
     shape = _shape_of(packing)
-    return shape.lattice.place(packing.arrays["row"] - shape.centre_row, packing.arrays["column"] - shape.columns // 2)
+    row, column, layer = _indices(packing)
+    return shape.lattice.place(row - shape.centre_row, column - shape.columns // 2, layer)
 
 
-def _offsets(row: Integers, column: Integers, shape: Shape) -> tuple[Floats, Floats]:
-    return shape.lattice.offsets(row - shape.centre_row, column - shape.columns // 2)
+def _indices(packing: ase.Atoms) -> tuple[Integers, Integers, Integers]:
+    row, column = packing.arrays["row"], packing.arrays["column"]
+    return row, column, packing.arrays.get("layer", np.zeros_like(row))
+
+
+def _offsets(row: Integers, column: Integers, layer: Integers, shape: Shape) -> tuple[Floats, Floats, Floats]:
+    return shape.lattice.offsets(row - shape.centre_row, column - shape.columns // 2, layer)
 
 
 def _shape_of(packing: ase.Atoms) -> Shape:
+    lattice, layers = LATTICES[packing.info["lattice_name"]], packing.info.get("layers", 1)
+    if lattice.solid and not packing.pbc[2]:
+        lattice = lattice.layered(layers)
     ends = "periodic" if packing.pbc[1] else "fixed"
-    return Shape(packing.info["rows"], packing.info["columns"], ends, LATTICES[packing.info["lattice_name"]])
+    return Shape(packing.info["rows"], packing.info["columns"], ends, lattice, layers=layers)
 
 
 def centre(packing: ase.Atoms) -> int:
-    """Return the index of the centre sphere: row (rows−1)//2, column columns//2."""
-    shape = _shape_of(packing)
-    in_row, in_column = packing.arrays["row"] == shape.centre_row, packing.arrays["column"] == shape.columns // 2
-    (index,) = np.flatnonzero(in_row & in_column)
+    """Return the index of the centre sphere: row (rows−1)//2, column columns//2, the first layer."""
+    shape, (row, column, layer) = _shape_of(packing), _indices(packing)
+    (index,) = np.flatnonzero((row == shape.centre_row) & (column == shape.columns // 2) & (layer == 0))
     return int(index)

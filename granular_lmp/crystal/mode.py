@@ -59,7 +59,7 @@ class Mode:
     vector : WaveVector
     frequency : float
     ux, uy, f : float
-        Of a mode with a number the roots of the sums of squares over the cell, f over all axes; all positive.
+        With a `cell` the roots of the sums of squares over it, f over all axes; all positive.
     cell : tuple of (ux, uy, uz, φx, φy, φz)
         Complex amplitudes of the spheres of a cell, each in front of e^{ik·r} at its own place r; () if the mode is L,
         TR or RT of one sphere.
@@ -91,9 +91,14 @@ class Mode:
     @property
     def words(self) -> str:
         """The wave with its article: "a TR wave", "a wave of branch 3"."""
-        if self.cell:
+        if self.name.isdecimal():
             return f"a wave of branch {self.name}"
-        return f"{'an' if self.name in ('L', 'RT') else 'a'} {self.name} wave"
+        return f"{'an' if self.name[0] in 'LRSH' else 'a'} {self.name} wave"
+
+    @property
+    def moved(self) -> float:
+        """Sum of |u|² over the cell."""
+        return float(np.sum(np.abs(self.shape()[:, : UZ + 1]) ** 2)) if self.cell else self.ux**2 + self.uy**2
 
     @property
     def along_y(self) -> bool:
@@ -105,8 +110,8 @@ class Mode:
         return np.array(self.cell or [(self.ux, self.uy, 0, 0, 0, 1j * self.f)])
 
 
-def branch_mode(number: int, vector: WaveVector, frequency: float, shape: NDArray) -> Mode:
-    """Return the mode of a branch, counted from 1, from its shape (u, f) of each sphere, (6P,), normalised to 1.
+def branch_mode(name: str, vector: WaveVector, frequency: float, shape: NDArray) -> Mode:
+    """Return the mode of a branch from its shape (u, f) of each sphere, (6P,), normalised to 1.
 
     Its phase makes the largest p or q of a sphere real and positive, of equal ones the first, to 1e-6; of spheres that
     only leave their plane or turn, the largest uz, or the largest −f.
@@ -119,4 +124,4 @@ def branch_mode(number: int, vector: WaveVector, frequency: float, shape: NDArra
     amplitudes = each * np.conj(first) / abs(first) * TURNS
     ux, uy = np.linalg.norm(amplitudes[:, :UZ], axis=0).tolist()
     f = float(np.linalg.norm(amplitudes[:, FX:]))
-    return Mode(str(number), vector, frequency, ux, uy, f, tuple(map(tuple, amplitudes.tolist())))
+    return Mode(name, vector, frequency, ux, uy, f, tuple(map(tuple, amplitudes.tolist())))

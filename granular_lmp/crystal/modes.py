@@ -1,245 +1,40 @@
-"""Bloch modes of a crystal from its contacts: frequencies and shapes for any wave vector and any number of spheres.
+"""The waves of a lattice by name: L, TR and RT, sagittal and shear-horizontal ones, and branches by their numbers.
 
-In a plane wave sphere s of the cell, at r, moves by u_s e^{i(k·r − ωt)} and turns by φ_s e^{i(k·r − ωt)}, φ = Rθ with
-its own R. The contact from i to j with vector d, unit normal n and tangent t (n turned by +90°) is then stretched,
-moved sideways and sheared, up to a common phase, by
-
-    δN = n·(u_j e^{ik·d/2} − u_i e^{−ik·d/2}),    δT the same with t,    δS = δT − (φ_j e^{ik·d/2} + φ_i e^{−ik·d/2})
-
-The energy is E = ½ Σ_contacts (k |δN|² + g |δS|² − (f/ℓ) |δT|²) with the normal and the shear stiffness k and g; the
-last term is there where a contact of length ℓ is pressed together by a force f at rest: one that turns pushes on, as a
-compressed strut does when it buckles. Shapes are the eigenvectors of M^{-1/2} (∂²E) M^{-1/2}; each ω² is then the sum
-of squares E gives for its shape. Taken so, ω is accurate for long waves too, where an eigenvalue loses half its digits.
-
-With φ = i f the rows of a cell of one sphere are real: δN = 2 sin(χ/2) n·u, δS = 2 sin(χ/2) t·u − 2 cos(χ/2) f with
-χ = k·d, and so are its shapes (u, f). The waves of a lattice of one sphere a cell have the names L, TR and RT
-(`bloch_mode`). Frequencies are in rad/t0, wave vectors in 1/R, both of a reference sphere.
-
-An effect that a scene leaves out leaves its part out here: no shear, no g; no rotation, no f. Every sphere has six
-freedoms and every contact two tangents; in the plane three of the freedoms move (`Physics.coordinates`). A rigid wall
-is a contact whose other side is at rest and drops out: δN = −n·u_i, δS = −t·u_i − φ_i·(n × t).
-
-**The torque arm.** A shear force at a contact with overlap δ has the arm R as it does work on the slip, but in LAMMPS
-the arm R − δ/2 in the torque. Where all contacts of a sphere have one overlap that is the same as an inertia larger by
-1/(1 − η), η = δ/2R. Where they have not, the contacts are no longer derived from an energy; η is then the mean over the
-contacts of the sphere, weighted by g, and frequencies are wrong by less than the spread of η, 1e-4 for microspheres. At
-a wall the torque has the arm R. A crystal on one has the exact modes, of a matrix that is not symmetric (`_exact`).
-
-This is a numerical derivation from the geometry, kept apart from the closed forms of ``analysis.second_harmonic``.
+In the plane a lattice of one sphere a cell has the waves L, TR and RT. In space it has them where z = const is a
+mirror, as the half of its six waves that stays in the plane. Where the plane of k and z is a mirror, as along the
+symmetry lines of a layer on a substrate, sagittal waves move along k and z and turn about the axis across, S1, S2, …,
+and shear-horizontal ones move across and turn about k and z, H1, H2, …, both lowest first. A branch has its number in
+every crystal. `granular_lmp.crystal.bloch` has the modes of any.
 """
 
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from granular_lmp.crystal.bloch import bloch_modes as bloch_modes
+from granular_lmp.crystal.bloch import effective_inertia as effective_inertia
+from granular_lmp.crystal.bloch import effective_rolling as effective_rolling
+from granular_lmp.crystal.bloch import part, roll_rows, solve, stretch_rows
+from granular_lmp.crystal.bloch import require_plane as require_plane
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import lattice_constant, lattice_of_contacts
 from granular_lmp.crystal.mode import FULL, FX, TURNS, UX, UY, F, Mode, Physics, branch_mode
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.crystal.wavevector import WaveVector, zone_path
-from granular_lmp.errors import CrystalError, SceneError
+from granular_lmp.errors import SceneError
 
 MODES = ("L", "TR", "RT")
-BRANCHES = tuple(map(str, range(1, 7)))  # of two spheres a cell in the plane, of one in space; lowest first
 _MEET = 1e-9  # relative distance of two frequencies below which the shapes of their branches are any
 _STILL = 1e-6  # of the highest frequency: one below it is the root of a rounding
+_POINTS = 12  # wave vectors along each primitive vector of the reciprocal lattice in which the highest one is sought
 # A wave along an axis keeps the mirror of the lattice that holds the axis: L lives in the one displacement, TR and RT
 # in the other and the rotation; each sorted by frequency.
 _SUBSPACE = {
     "y": {"L": ([UY], 0), "TR": ([UX, F], 0), "RT": ([UX, F], 1)},
     "x": {"L": ([UX], 0), "TR": ([UY, F], 0), "RT": ([UY, F], 1)},
 }
-# A negative ω², over the largest one, that is not rounding: the crystal buckles.
-_BUCKLING = 1e-9
-
-
-# --- any crystal -----------------------------------------------------------------------------------------------------
-
-
-def bloch_modes(
-    contacts: Contacts, sphere: Sphere, wavevectors: ArrayLike, physics: Physics = FULL
-) -> tuple[NDArray, NDArray]:
-    """Return frequencies and shapes of all modes of a crystal at any wave vectors, lowest first.
-
-    Parameters
-    ----------
-    contacts : Contacts
-        Contacts of the spheres of one cell.
-    sphere : Sphere
-        Reference sphere, whose R and t0 are the units.
-    wavevectors : array_like, (..., 2 or 3)
-        Wave vectors k, 1/R; without kz if they lie in the plane.
-    physics : Physics
-        Degrees of freedom.
-
-    Returns
-    -------
-    frequencies : (..., FN) array
-        Frequencies in rad/t0, ascending, of the F freedoms of `Physics.coordinates`: 3 in the plane, 6 in space.
-    shapes : (..., FN, 6N) array
-        One row per mode: (u, f) of each sphere in turn, normalised to 1; real for one sphere per cell without a wall.
-        The phase of a row is arbitrary, and degenerate modes are returned in an arbitrary basis.
-
-    Raises
-    ------
-    CrystalError
-        If a mode has a negative ω², so that the crystal is not at a stable equilibrium.
-    ValueError
-        If spheres move in the plane and contacts do not lie in a plane z = const.
-    """
-    if not physics.space:
-        require_plane(contacts)
-    columns = [6 * each + column for each in range(len(contacts.mass)) for column in physics.coordinates]
-    return _solve(contacts, sphere, np.asarray(wavevectors, dtype=float), physics, columns)
-
-
-def require_plane(contacts: Contacts) -> None:
-    """Raise a ValueError unless all contacts lie in a plane z = const."""
-    outside = np.flatnonzero(contacts.normals[:, 2])
-    if len(outside):
-        raise ValueError(f"contact {outside[0]}: leaves the plane z = const, in which all contacts must lie")
-
-
-def effective_inertia(contacts: Contacts) -> NDArray:
-    """Return I/R² = Ĩm/(1 − η) of each sphere, (N,), kg: its inertia as LAMMPS's torque arm makes it.
-
-    A sphere that no contact turns keeps Ĩm. The module docstring defines η.
-    """
-    return INERTIA_RATIO * contacts.mass / (1 - _arm_loss(contacts))
-
-
-def _arm_loss(contacts: Contacts) -> NDArray:
-    """Return the mean η of each sphere, (N,), over its contacts with others."""
-    turned, weighted = np.zeros_like(contacts.mass), np.zeros_like(contacts.mass)
-    pairs = ~contacts.on_wall
-    stiffness, overlap = contacts.shear_stiffness[pairs], contacts.overlap[pairs]
-    for end in (contacts.i[pairs], contacts.j[pairs]):
-        np.add.at(turned, end, stiffness)
-        np.add.at(weighted, end, stiffness * overlap / (2 * contacts.radius[end]))
-    return np.divide(weighted, turned, out=np.zeros_like(turned), where=turned > 0)
-
-
-def effective_rolling(contacts: Contacts, physics: Physics) -> NDArray:
-    """Return the rolling stiffness k_r/(1 − η) of each contact that goes with `effective_inertia`, (C,), N/m.
-
-    LAMMPS's torque of a roll has the arm Rc, without the part δ/2 that shear torques lose: the effective inertia is too
-    large for it, which its stiffness makes up for.
-    """
-    return physics.rolling / (1 - contacts.overlap / contacts.radii)
-
-
-def _stretch_rows(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, list[NDArray], list[NDArray]]:
-    """Return rows (..., C, 6N) of a shape (u, f): −i times δN, and of both tangents δT and δS − δT; k in 1/m."""
-    phase_i, phase_j = _phases(contacts, wavevectors)
-
-    def moves(way: NDArray) -> NDArray:
-        part = np.hstack([way, np.zeros_like(way)])
-        return _rows(contacts, 1j * phase_i * part, -1j * phase_j * part)
-
-    tangents = [contacts.tangents[:, way] for way in range(2)]
-    turns = [_turn_rows(contacts, way, -phase_i, -phase_j) for way in tangents]
-    return moves(contacts.normals), [moves(way) for way in tangents], turns
-
-
-def _turn_rows(contacts: Contacts, tangent: NDArray, on_i: NDArray, on_j: NDArray) -> NDArray:
-    """Return the rows (..., C, 6N) of the rotations about n × t, from factors (..., C, 1) of spheres i and j."""
-    part = np.hstack([np.zeros_like(tangent), np.cross(contacts.normals, tangent)])
-    return _rows(contacts, on_i * part, on_j * part)
-
-
-def _torque_rows(contacts: Contacts, wavevectors: NDArray) -> list[NDArray]:
-    """Return, for both tangents, the rows of `_stretch_rows` of δS − δT times what the true arm of a torque adds.
-
-    The arm is (R − δ/2)/R of a pair and 1 of a wall; `effective_inertia` stands for the mean 1 − η of each sphere.
-    """
-    phase_i, phase_j = _phases(contacts, wavevectors)
-    mean, pairs = 1 - _arm_loss(contacts), ~contacts.on_wall
-    more_i, more_j = (
-        (1 - pairs * contacts.overlap / (2 * contacts.radius[end])) / mean[end] - 1 for end in (contacts.i, contacts.j)
-    )
-    factors = -phase_i * more_i[:, None], -phase_j * more_j[:, None]
-    return [_turn_rows(contacts, contacts.tangents[:, way], *factors) for way in range(2)]
-
-
-def _exact(matrix: NDArray) -> tuple[NDArray, NDArray]:
-    """Return ω² (..., F) and eigenvectors as columns of a matrix that is nearly symmetric, with real eigenvalues.
-
-    Raises
-    ------
-    CrystalError
-        If ω² is not real: torques of different arms feed the mode.
-    """
-    squared, vectors = np.linalg.eig(matrix)
-    if np.abs(np.imag(squared)).max() > _BUCKLING * np.abs(squared).max():
-        raise CrystalError("two modes of one frequency feed each other by torques of different arms; must be beside it")
-    return np.real(squared), vectors
-
-
-def _phases(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, NDArray]:
-    """Return e^{−ik·d/2} and e^{ik·d/2} of each contact, (..., C, 1), for spheres i and j."""
-    half_phase = wavevectors @ contacts.vector[:, : wavevectors.shape[-1]].T / 2
-    return np.exp(-1j * half_phase)[..., None], np.exp(1j * half_phase)[..., None]
-
-
-def _roll_rows(contacts: Contacts, wavevectors: NDArray) -> NDArray:
-    """Return the rows (..., C, 6N) that give the roll ρ of a shape in the plane, up to a phase; k in 1/m."""
-    phase_i, phase_j = _phases(contacts, wavevectors)
-    turn = np.eye(6)[F]
-    share_i, share_j = ((contacts.radius[other] / contacts.radii)[:, None] for other in (contacts.j, contacts.i))
-    return _rows(contacts, 1j * phase_i * share_i * turn, -1j * phase_j * share_j * turn)
-
-
-def _rows(contacts: Contacts, on_i: NDArray, on_j: NDArray) -> NDArray:
-    """Return one row a contact over the freedoms of all spheres, from its parts (..., C, 6) on spheres i and j."""
-    count, spheres, pairs = len(contacts), len(contacts.mass), np.flatnonzero(~contacts.on_wall)
-    rows = np.zeros((*on_i.shape[:-2], count, spheres, 6), dtype=complex)
-    rows[..., np.arange(count), contacts.i, :] += on_i
-    rows[..., pairs, contacts.j[pairs], :] += on_j[..., pairs, :]
-    rows = rows.reshape(*on_i.shape[:-2], count, 6 * spheres)
-    return rows.real if spheres == 1 and len(pairs) == count else rows
-
-
-def _solve(
-    contacts: Contacts, sphere: Sphere, wavevectors: NDArray, physics: Physics, columns: list[int]
-) -> tuple[NDArray, NDArray]:
-    """Return frequencies, ascending, and shapes of the modes in the subspace of some of the columns."""
-    normal, sideways, turn = _stretch_rows(contacts, wavevectors / sphere.radius)
-    mass = np.repeat([contacts.mass, effective_inertia(contacts)], 3, axis=0).T.ravel()
-    inverse_root_mass = np.sqrt(sphere.mass / mass)
-    per_mass = sphere.time_scale**2 / sphere.mass
-    ways = range(2 if physics.space else 1)  # in the plane nothing moves along the second tangent
-    springs = [(contacts.normal_stiffness, normal)]
-    if physics.shear:
-        springs += [(contacts.shear_stiffness, sideways[way] + turn[way]) for way in ways]
-    if physics.rolling and physics.rotation:
-        springs.append((effective_rolling(contacts, physics), _roll_rows(contacts, wavevectors / sphere.radius)))
-    if contacts.contact_force.any():
-        springs += [(-contacts.contact_force / contacts.length, sideways[way]) for way in ways]
-    energy = [(stiffness[:, None] * per_mass, (rows * inverse_root_mass)[..., columns]) for stiffness, rows in springs]
-    matrix = sum(rows.conj().swapaxes(-1, -2) @ (weight * rows) for weight, rows in energy)
-    if contacts.on_wall.any() and physics.shear and physics.rotation:
-        torques = [
-            (rows * inverse_root_mass)[..., columns] for rows in _torque_rows(contacts, wavevectors / sphere.radius)
-        ]
-        slips = zip(torques, energy[1:3], strict=True)
-        squared, vectors = _exact(
-            matrix + sum(turned.conj().swapaxes(-1, -2) @ (k * rows) for turned, (k, rows) in slips)
-        )
-    else:
-        _, vectors = np.linalg.eigh(matrix)
-        squared = sum(np.sum(weight * np.abs(rows @ vectors) ** 2, axis=-2) for weight, rows in energy)
-    if squared.min() < -_BUCKLING * squared.max():
-        raise CrystalError(
-            f"the crystal is not stable: a mode has the squared frequency {squared.min():.6g} in 1/t0^2, and none may "
-            "have a negative one; press its contacts together less, or hold it sideways"
-        )
-    shapes = np.zeros((*vectors.shape[:-2], len(columns), len(mass)), dtype=vectors.dtype)
-    shapes[..., columns] = vectors.swapaxes(-1, -2) * inverse_root_mass[columns]
-    shapes /= np.linalg.norm(shapes, axis=-1, keepdims=True)
-    order = np.argsort(squared, axis=-1, kind="stable")
-    frequencies = np.sqrt(np.maximum(np.take_along_axis(squared, order, axis=-1), 0.0))
-    return frequencies, np.take_along_axis(shapes, order[..., None], axis=-2)
 
 
 # --- the named waves of a lattice of one sphere a cell ----------------------------------------------------------------
@@ -257,8 +52,8 @@ def restored(lattice: Contacts, physics: Physics = FULL) -> tuple[str, ...]:
         return tuple(map(str, range(1, len(lattice.mass) * len(physics.coordinates) + 1)))
     freedoms = [column for column in (UX, F) if column in physics.coordinates]
     along_y = np.array([0.0, 1 / lattice.length[0]])  # any but Γ and the edge of the zone
-    normal, sideways, turn = _stretch_rows(lattice, along_y)
-    rows = [normal] + [sideways[0] + turn[0]] * physics.shear + [_roll_rows(lattice, along_y)] * (physics.rolling > 0)
+    normal, sideways, turn = stretch_rows(lattice, along_y)
+    rows = [normal] + [sideways[0] + turn[0]] * physics.shear + [roll_rows(lattice, along_y)] * (physics.rolling > 0)
     floppy = np.linalg.matrix_rank(np.vstack(rows)[:, freedoms]) < len(freedoms)
     if floppy and lattice.contact_force.any():
         return ("L",)
@@ -295,12 +90,13 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
         If the contacts are not those of a lattice of the sphere (`granular_lmp.crystal.lattices.unit_lattice`). The
         modes of other crystals have no names; `bloch_modes` returns them all.
     """
+    if physics.space:
+        return _in_space(lattice, sphere, vector, name, physics)
     kind = lattice_of_contacts(lattice, sphere)
-    named = len(lattice.mass) == 1 and not physics.space
-    if name not in (known := MODES if named else restored(lattice, physics)):
+    if name not in (known := MODES if len(lattice.mass) == 1 else restored(lattice, physics)):
         raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(known)} in the {kind.name} lattice")
-    if not named:
-        return _branch(lattice, sphere, vector, int(name), physics)
+    if len(lattice.mass) > 1:
+        return _branch(lattice, sphere, vector, name, physics)
     if name == "RT" and not physics.rotation:
         raise SceneError(f"wave.mode = {name!r}: needs effects.rotation, which is off; without it there are L and TR")
     if name not in (there := restored(lattice, physics)):
@@ -311,7 +107,7 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
         )
     columns, index = _SUBSPACE[vector.axis][name] if vector.axis else (physics.coordinates, None)
     columns = [column for column in columns if column in physics.coordinates]
-    frequencies, shapes = _solve(lattice, sphere, _wavevector(sphere, vector), physics, columns)
+    frequencies, shapes = solve(lattice, sphere, _wavevector(sphere, vector), physics, np.array(columns))
     if index is None:
         index = branch_names(shapes, np.array(vector.unit)).index(name)
     shape, same = shapes[index], np.abs(frequencies - frequencies[index]) < _MEET * frequencies[-1]
@@ -328,18 +124,68 @@ def modes_at(lattice: Contacts, sphere: Sphere, vector: WaveVector, physics: Phy
     if len(lattice.mass) == 1 and not physics.space:
         return [bloch_mode(lattice, sphere, vector, name, physics) for name in restored(lattice, physics)]
     frequencies, shapes = bloch_modes(lattice, sphere, _wavevector(sphere, vector), physics)
-    return [branch_mode(n, vector, *each) for n, each in enumerate(zip(frequencies.tolist(), shapes, strict=True), 1)]
+    return [
+        branch_mode(str(n), vector, *each) for n, each in enumerate(zip(frequencies.tolist(), shapes, strict=True), 1)
+    ]
 
 
-def _branch(lattice: Contacts, sphere: Sphere, vector: WaveVector, number: int, physics: Physics) -> Mode:
+def _in_space(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, physics: Physics) -> Mode:
+    """Return the mode of a crystal in space by a name that its symmetry gives, or by number."""
+    if name in (numbers := restored(lattice, physics)):
+        return _branch(lattice, sphere, vector, name, physics)
+    names = named_in_space(lattice, sphere, vector, physics)
+    if name not in names:
+        known = (*names, f"{numbers[0]} to {numbers[-1]}")
+        raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(known)} in this crystal and direction")
+    frequency, shape = names[name]
+    if frequency < _STILL * highest_frequency(lattice, sphere, physics):
+        raise SceneError(f"wave.mode = {name!r}: has the frequency 0 at this wave vector, as no contact resists it")
+    return branch_mode(name, vector, frequency, shape)
+
+
+def named_in_space(
+    lattice: Contacts, sphere: Sphere, vector: WaveVector, physics: Physics
+) -> dict[str, tuple[float, NDArray]]:
+    """Return frequency and shape of the waves that mirrors of a crystal in space give names, by name."""
+    found: dict[str, tuple[float, NDArray]] = {}
+    x, y = vector.unit
+    along, across = np.array([x, y, 0.0]), np.array([-y, x, 0.0])
+    up, none, axes = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.eye(3)
+    sagittal = [(along, none), (up, none), (none, across)]
+    horizontal = [(across, none), (none, along), (none, up)]
+    plane = [(axes[0], none), (axes[1], none), (none, axes[2])]
+    leaving = [(axes[2], none), (none, axes[0]), (none, axes[1])]
+    k = _wavevector(sphere, vector)
+    for letters, one, other in (("SH", sagittal, horizontal), ("P", plane, leaving)):
+        bases = [_spread(each, len(lattice.mass), physics) for each in (one, other)]
+        if letters == "P" and len(lattice.mass) > 1 or not part(lattice, sphere, k, physics, *bases):
+            continue
+        for letter, basis in zip(letters, bases, strict=False):
+            frequencies, shapes = solve(lattice, sphere, k, physics, basis)
+            if letter == "P":
+                names = branch_names(shapes, np.array(vector.unit))
+            else:
+                names = tuple(f"{letter}{number}" for number in range(1, len(frequencies) + 1))
+            found |= dict(zip(names, zip(frequencies.tolist(), shapes, strict=True), strict=True))
+    return found
+
+
+def _spread(ways: list[tuple[NDArray, NDArray]], spheres: int, physics: Physics) -> NDArray:
+    """Return motions (u, f) of each sphere of a cell as orthonormal columns, (6N, F); none turns without rotation."""
+    columns = [np.concatenate(way) for way in ways if physics.rotation or not way[1].any()]
+    return np.kron(np.eye(spheres), np.array(columns).T)
+
+
+def _branch(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, physics: Physics) -> Mode:
     frequencies, shapes = bloch_modes(lattice, sphere, _wavevector(sphere, vector), physics)
+    number = int(name)
     own, others = frequencies[number - 1], np.delete(frequencies, number - 1)
     where = f"wave.mode = '{number}': has the frequency"
     if own < _STILL * frequencies[-1]:
         raise SceneError(f"{where} 0 at this wave vector, as no contact resists it; needs effects.rolling_stiffness")
     if np.abs(others - own).min() < _MEET * own:
         raise SceneError(f"{where} of another branch at this wave vector, where its shape is any; must be beside it")
-    return branch_mode(number, vector, float(own), shapes[number - 1])
+    return branch_mode(name, vector, float(own), shapes[number - 1])
 
 
 def branch_names(shapes: NDArray, along: NDArray) -> tuple[str, ...]:
@@ -366,7 +212,7 @@ def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[N
 def _moduli(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
     """Return |δN| and |δS| of the contacts of a cell of several spheres; of another crystal a bound on both."""
     if len(contacts.mass) == len(mode.cell):
-        normal, sideways, turn = _stretch_rows(contacts, _wavevector(sphere, mode.vector) / sphere.radius)
+        normal, sideways, turn = stretch_rows(contacts, _wavevector(sphere, mode.vector) / sphere.radius)
         shape = _freedoms(mode)
         slips = [(sideways[way] + turn[way]) @ shape for way in range(2)]
         return np.abs(normal @ shape), np.hypot(*np.abs(slips))
@@ -379,7 +225,7 @@ def _moduli(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, ND
 
 def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray:
     """Return the amplitudes of the rolls ρ of the contacts of a cell, (C,), in units of D0."""
-    return _roll_rows(lattice, _wavevector(sphere, mode.vector) / sphere.radius) @ _freedoms(mode)
+    return roll_rows(lattice, _wavevector(sphere, mode.vector) / sphere.radius) @ _freedoms(mode)
 
 
 def _freedoms(mode: Mode) -> NDArray:
@@ -396,6 +242,8 @@ def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL
     lies on edges of the zone (`Lattice.corners`), in the hexagonal lattice at a place that depends on ν; 120 points
     find it to 1e-4. For other crystals use `granular_lmp.crystal.stability.frequency_bound`.
     """
+    if physics.space:
+        return _highest_in_space(lattice, sphere, physics)
     kind = lattice_of_contacts(lattice, sphere)
     edges = zone_path(kind.corners, 60) / kind.column_distance(lattice_constant(sphere))
     path = np.zeros((1, 2)) if physics.rotation else edges
@@ -404,16 +252,23 @@ def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL
     return float(bloch_modes(lattice, sphere, path, physics)[0].max())
 
 
+def _highest_in_space(crystal: Contacts, sphere: Sphere, physics: Physics) -> float:
+    """Return the highest frequency over a grid of the plane of waves, which holds Γ, rad/t0."""
+    share = np.pi * np.arange(_POINTS) / _POINTS * 2 * sphere.radius / float(crystal.length.min())
+    grid = np.array(list(product(share, repeat=2)))
+    return float(max(bloch_modes(crystal, sphere, each, physics)[0].max() for each in np.split(grid, _POINTS)))
+
+
 def row_stretches(lattice: Contacts, ux: float, uy: float) -> tuple[NDArray, NDArray]:
     """Return δN and δS of the contacts, (C,) each, between a row shifted by (ux, uy) and the next one at rest."""
     shift = np.array([ux, uy])
-    return lattice.normals[:, :2] @ shift, lattice.tangents[:, 0, :2] @ shift
+    return lattice.normals[:, :2] @ shift, np.linalg.norm(lattice.tangents[:, :, :2] @ shift, axis=1)
 
 
 def decay_rate(lattice: Contacts, sphere: Sphere, mode: Mode, viscosity: float, *, shear: bool = True) -> float:
     """Return the decay rate Γ of a mode whose contacts are damped, in 1/t0: its amplitude falls as e^{−Γτ}.
 
-        Γ = ½ c Σ_contacts (δN² + δS²) / (ux² + uy² + Ĩ f²)
+        Γ = ½ c Σ_contacts (δN² + δS²) / (u² + Ĩ f²)
 
     The formula is the power of the dashpots over twice the energy of the mode and holds for weak damping (Γ ≪ Ω).
 
@@ -428,7 +283,7 @@ def decay_rate(lattice: Contacts, sphere: Sphere, mode: Mode, viscosity: float, 
     """
     normal, tangential = contact_stretches(lattice, sphere, mode)
     squares = np.sum(normal**2) + (np.sum(tangential**2) if shear else 0.0)
-    return float(viscosity * squares / (2 * (mode.ux**2 + mode.uy**2 + INERTIA_RATIO * mode.f**2)))
+    return float(viscosity * squares / (2 * (mode.moved + INERTIA_RATIO * mode.f**2)))
 
 
 def _wavevector(sphere: Sphere, vector: WaveVector) -> NDArray:

@@ -51,7 +51,7 @@ GUARD = Guard(
 
 def called_for(case: Case) -> Finding:
     spin = INERTIA_RATIO * case.mode.f**2
-    share = spin / (case.mode.ux**2 + case.mode.uy**2 + spin)
+    share = spin / (case.mode.moved + spin)
     reason = f"of the kinetic energy of {case.wave_words} is rotation"
     if case.mode.cell:
         return Finding(True, share, reason + ", and branches are counted with it")

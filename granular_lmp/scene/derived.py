@@ -6,9 +6,11 @@ from functools import cached_property, partial
 from typing import Any
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import LATTICES, Lattice, Shape
+from granular_lmp.crystal.lattices import Lattice, Shape
+from granular_lmp.crystal.modes import Physics
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.scene import remarks, words
 from granular_lmp.scene.document import Document
@@ -16,15 +18,18 @@ from granular_lmp.scene.frequency import hertz_of, wavenumbers_at
 from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.sections import (
     Absorb,
+    Contact,
     Effects,
     Envelope,
     Output,
     Packing,
+    Substrate,
     Time,
     Wave,
 )
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, Room, decide
 from granular_lmp.scene.sources import Source, echo_at
+from granular_lmp.scene.space import lattice_of, measured, space_of, wall_of
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.strikers import Striker, scale_of, stretch
 from granular_lmp.units import AnyUnits, units_of
@@ -37,6 +42,8 @@ class Derived(Document):
 
     material: Sphere
     packing: Packing
+    contact: Contact
+    substrate: Substrate | None
     time: Time
     wave: Wave
     envelope: Envelope
@@ -53,17 +60,27 @@ class Derived(Document):
     @cached_property
     def sphere(self) -> Sphere:
         """The spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
-        return at_rest(self.material, self.packing, self.effects)
+        return at_rest(self.material, self.packing, self.effects, self.contact)
 
     @cached_property
     def scale(self) -> Scale:
         """Units of the scene: m, Δ0 and t0 of the spheres at rest; without a wave those of the impact."""
         return scale_of(self.striker, self.start, self.material) if self.bare else Scale.of(self.sphere)
 
-    @property
+    @cached_property
     def space(self) -> int:
-        """Dimensions in which the spheres move: 2, the plane."""
-        return 2
+        """Dimensions in which the spheres move: 2, the plane, or 3."""
+        return space_of(self.packing, self.lattice, self.substrate)
+
+    @cached_property
+    def wall(self) -> Wall | None:
+        """Law of the contacts with the substrate, None without one."""
+        return wall_of(self.material, self.substrate, self.effects)
+
+    @property
+    def physics(self) -> Physics:
+        """Degrees of freedom of the lattice; those that are still "auto" are there."""
+        return physics_of(self.effects, self.space)
 
     @property
     def loose(self) -> bool:
@@ -81,10 +98,10 @@ class Derived(Document):
         """D0 = a Δ0, m: the amplitude of the wave's displacement."""
         return self.wave.amplitude * self.scale.length
 
-    @property
+    @cached_property
     def lattice(self) -> Lattice:
         """Lattice of the packing."""
-        return LATTICES[self.packing.lattice]
+        return lattice_of(self.packing, self.substrate)
 
     @property
     def declared_vector(self) -> WaveVector:
@@ -110,6 +127,7 @@ class Derived(Document):
             first=packing.first,
             last=packing.last,
             sides=packing.sides,
+            layers=packing.layers,
         )
 
     @property
@@ -154,7 +172,7 @@ class Derived(Document):
         """Values that run in place of declared ones, which a periodic cell or a sample rounds, by dotted key."""
         if self.bare:
             return remarks.used_step(self.time)
-        hertz = partial(hertz_of, self.vector, self.sphere, self.effects.physics, self.wave.mode, self.lattice)
+        hertz = partial(hertz_of, self.vector, self.sphere, self.physics, self.wave.mode, self.lattice, self.wall)
         return remarks.used_vector(self.declared_vector, self.vector, hertz) | remarks.used_step(self.time)
 
     @property
@@ -245,7 +263,7 @@ class Derived(Document):
             return remarks.on_step(self.time)
         said = remarks.on_packing(self.packing, self.shape) + remarks.on_vector(self.wave, self.shape, self.vector)
         if self.wave.frequency is not None:
-            found = wavenumbers_of(self.wave, self.sphere, self.effects, self.lattice)
+            found = wavenumbers_of(self.wave, self.sphere, self.physics, self.lattice, self.wall)
             said = remarks.on_frequency(self.wave, found) + said
         return said + remarks.on_step(self.time)
 
@@ -264,13 +282,20 @@ class Derived(Document):
         return echo_at((rows, columns), pushed, self.shape, form=self.wave.form, quiet=self.absorb.rows != 0)
 
 
-def at_rest(material: Sphere, packing: Packing, effects: Effects) -> Sphere:
-    """Return the spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
+def at_rest(material: Sphere, packing: Packing, effects: Effects, contact: Contact) -> Sphere:
+    """Return the spheres of the lattice at rest: pressed together, adhesive or not, with stiffnesses as measured."""
     adhesion = 0.0 if effects.adhesion is False else material.work_of_adhesion
-    return replace(material, work_of_adhesion=adhesion, contact_force=packing.contact_force)
+    return measured(replace(material, work_of_adhesion=adhesion, contact_force=packing.contact_force), contact)
 
 
-def wavenumbers_of(wave: Wave, sphere: Sphere, effects: Effects, lattice: Lattice) -> tuple[float, ...]:
+def physics_of(effects: Effects, space: int) -> Physics:
+    """Return the degrees of freedom of a crystal with these effects."""
+    return replace(effects.physics, space=space == 3)
+
+
+def wavenumbers_of(
+    wave: Wave, sphere: Sphere, physics: Physics, lattice: Lattice, wall: Wall | None
+) -> tuple[float, ...]:
     """Return where the declared frequency is that of the mode, ascending, rad per row."""
     assert wave.frequency is not None
-    return wavenumbers_at(wave.frequency, sphere, effects.physics, wave.mode, wave.degrees, lattice)
+    return wavenumbers_at(wave.frequency, sphere, physics, wave.mode, wave.degrees, lattice, wall)

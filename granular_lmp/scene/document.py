@@ -42,6 +42,8 @@ class Document:
         Array of tables → the type of each of its records. Only what differs from a default is written.
     optional : tuple of str
         Sections that are written only if they differ from their defaults.
+    absent : tuple of str
+        Sections whose record is None where the document does not have them.
     exclusive : mapping
         Dotted key → keys that it replaces: a document never holds both, and `with_values` of the key removes them.
     lacking : str
@@ -59,6 +61,7 @@ class Document:
     attributes: ClassVar[Mapping[str, str]] = {}
     repeated: ClassVar[Mapping[str, type]] = {}
     optional: ClassVar[tuple[str, ...]] = ()
+    absent: ClassVar[tuple[str, ...]] = ()
     exclusive: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     lacking: ClassVar[str] = ""
     marks: ClassVar[tuple[str, ...]] = ()
@@ -98,7 +101,7 @@ class Document:
         records: dict[str, Any] = {
             cls.attributes.get(key, key): record(kind, tables.get(key), key, cls.rules.get(key), bare=bare)
             for key, kind in cls.sections.items()
-            if not (bare and key == cls.lacking)
+            if not (bare and key == cls.lacking) and not (key in cls.absent and key not in tables)
         }
         records |= {key: cls._records(key, tables.get(key, ()), bare) for key in cls.repeated}
         return cls.made({"name": name, "description": checked_description(tables)} | cls.solved(records))

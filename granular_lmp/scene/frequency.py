@@ -14,6 +14,7 @@ from typing import Any
 from granular_lmp.crystal.lattices import HEXAGONAL, Lattice, unit_lattice
 from granular_lmp.crystal.modes import Physics, bloch_mode, modes_at
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import shown
@@ -26,7 +27,13 @@ _SAME = 1e-9  # relative: a bisected zero is closer by far, and a jump between b
 
 @lru_cache(maxsize=32)
 def wavenumbers_at(
-    hertz: float, sphere: Sphere, physics: Physics, mode: str, degrees: float, kind: Lattice = HEXAGONAL
+    hertz: float,
+    sphere: Sphere,
+    physics: Physics,
+    mode: str,
+    degrees: float,
+    kind: Lattice = HEXAGONAL,
+    wall: Wall | None = None,
 ) -> tuple[float, ...]:
     """Return the wave numbers at which a mode has a frequency, ascending, in rad per row.
 
@@ -41,6 +48,8 @@ def wavenumbers_at(
     degrees : float
         Direction of the wave, from x towards y.
     kind : Lattice
+    wall : Wall, optional
+        On which the crystal lies.
 
     Raises
     ------
@@ -50,7 +59,7 @@ def wavenumbers_at(
     """
 
     def above(wavenumber: float) -> float:
-        return hertz_of(kind.vector(wavenumber, degrees), sphere, physics, mode, kind) - hertz
+        return hertz_of(kind.vector(wavenumber, degrees), sphere, physics, mode, kind, wall) - hertz
 
     edge = kind.zone_edge(degrees)
     grid = [_LOWEST, *(edge * k / _POINTS for k in range(1, _POINTS + 1))]
@@ -75,10 +84,18 @@ def wavenumbers_at(
     return tuple(there)
 
 
-def hertz_of(vector: WaveVector, sphere: Sphere, physics: Physics, mode: str, kind: Lattice = HEXAGONAL) -> float:
+def hertz_of(
+    vector: WaveVector,
+    sphere: Sphere,
+    physics: Physics,
+    mode: str,
+    kind: Lattice = HEXAGONAL,
+    wall: Wall | None = None,
+) -> float:
     """Return the frequency of a mode in hertz; arguments as of `wavenumbers_at`."""
-    lattice = unit_lattice(sphere, kind)
-    branches = modes_at(lattice, sphere, vector, physics) if kind.column_period > 1 else []  # one may be 0 at Γ
+    lattice = unit_lattice(sphere, kind, wall)
+    several = kind.column_period > 1 or physics.space
+    branches = modes_at(lattice, sphere, vector, physics) if several else []  # one may be 0 at Γ
     found = [each for each in branches if each.name == mode] or [bloch_mode(lattice, sphere, vector, mode, physics)]
     return found[0].frequency / (2 * pi * sphere.time_scale)
 

@@ -106,7 +106,9 @@ def _tables(document: type[Document], *, bare: bool) -> dict[str, Any]:
     return {
         "type": "object",
         "properties": properties,
-        "required": [section for section in document.sections if needed.get(section)],
+        "required": [
+            section for section in document.sections if needed.get(section) and section not in document.absent
+        ],
         "additionalProperties": False,
     }
 

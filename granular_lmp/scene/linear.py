@@ -1,5 +1,7 @@
 """The linear wave of a scene: the degrees of freedom of its lattice, and the Bloch mode of its wave."""
 
+from dataclasses import replace
+
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import Mode, Physics, bloch_mode
@@ -8,14 +10,15 @@ from granular_lmp.scene.scene import Scene
 
 def physics_of(scene: Scene) -> Physics:
     """Return the degrees of freedom of a scene's lattice; those that are still "auto" are there."""
-    return scene.effects.physics
+    return scene.physics
 
 
 def unit_contacts(scene: Scene) -> Contacts:
-    """Return the contacts of one sphere of a scene's lattice when that is perfect."""
-    return unit_lattice(scene.sphere, scene.lattice)
+    """Return the contacts of the spheres of one cell of a scene's lattice when that is perfect, with its walls."""
+    return unit_lattice(scene.sphere, scene.lattice, scene.wall)
 
 
 def mode_of(scene: Scene, physics: Physics | None = None) -> Mode:
     """Return the Bloch mode of a scene's wave in its lattice, or in a lattice with the given physics."""
-    return bloch_mode(unit_contacts(scene), scene.sphere, scene.vector, scene.wave.mode, physics or physics_of(scene))
+    physics = physics_of(scene) if physics is None else replace(physics, space=scene.space == 3)
+    return bloch_mode(unit_contacts(scene), scene.sphere, scene.vector, scene.wave.mode, physics)

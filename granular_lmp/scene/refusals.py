@@ -26,7 +26,7 @@ _NO_ADHESION = f"{_LEFT_OUT}, as contacts of an impact do not adhere"
 _OF_WAVE = f"is of the scene of a wave: must be {_LEFT_OUT}"
 # Tables and keys that a scene has beside a wave only, and why
 NEEDS_WAVE: Mapping[str, str] = {
-    **dict.fromkeys(("envelope", "absorb", "source"), _OF_WAVE),
+    **dict.fromkeys(("envelope", "absorb", "source", "contact", "substrate"), _OF_WAVE),
     "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
     "time.allow_echo": f"must be {_LEFT_OUT}, where every echo belongs to the answer",
     "effects.adhesion": f"must be {_NO_ADHESION}",

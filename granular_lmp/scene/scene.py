@@ -1,6 +1,7 @@
 """The scene: the user's declaration, read from TOML, checked value by value, and written back with every default.
 
-A scene has the tables ``[sphere]``, ``[packing]``, ``[disorder]``, ``[wave]``, ``[envelope]``, ``[time]``,
+A scene has the tables ``[sphere]``, ``[packing]``, ``[contact]``, ``[substrate]``, ``[disorder]``, ``[wave]``,
+``[envelope]``, ``[time]``,
 ``[effects]``, ``[output]``, ``[absorb]`` and ``[start]`` (`granular_lmp.scene.sections`), and any number of
 ``[[inclusion]]``, ``[[source]]`` (`granular_lmp.scene.sources`), ``[[monitor]]`` (`granular_lmp.scene.monitors`) and
 ``[[striker]]`` (`granular_lmp.scene.strikers`). Times are in units of t0 (τ), wave numbers in rad per row, amplitudes
@@ -18,11 +19,10 @@ from typing import Any, Self
 
 from granular_lmp.card import HasCard
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import LATTICES
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation, words
-from granular_lmp.scene.derived import Derived, at_rest, wavenumbers_of
+from granular_lmp.scene.derived import Derived, at_rest, physics_of, wavenumbers_of
 from granular_lmp.scene.files import assignment as assignment
 from granular_lmp.scene.files import first_file
 from granular_lmp.scene.frequency import with_placeholder, without_wavevector
@@ -36,16 +36,19 @@ from granular_lmp.scene.sections import (
     LATTICE_SPHERE_RULES,
     STEP_OR_TOLERANCE,
     Absorb,
+    Contact,
     Effects,
     Envelope,
     Output,
     Packing,
+    Substrate,
     Time,
     Wave,
     refuse_step_beside_tolerance,
 )
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.sources import Source, check_quiet, check_sources
+from granular_lmp.scene.space import check_space, lattice_of, space_of, wall_of
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.start import located as located_state
 from granular_lmp.scene.strikers import Striker, check_strikes
@@ -84,6 +87,8 @@ class Scene(HasCard, Derived):
     sections = {
         "sphere": Sphere,
         "packing": Packing,
+        "contact": Contact,
+        "substrate": Substrate,
         "disorder": Disorder,
         "wave": Wave,
         "envelope": Envelope,
@@ -94,7 +99,8 @@ class Scene(HasCard, Derived):
         "start": Start,
     }
     repeated = {"inclusion": Inclusion, "source": Source, "monitor": Monitor, "striker": Striker}
-    optional = ("disorder", "absorb", "start")
+    optional = ("contact", "disorder", "absorb", "start")
+    absent = ("substrate",)
     lacking = "wave"
     marks = ("striker", "start")
     rules = {"sphere": LATTICE_SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
@@ -115,6 +121,8 @@ class Scene(HasCard, Derived):
     effects: Effects = Effects()
     output: Output = Output()
     absorb: Absorb = Absorb()
+    contact: Contact = Contact()
+    substrate: Substrate | None = None
     disorder: Disorder = Disorder()
     inclusion: tuple[Inclusion, ...] = ()
     source: tuple[Source, ...] = ()
@@ -138,6 +146,8 @@ class Scene(HasCard, Derived):
         effects: Effects | None = None,
         output: Output | None = None,
         absorb: Absorb | None = None,
+        contact: Contact | None = None,
+        substrate: Substrate | None = None,
         disorder: Disorder | None = None,
         start: Start | None = None,
         inclusion: Sequence[Inclusion] = (),
@@ -210,9 +220,12 @@ class Scene(HasCard, Derived):
         if wave is None or wave.frequency is None:
             return records
         validation.check_adhesion_law(material, effects)
-        sphere, lattice = at_rest(material, records["packing"], effects), LATTICES[records["packing"].lattice]
+        packing, substrate = records["packing"], records.get("substrate")
+        sphere, lattice = at_rest(material, packing, effects, records["contact"]), lattice_of(packing, substrate)
         validation.check_sphere(material, sphere, effects, wave.amplitude)
-        return records | {"wave": replace(wave, wavenumber=wavenumbers_of(wave, sphere, effects, lattice)[0])}
+        physics = physics_of(effects, space_of(packing, lattice, substrate))
+        found = wavenumbers_of(wave, sphere, physics, lattice, wall_of(material, substrate, effects))
+        return records | {"wave": replace(wave, wavenumber=found[0])}
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain values with every default; either the time step or the tolerance, as declared.
@@ -268,7 +281,8 @@ class Scene(HasCard, Derived):
             check_monitors(self.monitor, self.packing, self.shape)
             return
         validation.check_adhesion_law(self.material, self.effects, self.inclusion)
-        wave, shape = self.wave, self.shape
+        check_space(self.packing, self.substrate, self.effects, self.lattice, self.space, perfect=self.perfect)
+        wave, shape, _ = self.wave, self.shape, self.wall
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
         check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike)
         of_time = self.time, self.struck, self.space

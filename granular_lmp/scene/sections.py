@@ -5,6 +5,7 @@ without ``[wave]`` times are in t0 of the impact (`granular_lmp.crystal.scale`).
 if that differs. `granular_lmp.scene.scene` checks combinations of values.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import ceil, floor, hypot, pi, sqrt
@@ -12,8 +13,20 @@ from typing import Any
 
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.crystal.equilibrium import BOXES
-from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, LATTICES, PERIODIC, WALL, Lattice
-from granular_lmp.crystal.modes import BRANCHES, MODES, Physics
+from granular_lmp.crystal.lattices import (
+    CHAIN,
+    FREE,
+    HELD,
+    HEXAGONAL,
+    LATTICE_NAMES,
+    ORIENTATIONS,
+    PERIODIC,
+    PLANE_LATTICES,
+    WALL,
+    Lattice,
+)
+from granular_lmp.crystal.modes import MODES, Physics
+from granular_lmp.crystal.walls import BELOW, BOTH
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.places import AtPlaces, Rows, Spheres, rows_rule, spheres_rule
@@ -25,8 +38,10 @@ ENDS = ("fixed", "periodic", AUTO)
 FACES = (HELD, FREE, AUTO)
 SHEAR_LAWS = ("secant", "incremental")
 NOT_BARE = Bare(None, None)  # of a key that a scene without [wave] does not have
+_OR_AUTO: dict[str, Any] = {"words": (AUTO,), "default": AUTO, "bare": NOT_BARE}
 FORMS = ("running", "standing", "driven", "none")
 LARGEST_WAVENUMBER = sqrt(2) * pi  # the corner of the Brillouin zone of the square lattice
+_BRANCH = "[SH]?[1-9][0-9]{0,3}"
 NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all others
 
 
@@ -46,9 +61,9 @@ class Packing(Remembering):
 
     lattice: str = choice(
         "chain: one row of spheres along y",
-        tuple(LATTICES),
+        LATTICE_NAMES,
         default=HEXAGONAL.name,
-        bare=choice("chain: one row of spheres along y", tuple(LATTICES), default=CHAIN.name),
+        bare=choice("chain: one row of spheres along y", tuple(PLANE_LATTICES), default=CHAIN.name),
     )
     rows: int | Auto = count(
         "along y", 4, 10_000_000, words=(AUTO,), default=AUTO, bare=count("along y; 1 at a wall", 1, 10_000_000)
@@ -87,6 +102,76 @@ class Packing(Remembering):
     relax_friction: float = number(
         "", "of unequal spheres while they come to rest; 0: none", 0, 1e4, default=0.0, bare=NOT_BARE
     )
+    space: int | Auto = count(
+        "dimensions in which spheres move; auto: 3 on a substrate and in a lattice in space, else 2", 2, 3, **_OR_AUTO
+    )
+    layers: int | Auto = count(
+        "along z; auto: 1, in a crystal that is periodic along z the fewest", 1, 100_000, **_OR_AUTO
+    )
+    depth: str = choice(
+        "faces along z of a lattice in space; auto: free on a substrate, else periodic",
+        (PERIODIC, FREE, AUTO),
+        default=AUTO,
+        bare=NOT_BARE,
+    )
+    orientation: str = choice(
+        "crystal direction along y of a lattice in space; auto: [001] of cubic and fcc, c of hcp",
+        (*ORIENTATIONS, AUTO),
+        default=AUTO,
+        bare=NOT_BARE,
+    )
+
+
+_STIFFNESS = ("N/m", "measured, at rest; left out: what the moduli give", 1e-6, 1e12)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Measured stiffnesses of the contact at rest of two spheres of the lattice, in place of those of their moduli.
+
+    The law's force is scaled at the same overlap: a contact at rest keeps its overlap, and adhesion its share.
+    """
+
+    normal_stiffness: float | None = number(*_STIFFNESS, default=None)
+    shear_stiffness: float | None = number(*_STIFFNESS, default=None)
+
+
+@dataclass(frozen=True)
+class Substrate:
+    """A rigid half-space under a crystal, its face across z, on which the spheres of the first layer adhere.
+
+    Its contact with a sphere has the law of two spheres (`granular_lmp.crystal.walls`), E* and w of both materials, and
+    measured stiffnesses in place of computed ones. With ``sides = "both"`` another one lies on the last layer.
+    """
+
+    youngs_modulus: float = number("Pa", "of the half-space", 1e3, 1e13)
+    poisson_ratio: float = number("", "of the half-space", -1, 0.5, open_low=True)
+    work_of_adhesion: float = number("J/m2", "of two bodies of its material; to spheres the geometric mean", 1e-6, 100)
+    normal_stiffness: float | None = number(*_STIFFNESS, default=None)
+    shear_stiffness: float | None = number(*_STIFFNESS, default=None)
+    sides: str = choice("under the crystal, or on both sides of it", (BELOW, BOTH), default=BELOW)
+
+
+@dataclass(frozen=True)
+class ModeRule(Rule):
+    """Allowed names of a mode: L, TR, RT, the number of a branch, S or H and a number."""
+
+    @property
+    def allowed(self) -> str:
+        """Allowed values in words."""
+        return f"{super().allowed}, the number of a branch, or S or H with a number"
+
+    def own_schema(self) -> dict[str, Any]:
+        """Return the JSON Schema of a name."""
+        names = {"enum": list(self.words)}
+        return {"anyOf": [names, {"type": "string", "pattern": f"^{_BRANCH}$"}, {"type": "integer", "minimum": 1}]}
+
+    def value(self, value: Any, key: str) -> str:
+        """Return `value` as a name, or raise SceneError if it is none."""
+        name = str(value) if type(value) is int else value
+        if not (isinstance(name, str) and (name in self.words or re.fullmatch(_BRANCH, name))):
+            raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}")
+        return name
 
 
 @dataclass(frozen=True)
@@ -101,7 +186,9 @@ class Wave:
     Where the `frequency` is declared, `wavenumber` holds what follows from it (`granular_lmp.scene.frequency`).
     """
 
-    mode: str = choice("longitudinal, transverse-rotational, rotational-transverse", MODES + BRANCHES)
+    mode: str = field(
+        metadata={"rule": ModeRule(str, "", "longitudinal, transverse-rotational, rotational-transverse", words=MODES)}
+    )
     wavenumber: float = number("rad per row", "xi", 1e-9, LARGEST_WAVENUMBER)
     amplitude: float = number("D0/Delta0", "displacement in static overlaps", 0, 100, open_low=True)
     phase: float = number("rad", "at the centre sphere, or of the driven row", -2 * pi, 2 * pi, default=0.0)

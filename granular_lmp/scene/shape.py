@@ -54,6 +54,7 @@ def decide(
     first: str = AUTO,
     last: str = AUTO,
     sides: str = PERIODIC,
+    layers: int | Auto = 1,
 ) -> Shape:
     """Return rows, columns and faces of a packing with every "auto" decided.
 
@@ -80,6 +81,8 @@ def decide(
     lattice : Lattice
     first, last, sides
         Faces as declared.
+    layers
+        As declared; "auto" is 1, and in a crystal that is periodic along z `Lattice.fewest_layers`.
 
     Returns
     -------
@@ -89,7 +92,8 @@ def decide(
     fewest_columns += -fewest_columns % lattice.column_period
     quiet = max(quiet_rows(duration, driven=driven), 2 * ceil((room.strip - 1) / 2) + 1)
     period = lattice.row_period
-    cells = range(max(4, fewest_rows + -fewest_rows % period), fewest_rows + LARGEST_CELL + 1, period)
+    least = max(4, fewest_rows)
+    cells = range(least + -least % period, fewest_rows + LARGEST_CELL + 1, period)
     if ends == AUTO and (driven or (first, last) != (AUTO, AUTO)):
         ends = "fixed"
     if ends == AUTO and vector.axis != "y":
@@ -116,7 +120,9 @@ def decide(
             vector.per_column, SNAP, range(fewest_columns, fewest_columns + LARGEST_CELL + 1, lattice.column_period)
         )
     first, last = (HELD if face == AUTO else face for face in (first, last))
-    return Shape(int(rows), int(columns), ends, lattice, first, last, sides)
+    if layers == AUTO:
+        layers = lattice.fewest_layers if lattice.solid and not lattice.film else 1
+    return Shape(int(rows), int(columns), ends, lattice, first, last, sides, int(layers))
 
 
 def echo_time(rows: int, *, driven: bool = False) -> float:

@@ -21,7 +21,7 @@ from granular_lmp.crystal.lattices import (
     CHAIN,
     HEXAGONAL,
     HONEYCOMB,
-    LATTICES,
+    PLANE_LATTICES,
     SQUARE,
     Lattice,
     Shape,
@@ -285,11 +285,11 @@ def test_a_scene_decides_its_size_by_its_lattice() -> None:
 
 def a_wave_of(lattice: str) -> str:
     """Return the name of a wave that a lattice has, the longitudinal one where it has names."""
-    return "2" if LATTICES[lattice].column_period > 1 else "L"
+    return "2" if PLANE_LATTICES[lattice].column_period > 1 else "L"
 
 
 def test_a_scene_knows_its_wave_number_by_the_frequency_in_its_lattice() -> None:
-    for lattice in LATTICES.values():
+    for lattice in PLANE_LATTICES.values():
         declared = scene_of(lattice.name, a_wave_of(lattice.name))
         hertz = mode_of(declared).frequency / (2 * pi * declared.sphere.time_scale)
         found = declared.with_values({"wave.frequency": hertz}).wave.wavenumber
@@ -347,7 +347,7 @@ REFUSED: list[tuple[str, str, dict[str, Any], str]] = [
         {"disorder.radius": 1e-3, "packing.rows": 40},
         r"the chain at rest is parted at \d+ of 40 contacts",
     ),
-    ("cubic", "L", {}, r"packing\.lattice = 'cubic': must be one of \"hexagonal\", \"square\", \"chain\""),
+    ("bcc", "L", {}, r"packing\.lattice = 'bcc': must be one of \"hexagonal\", \"square\", \"chain\""),
 ]
 
 
@@ -383,7 +383,7 @@ def test_spheres_of_other_density_and_empty_places_leave_a_lattice_at_rest() -> 
 
 
 @pytest.mark.parametrize("envelope", [{}, {"envelope.length": 6.0}])
-@pytest.mark.parametrize("lattice", LATTICES)
+@pytest.mark.parametrize("lattice", PLANE_LATTICES)
 def test_the_wave_is_at_the_same_places_where_others_are_empty(lattice: str, envelope: dict[str, float]) -> None:
     shape = {"packing.rows": 40, "packing.columns": 1 if lattice == "chain" else 4}
     scene = scene_of(lattice, a_wave_of(lattice)).with_values(shape | envelope)
@@ -536,7 +536,7 @@ def test_a_crystal_of_another_lattice_that_is_not_perfect_is_compared_with_its_n
 
 
 def test_the_contacts_of_a_scene_are_those_of_its_lattice() -> None:
-    assert [len(unit_contacts(scene_of(name, a_wave_of(name)))) for name in LATTICES] == [3, 2, 1, 3]
+    assert [len(unit_contacts(scene_of(name, a_wave_of(name)))) for name in PLANE_LATTICES] == [3, 2, 1, 3]
 
 
 # --- a chain that is pressed together --------------------------------------------------------------------------------

@@ -1,0 +1,262 @@
+"""Bloch modes of a crystal from its contacts: frequencies and shapes for any wave vector and any number of spheres.
+
+In a plane wave sphere s of the cell, at r, moves by u_s e^{i(k·r − ωt)} and turns by φ_s e^{i(k·r − ωt)}, φ = Rθ with
+its own R. The contact from i to j with vector d, unit normal n and tangent t (n turned by +90°) is then stretched,
+moved sideways and sheared, up to a common phase, by
+
+    δN = n·(u_j e^{ik·d/2} − u_i e^{−ik·d/2}),    δT the same with t,    δS = δT − (φ_j e^{ik·d/2} + φ_i e^{−ik·d/2})
+
+The energy is E = ½ Σ_contacts (k |δN|² + g |δS|² − (f/ℓ) |δT|²) with the normal and the shear stiffness k and g; the
+last term is there where a contact of length ℓ is pressed together by a force f at rest: one that turns pushes on, as a
+compressed strut does when it buckles. Shapes are the eigenvectors of M^{-1/2} (∂²E) M^{-1/2}; each ω² is then the sum
+of squares E gives for its shape. Taken so, ω is accurate for long waves too, where an eigenvalue loses half its digits.
+
+With φ = i f the rows of a cell of one sphere are real: δN = 2 sin(χ/2) n·u, δS = 2 sin(χ/2) t·u − 2 cos(χ/2) f with
+χ = k·d, and so are its shapes (u, f). The waves of a lattice of one sphere a cell have the names L, TR and RT
+(`granular_lmp.crystal.modes`). Frequencies are in rad/t0, wave vectors in 1/R, both of a reference sphere.
+
+An effect that a scene leaves out leaves its part out here: no shear, no g; no rotation, no f. Every sphere has six
+freedoms and every contact two tangents; in the plane three of the freedoms move (`Physics.coordinates`). A rigid wall
+is a contact whose other side is at rest and drops out: δN = −n·u_i, δS = −t·u_i − φ_i·(n × t).
+
+**The torque arm.** A shear force at a contact with overlap δ has the arm R as it does work on the slip, but in LAMMPS
+the arm R − δ/2 in the torque. Where all contacts of a sphere have one overlap that is the same as an inertia larger by
+1/(1 − η), η = δ/2R. Where they have not, the contacts are no longer derived from an energy; η is then the mean over the
+contacts of the sphere, weighted by g, and frequencies are wrong by less than the spread of η, 1e-4 for microspheres. At
+a wall the torque has the arm R. A crystal on one has the exact modes, of a matrix that is not symmetric (`_exact`).
+
+This is a numerical derivation from the geometry, kept apart from the closed forms of ``analysis.second_harmonic``.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.mode import FULL, F, Physics
+from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
+from granular_lmp.errors import CrystalError
+
+# A negative ω², over the largest one, that is not rounding: the crystal buckles.
+_BUCKLING = 1e-9
+_APART = 1e-9  # coupling of two subspaces, over the largest element of the matrix, that is rounding
+Springs = list[tuple[NDArray, NDArray]]
+
+
+def bloch_modes(
+    contacts: Contacts, sphere: Sphere, wavevectors: ArrayLike, physics: Physics = FULL
+) -> tuple[NDArray, NDArray]:
+    """Return frequencies and shapes of all modes of a crystal at any wave vectors, lowest first.
+
+    Parameters
+    ----------
+    contacts : Contacts
+        Contacts of the spheres of one cell.
+    sphere : Sphere
+        Reference sphere, whose R and t0 are the units.
+    wavevectors : array_like, (..., 2 or 3)
+        Wave vectors k, 1/R; without kz if they lie in the plane.
+    physics : Physics
+        Degrees of freedom.
+
+    Returns
+    -------
+    frequencies : (..., FN) array
+        Frequencies in rad/t0, ascending, of the F freedoms of `Physics.coordinates`: 3 in the plane, 6 in space.
+    shapes : (..., FN, 6N) array
+        One row per mode: (u, f) of each sphere in turn, normalised to 1; real for one sphere per cell without a wall.
+        The phase of a row is arbitrary, and degenerate modes are returned in an arbitrary basis.
+
+    Raises
+    ------
+    CrystalError
+        If a mode has a negative ω², so that the crystal is not at a stable equilibrium.
+    ValueError
+        If spheres move in the plane and contacts do not lie in a plane z = const.
+    """
+    if not physics.space:
+        require_plane(contacts)
+    columns = [6 * each + column for each in range(len(contacts.mass)) for column in physics.coordinates]
+    return solve(contacts, sphere, np.asarray(wavevectors, dtype=float), physics, np.array(columns))
+
+
+def require_plane(contacts: Contacts) -> None:
+    """Raise a ValueError unless all contacts lie in a plane z = const."""
+    outside = np.flatnonzero(contacts.normals[:, 2])
+    if len(outside):
+        raise ValueError(f"contact {outside[0]}: leaves the plane z = const, in which all contacts must lie")
+
+
+def effective_inertia(contacts: Contacts) -> NDArray:
+    """Return I/R² = Ĩm/(1 − η) of each sphere, (N,), kg: its inertia as LAMMPS's torque arm makes it.
+
+    A sphere that no contact turns keeps Ĩm. The module docstring defines η.
+    """
+    return INERTIA_RATIO * contacts.mass / (1 - _arm_loss(contacts))
+
+
+def _arm_loss(contacts: Contacts) -> NDArray:
+    """Return the mean η of each sphere, (N,), over its contacts with others."""
+    turned, weighted = np.zeros_like(contacts.mass), np.zeros_like(contacts.mass)
+    pairs = ~contacts.on_wall
+    stiffness, overlap = contacts.shear_stiffness[pairs], contacts.overlap[pairs]
+    for end in (contacts.i[pairs], contacts.j[pairs]):
+        np.add.at(turned, end, stiffness)
+        np.add.at(weighted, end, stiffness * overlap / (2 * contacts.radius[end]))
+    return np.divide(weighted, turned, out=np.zeros_like(turned), where=turned > 0)
+
+
+def effective_rolling(contacts: Contacts, physics: Physics) -> NDArray:
+    """Return the rolling stiffness k_r/(1 − η) of each contact that goes with `effective_inertia`, (C,), N/m.
+
+    LAMMPS's torque of a roll has the arm Rc, without the part δ/2 that shear torques lose: the effective inertia is too
+    large for it, which its stiffness makes up for.
+    """
+    return physics.rolling / (1 - contacts.overlap / contacts.radii)
+
+
+def stretch_rows(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, list[NDArray], list[NDArray]]:
+    """Return rows (..., C, 6N) of a shape (u, f): −i times δN, and of both tangents δT and δS − δT; k in 1/m."""
+    phase_i, phase_j = _phases(contacts, wavevectors)
+
+    def moves(way: NDArray) -> NDArray:
+        part = np.hstack([way, np.zeros_like(way)])
+        return _rows(contacts, 1j * phase_i * part, -1j * phase_j * part)
+
+    tangents = [contacts.tangents[:, way] for way in range(2)]
+    turns = [_turn_rows(contacts, way, -phase_i, -phase_j) for way in tangents]
+    return moves(contacts.normals), [moves(way) for way in tangents], turns
+
+
+def _turn_rows(contacts: Contacts, tangent: NDArray, on_i: NDArray, on_j: NDArray) -> NDArray:
+    """Return the rows (..., C, 6N) of the rotations about n × t, from factors (..., C, 1) of spheres i and j."""
+    part = np.hstack([np.zeros_like(tangent), np.cross(contacts.normals, tangent)])
+    return _rows(contacts, on_i * part, on_j * part)
+
+
+def _torque_rows(contacts: Contacts, wavevectors: NDArray) -> list[NDArray]:
+    """Return, for both tangents, the rows of `stretch_rows` of δS − δT times what the true arm of a torque adds.
+
+    The arm is (R − δ/2)/R of a pair and 1 of a wall; `effective_inertia` stands for the mean 1 − η of each sphere.
+    """
+    phase_i, phase_j = _phases(contacts, wavevectors)
+    mean, pairs = 1 - _arm_loss(contacts), ~contacts.on_wall
+    more_i, more_j = (
+        (1 - pairs * contacts.overlap / (2 * contacts.radius[end])) / mean[end] - 1 for end in (contacts.i, contacts.j)
+    )
+    factors = -phase_i * more_i[:, None], -phase_j * more_j[:, None]
+    return [_turn_rows(contacts, contacts.tangents[:, way], *factors) for way in range(2)]
+
+
+def _exact(matrix: NDArray) -> tuple[NDArray, NDArray]:
+    """Return ω² (..., F) and eigenvectors as columns of a matrix that is nearly symmetric, with real eigenvalues.
+
+    Raises
+    ------
+    CrystalError
+        If ω² is not real: torques of different arms feed the mode.
+    """
+    squared, vectors = np.linalg.eig(matrix)
+    if np.abs(np.imag(squared)).max() > _BUCKLING * np.abs(squared).max():
+        raise CrystalError("two modes of one frequency feed each other by torques of different arms; must be beside it")
+    return np.real(squared), vectors
+
+
+def _phases(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, NDArray]:
+    """Return e^{−ik·d/2} and e^{ik·d/2} of each contact, (..., C, 1), for spheres i and j."""
+    half_phase = wavevectors @ contacts.vector[:, : wavevectors.shape[-1]].T / 2
+    return np.exp(-1j * half_phase)[..., None], np.exp(1j * half_phase)[..., None]
+
+
+def roll_rows(contacts: Contacts, wavevectors: NDArray) -> NDArray:
+    """Return the rows (..., C, 6N) that give the roll ρ of a shape in the plane, up to a phase; k in 1/m."""
+    phase_i, phase_j = _phases(contacts, wavevectors)
+    turn = np.eye(6)[F]
+    share_i, share_j = ((contacts.radius[other] / contacts.radii)[:, None] for other in (contacts.j, contacts.i))
+    return _rows(contacts, 1j * phase_i * share_i * turn, -1j * phase_j * share_j * turn)
+
+
+def _rows(contacts: Contacts, on_i: NDArray, on_j: NDArray) -> NDArray:
+    """Return one row a contact over the freedoms of all spheres, from its parts (..., C, 6) on spheres i and j."""
+    count, spheres, pairs = len(contacts), len(contacts.mass), np.flatnonzero(~contacts.on_wall)
+    rows = np.zeros((*on_i.shape[:-2], count, spheres, 6), dtype=complex)
+    rows[..., np.arange(count), contacts.i, :] += on_i
+    rows[..., pairs, contacts.j[pairs], :] += on_j[..., pairs, :]
+    rows = rows.reshape(*on_i.shape[:-2], count, 6 * spheres)
+    return rows.real if spheres == 1 and len(pairs) == count else rows
+
+
+def _springs(
+    contacts: Contacts, sphere: Sphere, wavevectors: NDArray, physics: Physics
+) -> tuple[Springs, list[NDArray], NDArray]:
+    """Return springs, torques, and 1/√mass of the freedoms, (6N,).
+
+    Springs are stiffnesses with their rows, the normal one and the slips first. Torques are what true arms add to the
+    rows of the slips, [] where arms are alike. All rows are divided by the roots of the masses.
+    """
+    k = wavevectors / sphere.radius
+    normal, sideways, turn = stretch_rows(contacts, k)
+    mass = np.repeat([contacts.mass, effective_inertia(contacts)], 3, axis=0).T.ravel()
+    inverse_root_mass = np.sqrt(sphere.mass / mass)
+    per_mass = sphere.time_scale**2 / sphere.mass
+    ways = range(2 if physics.space else 1)  # in the plane nothing moves along the second tangent
+    springs = [(contacts.normal_stiffness, normal)]
+    springs += [(contacts.shear_stiffness, sideways[way] + turn[way]) for way in ways if physics.shear]
+    if physics.rolling and physics.rotation:
+        springs.append((effective_rolling(contacts, physics), roll_rows(contacts, k)))
+    if contacts.contact_force.any():
+        springs += [(-contacts.contact_force / contacts.length, sideways[way]) for way in ways]
+    alike = not contacts.on_wall.any() or not physics.shear or not physics.rotation
+    torques = [] if alike else [rows * inverse_root_mass for rows in _torque_rows(contacts, k)]
+    return [(each[:, None] * per_mass, rows * inverse_root_mass) for each, rows in springs], torques, inverse_root_mass
+
+
+def solve(
+    contacts: Contacts, sphere: Sphere, wavevectors: NDArray, physics: Physics, basis: NDArray
+) -> tuple[NDArray, NDArray]:
+    """Return frequencies, ascending, and shapes of the modes in a subspace of the freedoms.
+
+    `basis` holds the indices of some freedoms, (F,), or orthonormal columns, (6N, F), each of one sphere and of its
+    displacement or its rotation.
+    """
+
+    def within(rows: NDArray) -> NDArray:
+        return np.asarray(rows[..., basis] if basis.ndim == 1 else rows @ basis)
+
+    springs, torques, inverse_root_mass = _springs(contacts, sphere, wavevectors, physics)
+    energy = [(weight, within(rows)) for weight, rows in springs]
+    matrix = sum(rows.conj().swapaxes(-1, -2) @ (weight * rows) for weight, rows in energy)
+    if torques:
+        for rows, (weight, slip) in zip(torques, energy[1:3], strict=True):
+            matrix = matrix + within(rows).conj().swapaxes(-1, -2) @ (weight * slip)
+        squared, vectors = _exact(matrix)
+    else:
+        _, vectors = np.linalg.eigh(matrix)
+        squared = sum(np.sum(weight * np.abs(rows @ vectors) ** 2, axis=-2) for weight, rows in energy)
+    if squared.min() < -_BUCKLING * squared.max():
+        raise CrystalError(
+            f"the crystal is not stable: a mode has the squared frequency {squared.min():.6g} in 1/t0^2, and none may "
+            "have a negative one; press its contacts together less, or hold it sideways"
+        )
+    vectors = vectors.swapaxes(-1, -2)
+    shapes = np.zeros((*vectors.shape[:-1], len(inverse_root_mass)), dtype=vectors.dtype)
+    if basis.ndim == 1:
+        shapes[..., basis] = vectors
+    else:
+        shapes = vectors @ basis.T
+    shapes = shapes * inverse_root_mass
+    shapes /= np.linalg.norm(shapes, axis=-1, keepdims=True)
+    order = np.argsort(squared, axis=-1, kind="stable")
+    frequencies = np.sqrt(np.maximum(np.take_along_axis(squared, order, axis=-1), 0.0))
+    return frequencies, np.take_along_axis(shapes, order[..., None], axis=-2)
+
+
+def part(
+    contacts: Contacts, sphere: Sphere, wavevector: NDArray, physics: Physics, one: NDArray, other: NDArray
+) -> bool:
+    """Return whether no motion of one subspace, (6N, F) columns, moves the other, at a wave vector (2,)."""
+    springs, torques, _ = _springs(contacts, sphere, wavevector, physics)
+    parts = [(rows, weight * rows) for weight, rows in springs]
+    parts += [(rows, weight * slip) for rows, (weight, slip) in zip(torques, springs[1:], strict=False)]
+    matrix = sum(left.conj().T @ right for left, right in parts)
+    coupling = max(np.abs(one.T @ matrix @ other).max(initial=0.0), np.abs(other.T @ matrix @ one).max(initial=0.0))
+    return bool(coupling < _APART * np.abs(matrix).max())

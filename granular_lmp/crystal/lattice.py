@@ -1,0 +1,268 @@
+"""Geometry of the lattices: how rows along x are stacked along y and layers along z, by tables of shifts.
+
+The sphere (row, column, layer) sits at (column + sx, row + sy, layer + sz) in distances of columns, rows and layers,
+with the shift s of its row and layer in a period, `Lattice.stacking`. A crystal in space is a stack of equal layers:
+
+=========  ==========  ============================================  =================
+lattice    along y     rows across y                                 layers across z
+=========  ==========  ============================================  =================
+cubic      [001]       square layers                                 square layers
+fcc        [001]       square layers, AB                             (110) planes
+fcc        [111]       close-packed layers, ABC                      (11-2) planes
+fcc        [110]       (110) planes                                  square layers, AB
+fcc        [11-2]      (11-2) planes                                 close-packed layers, ABC
+hcp        c           close-packed layers, AB                       (1-100) planes
+hcp        [1-100]     (1-100) planes                                close-packed layers, AB
+=========  ==========  ============================================  =================
+
+The last two of fcc and the last of hcp are those of films on a substrate.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import product
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.wavevector import EDGES, ROW_SPACING, WaveVector, zone_edge
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Shift = tuple[float, float, float]
+_STRAIGHT = (((0.0, 0.0, 0.0),),)
+_REACH = 2  # reciprocal vectors are sought to this multiple of each primitive one
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Geometry of a lattice whose rows are alike.
+
+    A row need not be straight: that of a honeycomb is a zigzag of two spheres a cell, each lower than the one before by
+    a third of the distance of the rows or higher by as much.
+
+    Attributes
+    ----------
+    name : str
+        Value of ``packing.lattice``, of a lattice in space with its orientation: "fcc [001]".
+    row_spacing : float
+        Distance of the rows along y, in distances of columns.
+    sheet : bool
+        True if the spheres of a row touch; False if each row is one sphere.
+    stacking : tuple of tuples of (x, y, z)
+        Shifts of the rows of a period, each of the layers of a period, in columns, rows and layers.
+    corners : tuple of (kx, ky)
+        Γ and corners of the Brillouin zone in the plane, rad per column. The highest frequency of a lattice of one
+        sphere a cell in the plane lies on the edges between them.
+    column_spacing : float
+        Distance of the columns along x, in that of two spheres that touch.
+    places : tuple of (x, y)
+        Places of the spheres of a cell in one row, column by column: x in columns, y in rows. The first is (0, 0).
+    collapses : bool
+        True if it resists no shear without friction: spheres that press on each other would leave their places.
+    layer_spacing : float
+        Distance of the layers along z, in that of the columns; 0 of a lattice of one layer.
+    cell_rows, cell_layers : int
+        Rows and layers of a primitive cell.
+    film : bool
+        True if the cell holds all layers, the first and the last free or on a wall.
+    """
+
+    name: str
+    row_spacing: float
+    sheet: bool
+    stacking: tuple[tuple[Shift, ...], ...]
+    corners: tuple[tuple[float, float], ...] = ()
+    column_spacing: float = 1.0
+    places: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
+    collapses: bool = False
+    layer_spacing: float = 0.0
+    cell_rows: int = 1
+    cell_layers: int = 1
+    film: bool = False
+
+    @property
+    def solid(self) -> bool:
+        """True if it is a lattice in space, which may have layers."""
+        return self.layer_spacing > 0
+
+    @property
+    def shift(self) -> float:
+        """Shift of the second row along x, columns."""
+        return self.stacking[1 % self.row_period][0][0]
+
+    @property
+    def column_period(self) -> int:
+        """Number of columns after which they repeat: a packing has a multiple of it."""
+        return len(self.places)
+
+    @property
+    def row_period(self) -> int:
+        """Number of rows after which they repeat: a periodic cell has a multiple of it."""
+        return len(self.stacking)
+
+    @property
+    def layer_period(self) -> int:
+        """Number of layers after which they repeat: a periodic cell has a multiple of it."""
+        return len(self.stacking[0])
+
+    @property
+    def cell_size(self) -> int:
+        """Number of spheres of a primitive cell."""
+        return self.column_period * self.cell_rows * self.cell_layers
+
+    def layered(self, layers: int) -> "Lattice":
+        """Return the lattice of a film of this many layers; rows that are shifted along z stay in one cell."""
+        rows = self.row_period if self.highest_shift(2) else self.cell_rows
+        return replace(self, cell_rows=rows, cell_layers=layers, film=True)
+
+    def zone_edge(self, direction: float) -> float:
+        """Return the ξ at which the zone ends in a direction (degrees): a hexagon, a square where no row is shifted."""
+        if not self.solid:
+            return zone_edge(direction, EDGES if self.shift else (0.0, 90.0))
+        points = self.reciprocal_points()
+        ahead = points[:, :2] @ self.vector(1.0, direction).components
+        before = ahead > 1e-9
+        return float(np.min(np.sum(points[before] ** 2, axis=1) / (2 * ahead[before])))
+
+    def reciprocal(self) -> Floats:
+        """Return the primitive vectors of the reciprocal lattice as rows, over the distance of spheres that touch."""
+        count = 2 if self.film or not self.solid else 3
+        return np.asarray(2 * np.pi * np.linalg.inv(self.cell(1.0)[:count, :count]).T)
+
+    def reciprocal_points(self) -> Floats:
+        """Return the points of the reciprocal lattice around 0, (P, 2 or 3)."""
+        vectors = self.reciprocal()
+        steps = product(range(-_REACH, _REACH + 1), repeat=len(vectors))
+        return np.array([step for step in steps if any(step)]) @ vectors
+
+    @property
+    def fewest_columns(self) -> int:
+        """Fewest columns between periodic sides that LAMMPS simulates correctly.
+
+        With 1 or 2 columns of a periodic row a sphere touches two images of the same neighbour, and LAMMPS, which finds
+        the shear of a contact by the neighbour's tag, mixes up the shear of both.
+        """
+        return 3 + -3 % self.column_period if self.sheet else 1
+
+    @property
+    def fewest_layers(self) -> int:
+        """Fewest layers of a crystal that is periodic along z, for the same reason."""
+        return 3 + -3 % self.layer_period
+
+    def column_distance(self, touching: float) -> float:
+        """Return the distance of the columns where spheres that touch are `touching` apart, in its unit."""
+        return touching * self.column_spacing
+
+    def row_distance(self, touching: float) -> float:
+        """Return the distance of the rows where spheres that touch are `touching` apart, in its unit."""
+        return self.column_distance(touching) * self.row_spacing
+
+    def layer_distance(self, touching: float) -> float:
+        """Return the distance of the layers where spheres that touch are `touching` apart, in its unit."""
+        return self.column_distance(touching) * self.layer_spacing
+
+    def vector(self, wavenumber: float, direction: float = 90.0) -> WaveVector:
+        """Return the wave vector with ξ (rad per row) and a direction in degrees from x towards y."""
+        return WaveVector.of(wavenumber, direction, self.row_spacing, self.column_spacing)
+
+    def place(self, row: Integers, column: Integers, layer: Integers | int = 0) -> Integers:
+        """Return which sphere of its cell each is, counted from 0, by row, column and layer."""
+        in_row = (column - self._shifts(row, layer)[0].astype(int)) % self.column_period
+        return np.asarray(
+            (in_row * self.cell_rows + row % self.cell_rows) * self.cell_layers + layer % self.cell_layers
+        )
+
+    def offsets(self, row: Integers, column: Integers, layer: Integers | int = 0) -> tuple[Floats, Floats, Floats]:
+        """Return places relative to the first of a cell in row 0, column 0, layer 0: in columns, rows and layers.
+
+        A shift by whole columns leaves the numbers of the columns where they are, and shifts the cells.
+        """
+        x, y = np.array(self.places).T
+        along_x, along_y, along_z = self._shifts(row, layer)
+        begun = column - along_x.astype(int)
+        place = begun % self.column_period
+        return begun - place + x[place] + along_x, row + y[place] + along_y, layer + along_z
+
+    def _shifts(self, row: Integers, layer: Integers | int) -> Floats:
+        """Return the shifts along x, y and z by row and layer, (3, ...)."""
+        return np.moveaxis(np.array(self.stacking)[row % self.row_period, layer % self.layer_period], -1, 0)
+
+    def highest_shift(self, axis: int) -> float:
+        """Return the largest shift along an axis: 1 is y, 2 is z."""
+        return max(shift[axis] for row in self.stacking for shift in row)
+
+    def cell(self, touching: float) -> Floats:
+        """Return the primitive vectors as rows, (3, 3), where spheres that touch are `touching` apart, in its unit.
+
+        Along z, where a lattice of one layer and a film end, stands the distance 2 of its unit.
+        """
+        steps = [(self.column_period, 0, 0), (0, self.cell_rows, 0), (0, 0, self.cell_layers)]
+        shifts = [self.stacking[row % self.row_period][layer % self.layer_period] for _, row, layer in steps]
+        spacings = [self.column_distance(touching), self.row_distance(touching), self.layer_distance(touching)]
+        vectors = (np.array(steps) + np.array(shifts)) * spacings
+        if not self.solid or self.film:
+            vectors[2] = [0.0, 0.0, 2.0]
+        if not self.sheet:
+            vectors[0] = [2.0, 0.0, 0.0]
+        return np.asarray(vectors)
+
+
+def _rows(*along_x: float) -> tuple[tuple[Shift, ...], ...]:
+    """Return the stacking of rows in the plane, from their shifts along x."""
+    return tuple(((x, 0.0, 0.0),) for x in along_x)
+
+
+HEXAGONAL = Lattice(
+    "hexagonal", ROW_SPACING, True, _rows(0.0, 0.5), ((0.0, 0.0), (pi, pi / sqrt(3)), (4 * pi / 3, 0.0))
+)
+SQUARE = Lattice("square", 1.0, True, _STRAIGHT, ((0.0, 0.0), (0.0, pi), (pi, pi)), collapses=True)
+CHAIN = Lattice("chain", 1.0, False, _STRAIGHT, ((0.0, 0.0), (0.0, pi)))
+# Rows are zigzags, 3/2 of a contact apart
+HONEYCOMB = Lattice(
+    "honeycomb",
+    sqrt(3),
+    True,
+    _rows(0.0, 1.0),
+    ((0.0, 0.0), (pi / 2, sqrt(3) * pi / 6), (2 * pi / 3, 0.0)),
+    column_spacing=sqrt(3) / 2,
+    places=((0.0, 0.0), (1.0, -1 / 3)),
+    collapses=True,
+)
+# Close-packed layers: A, B, C by column and by a third of the rows of the layer
+_ABC = ((0.0, 0.0), (0.5, 1 / 3), (0.0, 2 / 3))
+
+
+def _close_packed(layers: int, axis: int) -> tuple[tuple[Shift, ...], ...]:
+    """Return the stacking of close-packed layers along y (axis 1) or z (axis 2), whose rows are shifted in turn."""
+
+    def shift(layer: int, within: int) -> Shift:
+        x, across = _ABC[layer]
+        x += 0.5 * within
+        return (x, 0.0, across) if axis == 1 else (x, across, 0.0)
+
+    if axis == 1:
+        return tuple(tuple(shift(layer, within) for within in range(2)) for layer in range(layers))
+    return tuple(tuple(shift(layer, within) for layer in range(layers)) for within in range(2))
+
+
+_HEIGHT = sqrt(2 / 3)  # of a close-packed layer over the next
+_SQUARE_HEIGHT = sqrt(1 / 2)
+IN_SPACE = (
+    Lattice("cubic [001]", 1.0, True, _STRAIGHT, collapses=True, layer_spacing=1.0),
+    Lattice("fcc [001]", _SQUARE_HEIGHT, True, (_STRAIGHT[0], ((0.5, 0.0, 0.5),)), layer_spacing=1.0),
+    Lattice("fcc [111]", _HEIGHT, True, _close_packed(3, 1), layer_spacing=ROW_SPACING),
+    Lattice("fcc [110]", 1.0, True, ((*_STRAIGHT[0], (0.5, 0.5, 0.0)),), layer_spacing=_SQUARE_HEIGHT),
+    Lattice("fcc [11-2]", ROW_SPACING, True, _close_packed(3, 2), layer_spacing=_HEIGHT),
+    Lattice("hcp c", _HEIGHT, True, _close_packed(2, 1), layer_spacing=ROW_SPACING, cell_rows=2),
+    Lattice("hcp [1-100]", ROW_SPACING, True, _close_packed(2, 2), layer_spacing=_HEIGHT, cell_layers=2),
+)
+PLANE_LATTICES = {each.name: each for each in (HEXAGONAL, SQUARE, CHAIN, HONEYCOMB)}
+LATTICES = PLANE_LATTICES | {each.name: each for each in IN_SPACE}
+LATTICE_NAMES = (*PLANE_LATTICES, *dict.fromkeys(each.name.partition(" ")[0] for each in IN_SPACE))
+ORIENTATIONS = tuple(dict.fromkeys(each.name.partition(" ")[2] for each in IN_SPACE))
+
+
+def orientations_of(name: str) -> tuple[str, ...]:
+    """Return the orientations of a lattice in space, the default first; none of a lattice of one layer."""
+    return tuple(each.name.partition(" ")[2] for each in IN_SPACE if each.name.partition(" ")[0] == name)

@@ -1,0 +1,152 @@
+"""The third dimension of a scene: its lattice with orientation and layers, its walls, and measured stiffnesses."""
+
+from dataclasses import replace
+
+from granular_lmp.crystal.lattice import LATTICES, Lattice, orientations_of
+from granular_lmp.crystal.lattices import FREE, PERIODIC
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.walls import BOTH, Wall
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.schema import AUTO, shown
+from granular_lmp.scene.sections import Contact, Effects, Packing, Substrate
+
+_ROUNDS = 60  # of a scale that each round brings nearer by a third of its error at least
+
+
+def lattice_of(packing: Packing, substrate: Substrate | None) -> Lattice:
+    """Return the lattice of a packing; of a film with all its layers in one cell.
+
+    Raises
+    ------
+    SceneError
+        If orientation, layers or faces along z are not those of the lattice.
+    """
+    known = orientations_of(packing.lattice)
+    if not known:
+        return _of_one_layer(packing)
+    if packing.orientation not in (*known, AUTO):
+        raise SceneError(
+            f'packing.orientation = "{packing.orientation}": must be one of {", ".join(known)} with packing.lattice = '
+            f'"{packing.lattice}"'
+        )
+    if substrate and packing.depth == PERIODIC:
+        raise SceneError(
+            'packing.depth = "periodic": must be "free" or "auto" on a [substrate], which ends the crystal'
+        )
+    lattice = LATTICES[f"{packing.lattice} {known[0] if packing.orientation == AUTO else packing.orientation}"]
+    if substrate or packing.depth == FREE:
+        return lattice.layered(1 if packing.layers == AUTO else int(packing.layers))
+    layers = lattice.fewest_layers if packing.layers == AUTO else int(packing.layers)
+    if layers < lattice.fewest_layers or layers % lattice.layer_period:
+        raise SceneError(
+            f"packing.layers = {layers}: must be a multiple of {lattice.layer_period}, at least "
+            f'{lattice.fewest_layers}, in a crystal that is periodic along z; packing.depth = "free" has any number'
+        )
+    return lattice
+
+
+def _of_one_layer(packing: Packing) -> Lattice:
+    others = {"layers": (1, AUTO), "depth": (FREE, AUTO), "orientation": (AUTO,)}
+    for key, allowed in others.items():
+        if (value := getattr(packing, key)) not in allowed:
+            raise SceneError(
+                f'packing.{key} = {shown(value)}: must be left out with packing.lattice = "{packing.lattice}", which '
+                "is one layer; cubic, fcc and hcp have layers"
+            )
+    return LATTICES[packing.lattice]
+
+
+def space_of(packing: Packing, lattice: Lattice, substrate: Substrate | None) -> int:
+    """Return the dimensions in which spheres move, 2 or 3.
+
+    Raises
+    ------
+    SceneError
+        If a scene in the plane has something out of it.
+    """
+    out_of_plane = "[substrate]" if substrate else f'packing.lattice = "{packing.lattice}"' if lattice.solid else ""
+    if packing.space == 2 and out_of_plane:
+        raise SceneError(f"packing.space = 2: must be 3 or left out with {out_of_plane}, which leaves the plane")
+    return int(packing.space) if packing.space != AUTO else 3 if out_of_plane else 2
+
+
+def measured(sphere: Sphere, contact: Contact) -> Sphere:
+    """Return the sphere whose contact at rest has the measured stiffnesses: moduli and work of adhesion scaled.
+
+    Young's modulus and the work of adhesion are scaled alike, which scales f_N at every overlap; Poisson's ratio,
+    κ = g/k = 2(1−ν)/(2−ν), is then a number that need not be that of a material.
+
+    Raises
+    ------
+    SceneError
+        If the ratio of the stiffnesses is that of no Poisson's ratio above −1.
+    """
+    if contact == Contact():
+        return sphere
+    normal = sphere.normal_stiffness if contact.normal_stiffness is None else contact.normal_stiffness
+    shear = sphere.shear_stiffness if contact.shear_stiffness is None else contact.shear_stiffness
+    found = sphere
+    for _ in range(_ROUNDS):
+        kappa = shear / normal / float(found.contact_law.excess(found.static_overlap))
+        if not kappa < 4 / 3:
+            raise SceneError(
+                f"contact.shear_stiffness = {shear!r}: must be below 4/3 of the normal stiffness, {normal!r} N/m"
+            )
+        ratio = (2 - 2 * kappa) / (2 - kappa)
+        scale = normal / found.normal_stiffness
+        modulus = found.effective_modulus * scale
+        found = replace(
+            found,
+            youngs_modulus=2 * (1 - ratio**2) * modulus,
+            poisson_ratio=ratio,
+            work_of_adhesion=found.work_of_adhesion * scale,
+        )
+        if abs(scale - 1) < 1e-15:
+            break
+    return found
+
+
+def wall_of(material: Sphere, substrate: Substrate | None, effects: Effects) -> Wall | None:
+    """Return the walls of a scene, None without a substrate.
+
+    Raises
+    ------
+    SceneError
+        If nothing holds the spheres on it.
+    """
+    if substrate is None:
+        return None
+    if not material.work_of_adhesion or effects.adhesion is False:
+        raise SceneError(
+            f"substrate.work_of_adhesion = {substrate.work_of_adhesion!r}: needs sphere.work_of_adhesion above 0 and "
+            "effects.adhesion not false, as adhesion alone holds spheres on the substrate"
+        )
+    half_space = replace(
+        material,
+        youngs_modulus=substrate.youngs_modulus,
+        poisson_ratio=substrate.poisson_ratio,
+        work_of_adhesion=substrate.work_of_adhesion,
+    )
+    return Wall(material, half_space, substrate.normal_stiffness, substrate.shear_stiffness, substrate.sides)
+
+
+def check_space(
+    packing: Packing, substrate: Substrate | None, effects: Effects, lattice: Lattice, space: int, *, perfect: bool
+) -> None:
+    """Check what is asked of a crystal in space."""
+    if space == 2:
+        return
+    if effects.rolling_stiffness or effects.rolling is True or effects.twisting is True:
+        raise SceneError(
+            "effects.rolling and effects.twisting: must be off where packing.space is 3; the modes of a crystal in "
+            "space do not know them"
+        )
+    if packing.contact_force and (substrate is not None and substrate.sides == BOTH or lattice.film):
+        raise SceneError(
+            f"packing.contact_force = {packing.contact_force!r}: must be 0 in a film, on whose faces nothing presses"
+        )
+    if not perfect:
+        raise SceneError(
+            "disorder and inclusion: must be left out where packing.space is 3; only perfect crystals come to rest in "
+            "space"
+        )
