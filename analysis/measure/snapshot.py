@@ -1,7 +1,8 @@
 """The first snapshot of a LAMMPS run as a network: what starts the witness where a run started.
 
 The dump is text and of step 0, with the columns of a scene's `dump.particles`: id, type, x, y, radius, mass where the
-spheres differ, the displacement from rest, vx, vy, omegaz and the angle v_theta. Numbers stay in the units of the dump.
+spheres differ, the displacement from rest, vx, vy, omegaz and the angle v_theta. One with a displacement along z is of
+spheres in space, with z, vz, all spins, and the quaternion Orientation. Numbers stay in the units of the dump.
 Materials are to be given in those units: for `nano` (ag, nm, ns), E in MPa and w in mJ/m²; for `micro` (pg, µm, µs),
 kPa and mJ/m²; for `si`, SI. `first_snapshot` takes all of it from a record.
 
@@ -29,8 +30,8 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 
-_TURNING = ("omegaz", "v_theta")  # columns that a dump of spheres that do not turn may lack
-_COLUMNS = ("id", "type", "x", "y", "radius", "Displacement.X", "Displacement.Y", "vx", "vy", "omegaz", "v_theta")
+_TURNS = {2: ["v_theta"], 3: [f"Orientation.{part}" for part in "WXYZ"]}  # by dimension
+_SPINS = {2: ["omegaz"], 3: ["omegax", "omegay", "omegaz"]}
 _TITLES = {0: "TIMESTEP", 2: "NUMBER", 4: "BOX", 8: "ATOMS"}  # by line
 SNAPSHOTS = "dump.particles"
 CENTRE = "dump.centre"  # beside the snapshots; it names the recorded sphere
@@ -71,15 +72,18 @@ class FirstSnapshot:
         """Return R of the declared sphere."""
         return self.scales.radius
 
-    def signals(self, run: Trajectory) -> tuple[Floats, Floats, Floats]:
-        """Return p, q and φ, (T,) each, of the recorded sphere: the motion of the first sphere of a trajectory."""
-        (p, q), angle = frame(self.direction) @ run.motion[:, :2, 0].T, run.motion[:, 2, 0]
-        return p / self.length, q / self.length, angle * self.radius / self.length
+    def signals(self, run: Trajectory) -> tuple[Floats, ...]:
+        """Return the motion of the first sphere of a trajectory, (T,) each: p, q, φ; in space ux, uy, uz and Rθ."""
+        ways, turns = run.displacement[:, 0].T / self.length, run.rotation[:, 0].T * self.radius / self.length
+        if len(ways) == 2:
+            ways = frame(self.direction) @ ways
+        return (*ways, *turns)
 
     def fields(self, run: Trajectory) -> tuple[Floats, Floats, Floats]:
-        """Return displacements (T, n, 2), velocities (T, n, 2) and Rω (T, n) of a trajectory, in ℓ and ℓ/t0."""
+        """Return displacements and velocities (T, n, d) and Rω (T, n), (T, n, 3) in space, in ℓ and ℓ/t0."""
         speed = self.length / self.time
-        return run.displacement / self.length, run.velocity / speed, run.motion[:, 5] * self.radius / speed
+        spin = run.spin * self.radius / speed
+        return run.displacement / self.length, run.velocity / speed, spin[..., 0] if spin.shape[-1] == 1 else spin
 
 
 def first_snapshot(record: Record) -> FirstSnapshot:
@@ -113,7 +117,9 @@ def first_snapshot(record: Record) -> FirstSnapshot:
     acting = outside(record, network, scales)
     if any(each is not None and len(each) for each in acting.values()):
         network, motion = replace(network, **acting), state.motion
-        state = start(network, motion[:2].T, motion[3:5].T, motion[2], motion[5])
+        ways, turns = slice(0, network.dimension), slice(network.dimension, network.freedoms)
+        place, rate = motion.reshape(2, network.freedoms, -1)
+        state = start(network, place[ways].T, rate[ways].T, place[turns].T.squeeze(), rate[turns].T.squeeze())
     if scene.wave is None:
         return FirstSnapshot(network, state, -1, scales, ALONG_Y)
     with _centre_of(path.parent).open(encoding="utf-8") as stream:
@@ -214,8 +220,13 @@ def read_network(
                 f"{path}: begins at step {head[1][0]}, must be 0: the slip of later contacts is not dumped"
             )
         names, count = head[8][2:], int(head[3][0])
-        left_out = (set() if rotation else {*_TURNING}) | (set() if turned else {_TURNING[1]})
-        missing = [name for name in _COLUMNS if name not in {*names, *left_out}]
+        axes = "xyz"[: 3 if "Displacement.Z" in names else 2]
+        places, ways = [*axes], [f"Displacement.{axis.upper()}" for axis in axes]
+        rates, spins, turns = [f"v{axis}" for axis in axes], _SPINS[len(axes)], _TURNS[len(axes)]
+        # Columns that a dump of spheres that do not turn may lack
+        turning = (spins + turns if turned else spins) if rotation else []
+        needed = ["id", "type", *places, "radius", *ways, *rates, *turning]
+        missing = [name for name in needed if name not in names]
         if missing:
             raise ValueError(f"{path}: has no column {', '.join(missing)}")
         if ("mass" in names) == (density is not None):
@@ -223,10 +234,13 @@ def read_network(
         rows = [stream.readline().split() for _ in range(count)]
     if any(len(row) != len(names) for row in rows):
         raise ValueError(f"{path}: its first snapshot is cut off")
-    table = dict.fromkeys(_TURNING, np.zeros(count)) | dict(zip(names, np.array(rows, dtype=float).T, strict=True))
+    table = dict.fromkeys(spins + turns, np.zeros(count)) | dict(zip(names, np.array(rows, dtype=float).T, strict=True))
     order = np.argsort(table["id"])
-    _, number, x, y, radius, ux, uy, vx, vy, spin, angle = (table[name][order] for name in _COLUMNS)
-    types = number.astype(np.intp)
+
+    def columns(named: Sequence[str]) -> Floats:
+        return np.stack([table[name][order] for name in named], axis=1)
+
+    radius, types, displacement = table["radius"][order], table["type"][order].astype(np.intp), columns(ways)
     last = types.max()
     if last > 2 * len(materials):
         raise ValueError(
@@ -234,13 +248,13 @@ def read_network(
         )
     volume = 4 / 3 * np.pi * radius**3
     network = Network(
-        np.stack([x - ux, y - uy], axis=1),
+        columns(places) - displacement,
         radius,
         np.full(count, density) if density is not None else table["mass"][order] / volume,
         tuple(materials),
         kind=(types - 1) // 2,
         held=types % 2 == 0,
-        cell=_cell(head),
+        cell=_cell(head, len(axes)),
         law=law,
         friction=friction,
         shear=shear,
@@ -249,7 +263,15 @@ def read_network(
         restitution=restitution,
         adhesion=adhesion,
     )
-    return network, start(network, np.stack([ux, uy], axis=1), np.stack([vx, vy], axis=1), angle, spin)
+    return network, start(network, displacement, columns(rates), _rotation(columns(turns)), columns(spins).squeeze())
+
+
+def _rotation(columns: Floats) -> Floats:
+    """Return rotations (N,) from angles (N, 1), or (N, 3) from quaternions (N, 4): twice the vector over the scalar."""
+    if columns.shape[1] == 1:
+        return columns[:, 0]
+    scalar = columns[:, :1]
+    return np.divide(2 * columns[:, 1:], scalar, out=np.zeros_like(columns[:, 1:]), where=scalar != 0)
 
 
 def _head(stream: TextIO) -> list[list[str]]:
@@ -260,8 +282,8 @@ def _head(stream: TextIO) -> list[list[str]]:
     return head
 
 
-def _cell(head: list[list[str]]) -> tuple[float, float]:
-    """Return the periods in x and y, inf for other edges, from the nine lines before the spheres."""
-    edges = zip(head[4][3:5], head[5:7], strict=True)
-    x, y = (float(high) - float(low) if edge == "pp" else np.inf for edge, (low, high) in edges)
-    return x, y
+def _cell(head: list[list[str]], dimension: int) -> tuple[float, ...]:
+    """Return the periods along the axes, inf for other edges, from the nine lines before the spheres."""
+    edges = zip(head[4][3:], head[5:8], strict=True)
+    periods = [float(high) - float(low) if edge == "pp" else np.inf for edge, (low, high) in edges]
+    return tuple(periods[:dimension])

@@ -58,13 +58,26 @@ class Trajectory:
     @property
     def displacement(self) -> Floats:
         """Return the displacements from rest (T, n, d), as `analysis.measure.coherent.project` takes them."""
-        return np.moveaxis(self.motion[:, : len(self.final.pairs.apart)], 1, 2)
+        return self._rows(0, 0)
+
+    @property
+    def rotation(self) -> Floats:
+        """Return the turns (T, n, 1), (T, n, 3) in space."""
+        return self._rows(0, 1)
 
     @property
     def velocity(self) -> Floats:
         """Return the velocities (T, n, d)."""
-        freedoms = self.motion.shape[1] // 2
-        return np.moveaxis(self.motion[:, freedoms : freedoms + len(self.final.pairs.apart)], 1, 2)
+        return self._rows(1, 0)
+
+    @property
+    def spin(self) -> Floats:
+        """Return the spins (T, n, 1), (T, n, 3) in space."""
+        return self._rows(1, 1)
+
+    def _rows(self, rate: int, turning: int) -> Floats:
+        rows = np.split(self.motion, 2, axis=1)[rate]
+        return np.moveaxis(np.split(rows, [len(self.final.pairs.place)], axis=1)[turning], 1, 2)
 
     @property
     def heat(self) -> Floats:

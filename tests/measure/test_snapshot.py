@@ -53,6 +53,23 @@ def test_spheres_come_in_the_order_of_their_numbers(dump):
     assert forces(network, state)[0, 0] > 0
 
 
+def test_a_dump_of_spheres_in_space_has_all_six_freedoms(tmp_path):
+    path = tmp_path / "dump"
+    path.write_text(
+        "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp ff\n0 5000\n0 6000\n-500 500\n"
+        "ITEM: ATOMS id type x y z radius Displacement.X Displacement.Y Displacement.Z vx vy vz omegax omegay omegaz "
+        "Orientation.W Orientation.X Orientation.Y Orientation.Z\n"
+        "2 1 4901 0 7 500 1 0 2 0.5 0 4 7 8 9 0.5 0.25 0 -0.5\n1 2 100 0 0 700 0 0 0 0 0 0 0 0 0 1 0 0 0\n"
+    )
+    network, state = read_network(path, [SILICA], density=2.0)
+    assert network.position.tolist() == [[100, 0, 0], [4900, 0, 5]]
+    assert network.cell == (5000, 6000, np.inf)
+    assert state.motion[:, 1].tolist() == [1, 0, 2, 1, 0, -2, 0.5, 0, 4, 7, 8, 9]
+    path.write_text(path.read_text().replace("Orientation.W", "Orientation"))
+    with pytest.raises(ValueError, match="no column Orientation.W"):
+        read_network(path, [SILICA], density=2.0)
+
+
 def test_types_and_masses_say_material_and_density(dump):
     text = (
         dump.read_text()
