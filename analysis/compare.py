@@ -12,7 +12,8 @@ which, why, and which script has a theory of the run. A theory that leaves out w
 a run with an effect, a form, a key of the scene that stands in no line of `analysis.theory.catalogue`.
 
 A run without a wave, of strikers or a state, has no p, q and φ: all motions that it records are compared with the
-network, displacements and velocities in both directions and spins.
+network, displacements and velocities in both directions and spins. Of a wave in space these are the displacement and
+the rotation of its recorded sphere along each axis.
 
 Each run gets a figure ``compare.png`` in its folder, and of several runs it is said what differs between their scenes;
 the finished runs of a sweep are a line each, with what was varied in front, and without figures.
@@ -32,7 +33,16 @@ from numpy.typing import NDArray
 from analysis.measure.budget import Source, budget_lines, error_budget
 from analysis.measure.reference import Reference
 from analysis.measure.runs import load
-from analysis.measure.signals import COMPONENTS, FIELDS, errors, measured_amplitude, predicted_amplitude, recorded
+from analysis.measure.signals import (
+    COMPONENTS,
+    FIELDS,
+    IN_SPACE,
+    errors,
+    measured_amplitude,
+    predicted_amplitude,
+    recorded,
+    signals_of,
+)
 from analysis.measure.swept import Swept
 from analysis.plotting import save, start, write
 from analysis.second_harmonic import ALONG_Y
@@ -48,6 +58,7 @@ Floats = NDArray[np.float64]
 INSTEAD = {NETWORK: "the network of its spheres", CRYSTAL: "the second order of its crystal", None: "nothing"}
 LABELS = {"p": "$p = v/D_0$", "q": "$q = -u/D_0$", "phi": r"$\phi = R\theta/D_0$"}
 LABELS |= {"displacement": r"$u/\ell$", "velocity": "$v/v_0$", "spin": r"$R\omega/v_0$"}
+LABELS |= {f"u{axis}": f"$u_{axis}/D_0$" for axis in "xyz"} | {f"phi{axis}": rf"$\phi_{axis}$" for axis in "xyz"}
 OBLIQUE_LABELS = LABELS | {"p": r"$p$ (along $\mathbf{k}$)", "q": r"$q$ (along $\hat z\times\mathbf{k}$)"}
 
 
@@ -99,7 +110,7 @@ class Comparison:
     measured: float | None
     fit_error: float | None
     notes: list[str]
-    signals: Trajectory | None = field(repr=False, compare=False)
+    signals: tuple[Floats, ...] | None = field(repr=False, compare=False)
     record: Record = field(repr=False, compare=False)
     wave: Wave | None = field(repr=False, compare=False)
 
@@ -136,7 +147,7 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
     Raises TheoryError for a theory that is not in `analysis.theory.catalogue.REFERENCES`, or leaves out what the run
     has, for the network of a run without snapshots, and for a run with anything that no theory knows.
     """
-    wave = None if record.scene.wave is None else wave_of(record)
+    wave = None if signals_of(record) != COMPONENTS else wave_of(record)
     reference = Reference.named(theory, record, wave) if theory else Reference.of(record, wave)
     measured, fit_error = (None, None) if wave is None else measured_amplitude(record, wave)
     return Comparison(
@@ -200,9 +211,11 @@ def table(comparisons: list[Comparison]) -> str:
         predicted = f"{'-':>11}" if c.predicted is None else f"{c.predicted:11.4g}"
         lines.append(f"{head}  {c.theory or '-':15}{_cells(c.error)}   {measured}{predicted}")
         lines.append(f"{'':{len(head)}}  {'exact lattice':15}{_cells(c.lattice_error)}")
-    if others:
-        lines.append(f"{'run':{width}}  {'against':15}" + "".join(f"{name:>14}" for name in FIELDS))
-    lines += [f"{c.run:{width}}  {c.theory or '-':15}{_cells(c.error, FIELDS, 14)}" for c in others]
+    for names in (FIELDS, IN_SPACE):
+        alike = [c for c in others if names_of(c) == names]
+        if alike:
+            lines.append(f"{'run':{width}}  {'against':15}" + "".join(f"{name:>14}" for name in names))
+        lines += [f"{c.run:{width}}  {c.theory or '-':15}{_cells(c.error, names, 14)}" for c in alike]
     lines += [f"note on {c.run}: {note}" for c in comparisons for note in c.notes]
     for c in comparisons:
         lines += budget_lines(c.run, c.budget)
@@ -276,7 +289,7 @@ def difference_lines(records: Sequence[Record], comparisons: Sequence[Comparison
 
 def names_of(comparison: Comparison) -> tuple[str, ...]:
     """Return the names of the signals of a comparison."""
-    return FIELDS if comparison.wave is None else COMPONENTS
+    return signals_of(comparison.record)
 
 
 def _cells(values: dict[str, float | None], names: Sequence[str] = COMPONENTS, width: int = 9) -> str:
@@ -298,11 +311,12 @@ def figure(record: Record, comparison: Comparison) -> "Figure":
         raise TheoryError(f"theory = None: {c.run} is compared with nothing")
     along_y = c.wave is None or c.direction == ALONG_Y
     labels = LABELS if along_y else OBLIQUE_LABELS
-    result, runs = Figure(figsize=(7.5, 7.0)), recorded(record)
+    names, runs = signals_of(record), recorded(record)
+    result = Figure(figsize=(7.5, 7.0 * len(names) / 3))
     # Margins by hand: a layout that is sought draws every label twice, a quarter of the time of a comparison
     result.subplots_adjust(left=0.13, right=0.98, bottom=0.12, top=0.92, hspace=0.35)
-    panels = result.subplots(6, 1, sharex=True, height_ratios=[3, 1] * 3)
-    for (signal, difference), name, values in zip(panels.reshape(3, 2), names_of(c), c.signals, strict=True):
+    panels = result.subplots(2 * len(names), 1, sharex=True, height_ratios=[3, 1] * len(names))
+    for (signal, difference), name, values in zip(panels.reshape(-1, 2), names, c.signals, strict=True):
         run, theory = _liveliest(runs.get(name, np.full_like(values, np.nan)), values)
         signal.plot(record.tau, run, color="black", label="LAMMPS")
         signal.plot(record.tau, theory, color="tab:red", linestyle="--", label=c.theory)

@@ -7,7 +7,8 @@ Most references are theories, functions of a plane wave (`analysis.theory.choice
 * *crystal-second-order*: first and second order in the crystal of its scene, of any lattice, also of layers, and of
   running and standing waves (`analysis.theory.scenes`).
 
-A run without a wave, of strikers and states alone, has the network only, of all spheres that it records.
+A run without a wave, of strikers and states alone, has the network only, of all spheres that it records; and so has a
+run in space, of its recorded sphere.
 
 The rule: the best theory of the wave; where none holds the run, the network, if it is not long (`MOST_UNASKED`); where
 that cannot be, the second order of its crystal; where that leaves something out, nothing. The reference says why.
@@ -17,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.measure.snapshot import first_snapshot
 from analysis.theory.catalogue import CRYSTAL, NETWORK, OPENING, REFERENCES, SLIDING, missing
@@ -25,6 +27,8 @@ from analysis.theory.network_motion import integrate
 from analysis.theory.scenes import Setting
 from analysis.theory.wave import Wave
 from granular_lmp.runs.record import GranularError, Record
+
+Floats = NDArray[np.float64]
 
 RTOL = 1e-9  # a thousandth of what LAMMPS's time step leaves
 SLIDING_STEP = 1 / 80  # τ; leaves 3e-6 D0, of second order
@@ -41,12 +45,12 @@ class Reference:
     Attributes
     ----------
     name : one of `analysis.theory.catalogue.REFERENCES`; None if there is none.
-    signals : p, q, φ at the times of the record, in D0, or `analysis.measure.signals.FIELDS`; None if there is none.
+    signals : at the times of the record, those that `analysis.measure.signals.signals_of` says; None if there is none.
     reason : why it is neither a theory of a plane wave nor the network.
     """
 
     name: str | None
-    signals: Trajectory | None
+    signals: tuple[Floats, ...] | None
     reason: str = ""
 
     @classmethod
@@ -61,7 +65,10 @@ class Reference:
         if name == NETWORK:
             return cls(name, _network(record, wave))
         if wave is None:
-            raise TheoryError(f"theory = {name!r} is of a wave, and the run has none; must be {NETWORK!r}")
+            none = "that has none" if record.scene.wave is None else "in space"
+            raise TheoryError(
+                f"theory = {name!r} is of a wave in the plane, and this is a run {none}; must be {NETWORK!r}"
+            )
         return cls(name, _crystal(record, wave) if name == CRYSTAL else trajectory(name, wave, record.tau))
 
     @classmethod
@@ -112,18 +119,18 @@ def _too_long(record: Record, wave: Wave | None) -> str:
     )
 
 
-def _network(record: Record, wave: Wave | None) -> Trajectory:
+def _network(record: Record, wave: Wave | None) -> tuple[Floats, ...]:
     """Return the signals of a run in its network."""
     refuse_less(NETWORK, _traits(record, wave))
     try:
         first = first_snapshot(record)
         longest = SLIDING_STEP * first.time if np.isfinite(first.network.friction) else np.inf
-        spheres = None if wave is None else [first.recorded]
+        spheres = None if record.scene.wave is None else [first.recorded]
         times = record.tau * first.time
         run = integrate(first.network, first.state, times, rtol=RTOL, spheres=spheres, longest_step=longest)
     except (ValueError, RuntimeError, OSError, GranularError) as error:
         raise TheoryError(f"theory = 'network': {error}") from error
-    return first.fields(run) if wave is None else first.signals(run)
+    return first.fields(run) if record.scene.wave is None else first.signals(run)
 
 
 def _crystal(record: Record, wave: Wave) -> Trajectory:

@@ -1,7 +1,7 @@
 """The signals of a run: their errors, and the second harmonic that is in them.
 
-Those of a wave are p, q, φ of one sphere. Those of a run without a wave are the displacements and velocities (T, n, 2)
-and the spins (T, n) of all that it records.
+Those of a wave are p, q, φ of one sphere, in space its displacement and Rθ along each axis. Those of a run without a
+wave are the displacements and velocities (T, n, d) and the spins (T, n), in space (T, n, 3), of all that it records.
 """
 
 import numpy as np
@@ -15,6 +15,7 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 COMPONENTS = ("p", "q", "phi")
+IN_SPACE = ("ux", "uy", "uz", "phix", "phiy", "phiz")
 FIELDS = ("displacement", "velocity", "spin")
 # A component that theory says is zero is compared with nothing: rounding over rounding.
 SILENT = 1e-9
@@ -32,16 +33,23 @@ def predicted_amplitude(wave: Wave) -> float | None:
     return float(abs(wave.amplitude * wave.framed(wave.doubled.forced())[0])) / 2
 
 
+def signals_of(record: Record) -> tuple[str, ...]:
+    """Return the names of the signals of a run that are compared."""
+    if record.scene.wave is None:
+        return FIELDS
+    return IN_SPACE if record.scene.space == 3 else COMPONENTS
+
+
 def recorded(record: Record) -> dict[str, Floats]:
     """Return the signals of a run by name; an angle that was not tracked is left out."""
-    names = COMPONENTS if record.scene.wave is not None else FIELDS
-    found = {name: np.asarray(getattr(record, name)) for name in names}
+    names = signals_of(record)
+    found = {name: np.asarray(record.signals[name] if names == IN_SPACE else getattr(record, name)) for name in names}
     return {name: values for name, values in found.items() if not np.isnan(values).all()}
 
 
-def errors(record: Record, reference: tuple[Floats, Floats, Floats]) -> dict[str, float | None]:
+def errors(record: Record, reference: tuple[Floats, ...]) -> dict[str, float | None]:
     """Return the relative L2 error of each signal of a run against a reference; None where the reference is silent."""
-    names, found = COMPONENTS if record.scene.wave is not None else FIELDS, recorded(record)
+    names, found = signals_of(record), recorded(record)
     return {
         name: relative_error(found[name], values) if np.max(np.abs(values)) > SILENT else None
         for name, values in zip(names, reference, strict=True)
