@@ -1,4 +1,4 @@
-"""Loads on the spheres of a run from outside, for its network: sources, a driven row, walls, loads and quiet ends.
+"""What acts on the spheres of a run from outside, for its network: sources, a driven row, walls, loads, quiet ends.
 
 All of it is said by the scene, in τ, D0, k1 D0 and k1 D0 R, but for the drag of quiet ends: its strength is a choice of
 the run, which its deck holds.
@@ -13,35 +13,44 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.measure.stiffnesses import scaled
 from analysis.theory import green
 from analysis.theory.choice import TheoryError
 from analysis.theory.lattices import LATTICES
-from analysis.theory.network import Network, Wall
+from analysis.theory.network import Material, Network, Wall
 from analysis.theory.network_outside import Drive, Function
 from analysis.theory.scenes import Setting
 from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
-COMPONENTS = {"x": 0, "y": 1, "torque": 2, "rotation": 2}
 FREE, WALL, CHAIN = "free", "wall", "chain"
 _DEPTH = re.compile(r"variable +depth +atom round\(\((-?y|abs\(y\))-([-+.\de]+)\)/([-+.\de]+)\)")
+_PLANE = re.compile(r"\bzplane +(\S+) +(\S+)")
 _LOSS = re.compile(r"variable +loss +atom \$\(([-+.\de]+)\*v_step/v_t0/2:%\.17g\)\*\(v_depth/(\d+)\)\^([.\d]+)")
 
 
 @dataclass(frozen=True)
 class Scales:
-    """Units of a record in units of its deck: D0 or ℓ, t0, k1, and R of the declared sphere; the deck's length in m."""
+    """Units of a record in units of its deck: D0 or ℓ, t0, k1, and R of the declared sphere; and kg, m, s in them."""
 
     length: float
     time: float
     stiffness: float
     radius: float
+    kilogram: float
     metre: float
+    second: float
+
+    def material(self, declared: Any) -> Material:
+        """Return a declared material."""
+        E, w = declared.youngs_modulus, declared.work_of_adhesion
+        pressure, tension = self.kilogram / (self.metre * self.second**2), self.kilogram / self.second**2
+        return Material(E / pressure, declared.poisson_ratio, w / tension)
 
 
 def outside(record: Record, network: Network, scales: Scales) -> dict[str, Any]:
-    """Return the walls, drives and drag of a run, as `Network` takes them.
+    """Return the walls, drives, drag and factors of measured stiffnesses of a run, as `Network` takes them.
 
     Raises TheoryError for a place that is not in the lattice, and for quiet ends whose drag the deck does not say.
     """
@@ -49,7 +58,8 @@ def outside(record: Record, network: Network, scales: Scales) -> dict[str, Any]:
     driven = [] if scene.wave is None or scene.wave.form != "driven" else [_driven_row(scene, network, scales)]
     drives = *driven, *_sources(scene, network, scales), *_loads(scene, network)
     drag = _drag(record, network, scales) if scene.absorb.rows else None
-    return {"walls": tuple(_walls(scene, network)), "drives": drives, "drag": drag}
+    walls = *_walls(scene, network), *_substrates(record, network, scales)
+    return {"walls": walls, "drives": drives, "drag": drag, "factors": _factors(record, network, scales)}
 
 
 def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
@@ -117,10 +127,12 @@ def _driven_row(scene: Scene, network: Network, scales: Scales) -> Drive:
 def _sources(scene: Scene, network: Network, scales: Scales) -> Iterator[Drive]:
     """Yield the drive of each source."""
     for source in scene.source:
-        name = str(source.motion or source.force)
-        component = COMPONENTS[name]
-        unit = scales.length * (1 if source.motion else scales.stiffness)
-        unit *= {"rotation": 1 / scales.radius, "torque": scales.radius}.get(name, 1.0)
+        kind, _, axis = str(source.motion or source.force).partition("_")
+        turns = {"rotation": 1 / scales.radius, "torque": scales.radius}
+        component = "xyz".index(axis or "z") if kind in turns else "xyz".index(kind)
+        if kind in turns:
+            component = component + 3 if network.dimension == 3 else 2
+        unit = scales.length * (1 if source.motion else scales.stiffness) * turns.get(kind, 1.0)
         signal, pace, largest = signal_of(source, scene)
         yield Drive(
             chosen(source, scene, network.position),
@@ -184,6 +196,37 @@ def _walls(scene: Scene, network: Network) -> Iterator[Wall]:
                 yield Wall(tuple(place), tuple(normal))
 
 
+def _substrates(record: Record, network: Network, scales: Scales) -> Iterator[Wall]:
+    """Yield the half-spaces under and above the spheres of a run."""
+    declared = getattr(record.scene, "substrate", None)
+    if declared is None:
+        return
+    material, planes = scales.material(declared), _PLANE.findall(deck_of(record))
+    if not planes:
+        raise TheoryError("substrate: the deck of the run does not say on which height it is")
+    ends = (network.materials[0], material), (scales.radius, np.inf)
+    factors = scaled(*ends, network.adhesion, 0.0, _stiffnesses(declared, scales))
+    for below, above in dict.fromkeys(planes):
+        if below != "NULL":
+            yield Wall((0.0, 0.0, float(below)), (0.0, 0.0, -1.0), material, factors)
+        if above != "NULL":
+            yield Wall((0.0, 0.0, float(above)), (0.0, 0.0, 1.0), material, factors)
+
+
+def _factors(record: Record, network: Network, scales: Scales) -> tuple[float, float]:
+    """Return the factors of the contacts of spheres, by the measured stiffnesses of two of the declared ones."""
+    load = record.scene.packing.contact_force * scales.second**2 / (scales.kilogram * scales.metre)
+    ends = (network.materials[0],) * 2, (scales.radius,) * 2
+    return scaled(*ends, network.adhesion, load, _stiffnesses(getattr(record.scene, "contact", None), scales))
+
+
+def _stiffnesses(declared: Any, scales: Scales) -> tuple[float | None, float | None]:
+    """Return the measured stiffnesses of a contact in units of the deck."""
+    both = (declared.normal_stiffness, declared.shear_stiffness) if declared else (None, None)
+    normal, shear = (None if each is None else each * scales.second**2 / scales.kilogram for each in both)
+    return normal, shear
+
+
 def _pressed(scene: Scene, network: Network, sphere: int, wall: Wall) -> float:
     """Return how deep the load of a chain presses a sphere into a wall, (F0/A)^{2/3}; 0 where nothing does."""
     force = _load(scene, network)
@@ -210,9 +253,7 @@ def _loads(scene: Scene, network: Network) -> Iterator[Drive]:
 
 def _drag(record: Record, network: Network, scales: Scales) -> Floats:
     """Return the rate at which velocity and spin of each sphere decay in quiet ends, as the deck has it."""
-    folder = Path(record.folder or ".")
-    deck = next(iter(sorted(folder.glob("in.*")) or sorted(folder.glob("*_per_sample/in.*"))), None)
-    text = deck.read_text(encoding="utf-8") if deck else ""
+    text = deck_of(record)
     depth, loss = _DEPTH.search(text), _LOSS.search(text)
     if not (depth and loss):
         raise TheoryError("absorb.rows: the deck of the run does not say the drag of its quiet ends")
@@ -221,3 +262,10 @@ def _drag(record: Record, network: Network, scales: Scales) -> Floats:
     rows = np.maximum(np.rint((inward - float(depth[2])) / float(depth[3])), 0.0)
     strength, most, power = map(float, loss.groups())
     return np.asarray(strength * (rows / most) ** power / scales.time)
+
+
+def deck_of(record: Record) -> str:
+    """Return the deck of a run, "" if its folder has none."""
+    folder = Path(record.folder or ".")
+    deck = next(iter(sorted(folder.glob("in.*")) or sorted(folder.glob("*_per_sample/in.*"))), None)
+    return deck.read_text(encoding="utf-8") if deck else ""

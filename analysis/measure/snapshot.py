@@ -12,6 +12,7 @@ Later snapshots are refused: the slip of the contacts, which they would need, is
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TextIO
 
 import numpy as np
@@ -25,7 +26,7 @@ from analysis.theory.choice import switched
 from analysis.theory.network import Law, Material, Network
 from analysis.theory.network_laws import Adhesion
 from analysis.theory.network_motion import Trajectory
-from analysis.theory.network_state import State, start
+from analysis.theory.network_state import State, loaded, start
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -98,28 +99,23 @@ def first_snapshot(record: Record) -> FirstSnapshot:
     """
     scene, path = record.scene, _snapshots(record)
     on, declared = switched(record), record.scene.effects
-    units, scales = units_of(record, path)
-    kilogram, metre, second = units
+    scales = scales_of(record, path)
     damped = on.get("damping", True)
     network, state = read_network(
         path,
-        _materials(record, kilogram / (metre * second**2), kilogram / second**2),
-        density=scene.sphere.density / (kilogram / metre**3) if "mass" not in _columns(path) else None,
+        _materials(record, scales),
+        density=scene.sphere.density / (scales.kilogram / scales.metre**3) if "mass" not in _columns(path) else None,
         law=declared.shear_law,  # type: ignore[arg-type]  # `Network` refuses others by name
         friction=float(declared.friction) if on.get("sliding", False) else np.inf,
         shear=on.get("shear", True),
         rotation=on.get("rotation", True),
-        viscosity=getattr(declared, "viscosity", 0.0) / (kilogram / second) if damped else 0.0,
+        viscosity=getattr(declared, "viscosity", 0.0) / (scales.kilogram / scales.second) if damped else 0.0,
         restitution=declared.restitution if damped and declared.restitution < 1 else None,
         adhesion=scene.sphere.adhesion_law,  # type: ignore[arg-type]  # checked there
         turned=scene.wave is not None and scene.wave.form != "none",
     )
-    acting = outside(record, network, scales)
-    if any(each is not None and len(each) for each in acting.values()):
-        network, motion = replace(network, **acting), state.motion
-        ways, turns = slice(0, network.dimension), slice(network.dimension, network.freedoms)
-        place, rate = motion.reshape(2, network.freedoms, -1)
-        state = start(network, place[ways].T, rate[ways].T, place[turns].T.squeeze(), rate[turns].T.squeeze())
+    network = replace(network, **outside(record, network, scales))
+    state = loaded(network, state.motion)
     if scene.wave is None:
         return FirstSnapshot(network, state, -1, scales, ALONG_Y)
     with _centre_of(path.parent).open(encoding="utf-8") as stream:
@@ -128,8 +124,8 @@ def first_snapshot(record: Record) -> FirstSnapshot:
     return FirstSnapshot(network, state, int(recorded) - 1, scales, scene.direction)
 
 
-def units_of(record: Record, path: Path) -> tuple[tuple[float, float, float], Scales]:
-    """Return kg, m and s of the units of a run's deck, and the scales of its record in them.
+def scales_of(record: Record, path: Path) -> Scales:
+    """Return the scales of a record and the SI units, in the units of a run's deck.
 
     The deck of spheres that just touch has the units R, m and t0: its spheres have the radius 1.
     """
@@ -141,7 +137,7 @@ def units_of(record: Record, path: Path) -> tuple[tuple[float, float, float], Sc
         units = sphere.density * 4 / 3 * np.pi * sphere.radius**3, sphere.radius, time
     kilogram, metre, second = units
     stiffness = 0.0 if strike else sphere.normal_stiffness / (kilogram / second**2)
-    return units, Scales(length / metre, time / second, stiffness, sphere.radius / metre, metre)
+    return Scales(length / metre, time / second, stiffness, sphere.radius / metre, *units)
 
 
 def _snapshots(record: Record) -> Path:
@@ -176,14 +172,14 @@ def _centre_of(folder: Path) -> Path:
     return steps[0] if steps else folder / CENTRE
 
 
-def _materials(record: Record, pressure: float, tension: float) -> list[Material]:
+def _materials(record: Record, scales: Scales) -> list[Material]:
     """Return the materials of a run: that of its sphere, then each that an inclusion adds, in units of its deck."""
     sphere, names = record.scene.sphere, ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
     kinds = [
         tuple(getattr(sphere if getattr(each, name) is None else each, name) for name in names)
         for each in (sphere, *record.scene.inclusion)
     ]
-    return [Material(E / pressure, ratio, w / tension) for E, ratio, w in dict.fromkeys(kinds)]
+    return [scales.material(SimpleNamespace(**dict(zip(names, kind, strict=True)))) for kind in dict.fromkeys(kinds)]
 
 
 def read_network(

@@ -265,14 +265,20 @@ def start(
         part[dimension:] = np.broadcast_to(np.asarray(turns, float), (count, 3) if dimension == 3 else (count,)).T
     if not np.all(np.isfinite(motion)):
         raise ValueError("displacement, velocity, rotation and spin must be finite")
-    places, rates = motion
+    return loaded(network, motion.reshape(-1, count))
+
+
+def loaded(network: Network, motion: Floats) -> State:
+    """Return the state of a motion (2f, N) after the straight way of `start`."""
+    dimension = network.dimension
+    places, rates = np.split(motion, 2)
     pairs = search(network, places[:dimension])
     way = np.concatenate([places, places])  # the way in one unit of time, as a velocity
     begun = pairs.overlap > pairs.normal.end
     arrived = contacts(network, way, pairs, np.zeros((dimension - 1, len(pairs.first))), begun)
     still = np.concatenate([places, 0 * rates])  # so slow a way that no dashpot resists it
     moved = settled(network, State(still, pairs, arrived.memory_rate, begun))
-    return settled(network, replace(moved, motion=motion.reshape(-1, count)))
+    return settled(network, replace(moved, motion=motion))
 
 
 def present(network: Network, state: State) -> Contacts:
