@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.collisions import Collisions
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.lattices import centre
+from granular_lmp.crystal.lattices import centre, places
 from granular_lmp.crystal.modes import Mode, Physics, highest_frequency
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
@@ -104,8 +104,15 @@ class Problem:
 
     @property
     def planes(self) -> dict[str, float]:
-        """Rigid walls, "ylo" → place, radii; none beside a wave."""
-        return self.collisions.planes if self.scene.loose else {}
+        """Rigid walls, "ylo" → place, radii; beside a wave those of a substrate, "zlo" and "zhi"."""
+        if self.scene.loose:
+            return self.collisions.planes
+        contacts, found = self.contacts, {}
+        for sphere, way in zip(contacts.i[contacts.on_wall], contacts.vector[contacts.on_wall, 2], strict=True):
+            one = np.argmax(places(self.crystal) == sphere) if self.scene.perfect else sphere
+            foot = self.crystal.positions[one, 2] + way / self.scene.sphere.radius
+            found["zlo" if way < 0 else "zhi"] = float(foot)
+        return found
 
     @property
     def loads(self) -> dict[int, float]:

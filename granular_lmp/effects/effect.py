@@ -7,7 +7,7 @@ only if its line in `analysis.theory.catalogue` names it.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from math import exp, hypot, inf, isfinite
 from typing import Any, NamedTuple
@@ -141,7 +141,7 @@ class Case:
         of adhesion. Dashpots add to the force of the springs, so the friction is larger by the ratio of
         `shear_stiffness` to κ. In a crystal that is not perfect h is that of the weakest contact: of its adhesion
         alone, which is left when it opens, or of its force at rest if nothing adheres. Sources raise it by the largest
-        of their amplitudes.
+        of their amplitudes, and walls by how much stiffer in shear they are for the force that holds them.
         """
         hold = 1 + self.adhesive_share
         if not self.scene.perfect:
@@ -149,7 +149,15 @@ class Case:
             weakest = adhesive or self.contacts.contact_force.min()
             hold = float(weakest) / self.scene.sphere.holding_force
         stiffer = self.shear_stiffness / self.scene.sphere.stiffness_ratio
-        return FRICTION_PER_AMPLITUDE * self.strength * stiffer / hold if hold > 0 else inf
+        return FRICTION_PER_AMPLITUDE * self.strength * stiffer * self._stiffer_walls / hold if hold > 0 else inf
+
+    @property
+    def _stiffer_walls(self) -> float:
+        """Largest shear stiffness at rest over the holding force, of walls, over that of two spheres; at least 1."""
+        on_wall, sphere = self.contacts.on_wall, self.scene.sphere
+        holding = (self.contacts.adhesive_force + self.contacts.contact_force)[on_wall]
+        there = self.contacts.shear_stiffness[on_wall] / holding * sphere.holding_force / sphere.shear_stiffness
+        return float(there.max(initial=1.0))
 
     @property
     def shear_stiffness(self) -> float:
@@ -230,11 +238,19 @@ class Case:
 
     @property
     def _law(self) -> AdhesionLaw:
-        """Law of the contacts at rest: one in a perfect lattice, that of each contact in another crystal."""
-        if self.scene.perfect:
-            return self.scene.sphere.contact_law
-        at_rest = crystal_of(self.scene)
-        return law_between(at_rest.atoms, at_rest.materials, self.contacts.i, self.contacts.j)
+        """Law of the contacts at rest: one in a perfect lattice without walls, else that of each contact."""
+        contacts, wall = self.contacts, self.scene.wall
+        law = self.scene.sphere.contact_law
+        if not self.scene.perfect:
+            at_rest = crystal_of(self.scene)
+            law = law_between(at_rest.atoms, at_rest.materials, contacts.i, contacts.j)
+        if wall is None:
+            return law
+        beside = wall.law(contacts.radius[contacts.i])
+        parts = (field.name for field in fields(law))
+        return replace(
+            law, **{name: np.where(contacts.on_wall, getattr(beside, name), getattr(law, name)) for name in parts}
+        )
 
     @property
     def wave_words(self) -> str:

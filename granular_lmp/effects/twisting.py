@@ -12,6 +12,8 @@ from granular_lmp.scene.scene import Scene
 
 
 def called_for(case: Case) -> Finding:
+    if case.scene.space == 3:
+        return Finding(False, 0.0, "of twist is resisted: contacts twist freely about their normals")
     return Finding(False, 0.0, "rad of twist: spheres that move in the plane twist no contact")
 
 

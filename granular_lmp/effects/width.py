@@ -1,6 +1,7 @@
 """Width: columns beyond the three that stand for any number where the spheres of a row all move alike."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import places
 from granular_lmp.effects.effect import Case, Effect, Finding
@@ -13,16 +14,24 @@ def spread(problem: Prepared) -> list[str]:
 
     Of several spheres a cell they are those at the place of the centre sphere.
     """
-    crystal, every = problem.crystal, problem.scene.lattice.column_period
+    crystal = problem.crystal
     alike = (crystal.arrays["row"] == problem.scene.shape.centre_row) & (places(crystal) == 0)
-    row = 1 + np.flatnonzero(alike)
+    row, parts = 1 + np.flatnonzero(alike), range(1, problem.scene.space + 1)
+    apart = "+".join(f"look(c_most[{part}])-look(c_least[{part}])" for part in parts)
     return [
-        f"group        row id {row[0]}:{row[-1]}" + f":{every}" * (every > 1),
-        "compute      most  row reduce max c_u[1] c_u[2]",
-        "compute      least row reduce min c_u[1] c_u[2]",
-        "variable     spread_looks vector (look(c_most[1])-look(c_least[1])+look(c_most[2])-look(c_least[2]))/v_D0"
-        "  # in the centre row",
+        f"group        row id {_ids(row)}",
+        f"compute      most  row reduce max {' '.join(f'c_u[{part}]' for part in parts)}",
+        f"compute      least row reduce min {' '.join(f'c_u[{part}]' for part in parts)}",
+        f"variable     spread_looks vector ({apart})/v_D0  # in the centre row",
     ]
+
+
+def _ids(row: NDArray[np.int64]) -> str:
+    """Return ascending identifiers for ``group NAME id``: first, last and what they are apart, or one by one."""
+    apart = np.unique(np.diff(row))
+    if len(apart) > 1:
+        return " ".join(map(str, row))
+    return f"{row[0]}:{row[-1]}" + "".join(f":{each}" for each in apart if each > 1)
 
 
 def sideways(problem: Prepared) -> list[str]:

@@ -9,7 +9,7 @@ reader also takes files of LAMMPS's ``write_data``. An extra section ``wave`` ho
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,8 @@ class DataFile:
     wave : (N, 6) array, (N, 4) or (N, 0); in space (N, 12) or (N, 6)
         ux uy φ (ux uy if spheres do not turn) and their velocities for unit amplitude, in D0 and D0/t0; in space
         ux uy uz φx φy φz. With no columns, as without a wave, the file has no section ``wave``.
+    state : (N, 9) array, (N, 6) or (0, 0)
+        In space beside a wave: the section ``state``, displacements, velocities and spins in units of the deck.
     style : str
         Atom style, a key of `ATOM_COLUMNS`.
     """
@@ -56,6 +58,7 @@ class DataFile:
     density: NDArray[np.float64]
     wave: NDArray[np.float64]
     style: str = "hybrid sphere dipole"
+    state: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
 
     def pieces(self, title: str) -> Iterator[str]:
         """Yield the file, one line per sphere, in pieces of a few MB, so that a million spheres need little memory.
@@ -73,9 +76,10 @@ class DataFile:
         yield f"{title}\n\n{len(self.kind)} atoms\n{types} atom types\n\n{faces}\n\n"
         yield f"Atoms # {self.style.split()[0]} ({ATOM_COLUMNS[self.style]})\n\n"
         yield from _lines(own, tail=" 0 1 0 0\n" if self.style.endswith("dipole") else "\n")
-        if self.wave.size:
-            yield "\nwave\n\n"
-            yield from _lines([*self.wave.T], tail="\n")
+        for name, section in (("wave", self.wave), ("state", self.state)):
+            if section.size:
+                yield f"\n{name}\n\n"
+                yield from _lines([*section.T], tail="\n")
 
     def text(self, title: str) -> str:
         """Return the whole file as one string."""
@@ -130,8 +134,10 @@ def read(path: str | Path) -> DataFile:
         names = ATOM_COLUMNS[style].split()
         lines = np.array([line.split()[: len(names)] for line in sections["Atoms"]], dtype=float)
         atoms = dict(zip(names, lines[np.argsort(lines[:, 0])].T, strict=True))
-        wave = np.array([line.split() for line in sections.get("wave", [])], dtype=float)
-        if len(lines) != count or len(wave) not in (0, count):
+        wave, state = (
+            np.array([line.split() for line in sections.get(name, [])], dtype=float) for name in ("wave", "state")
+        )
+        if len(lines) != count or {len(wave), len(state)} - {0, count}:
             raise ValueError(f"{count} atoms announced, {len(lines)} found")
     except (OSError, ValueError, KeyError, IndexError, StopIteration) as error:
         raise RunFolderError(f"{path}: not a data file of spheres: {error!r}") from error
@@ -141,9 +147,15 @@ def read(path: str | Path) -> DataFile:
         position=np.column_stack([atoms["x"], atoms["y"], atoms["z"]]),
         diameter=atoms["diameter"],
         density=atoms["density"],
-        wave=wave[np.argsort(wave[:, 0])][:, 1:] if len(wave) else np.empty((count, 0)),
+        wave=_by_number(wave) if len(wave) else np.empty((count, 0)),
+        state=_by_number(state) if len(state) else np.empty((0, 0)),
         style=style,
     )
+
+
+def _by_number(section: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the columns of a section in the order of the spheres."""
+    return np.asarray(section[np.argsort(section[:, 0])][:, 1:])
 
 
 def _style(title: str) -> str:

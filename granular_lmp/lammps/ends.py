@@ -4,9 +4,11 @@ Quiet ends are an effect (`granular_lmp.effects.quiet_ends`).
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-from granular_lmp.lammps.contact import model, rigid, wall
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.lammps.contact import model, of_law, rigid, wall
 from granular_lmp.problem import Problem
 
 
@@ -22,7 +24,10 @@ def boundary(problem: Problem) -> str:
 
 
 def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
-    """Return the lines of the rigid walls that spheres of each material touch, by the law of their contacts."""
+    """Return the lines of the rigid walls that spheres of each material touch, by the law of their contacts.
+
+    A substrate has its own law, and says of each sphere whether it touches and with what force.
+    """
     if not problem.planes:
         return []
     to_deck = problem.units.number(problem.scene.material.radius, length=1)
@@ -30,14 +35,22 @@ def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
     groups = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(problem.materials))]
     return groups + [
         wall(
-            model(rigid(each), problem.units, **law),
-            f"{name[0]}plane {f'{place!r} NULL' if name.endswith('lo') else f'NULL {place!r}'}",
+            _against(problem, each, law) if name[0] == "z" else model(rigid(each), problem.units, **law),
+            f"{name[0]}plane {f'{place!r} NULL' if name.endswith('lo') else f'NULL {place!r}'}"
+            + " contacts" * (name[0] == "z"),
             name=f"{name}{m}",
             group=f"material{m}",
         )
         for name, place in planes.items()
         for m, each in enumerate(problem.materials, 1)
     ]
+
+
+def _against(problem: Problem, material: Sphere, law: Mapping[str, Any]) -> str:
+    """Return the model of the contact of spheres of a material with the substrate."""
+    substrate = replace(problem.scene.wall, material=material)
+    sphere, shear_modulus = of_law(substrate.law(material.radius), material.radius, material)
+    return model(sphere, problem.units, **law, shear_modulus=shear_modulus)
 
 
 def held(problem: Problem) -> list[str]:

@@ -25,6 +25,7 @@ def data_of(problem: Problem) -> DataFile:
         density=_densities(problem),
         wave=start.columns(problem),
         style=style(problem),
+        state=start.state(problem),
     )
 
 

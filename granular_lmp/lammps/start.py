@@ -23,9 +23,14 @@ def field(problem: Problem) -> str:
         state = _names(problem, "u", "v", "spin")
         return f"fix          start all property/atom {state}" if scene.start.moves else ""
     names = _names(problem, "u", "phi", "v", "vphi")
-    if scene.start.moves:
+    if scene.start.moves and scene.space == 2:
         names += " " + _names(problem, "s", "sv", "sspin")
     return f"fix          wave all property/atom {names}"
+
+
+def _apart(problem: Problem) -> bool:
+    """Return whether the state has a section of its own: LAMMPS reads at most 255 letters in a line of one."""
+    return problem.scene.space == 3 and problem.scene.wave is not None and problem.scene.start.moves
 
 
 def _names(problem: Problem, *fields: str) -> str:
@@ -37,12 +42,19 @@ def _names(problem: Problem, *fields: str) -> str:
 def read(problem: Problem) -> list[str]:
     """Return the lines that read the data file and the fields in it."""
     names = field(problem)
-    fix = names.split()[1] if names else ""
-    return [*([names] if names else []), f"read_data    ${{data}}{f' fix {fix} NULL wave' if names else ''}"]
+    fixes = [f" fix {names.split()[1]} NULL wave"] if names else []
+    lines = [names] if names else []
+    if _apart(problem):
+        lines.append(f"fix          state all property/atom {_names(problem, 's', 'sv', 'sspin')}")
+        fixes.append(" fix state NULL state")
+    return [*lines, f"read_data    ${{data}}{''.join(fixes)}"]
 
 
 def columns(problem: Problem) -> NDArray[np.float64]:
-    """Return the section ``wave``, (N, 4 or 6): the wave for unit amplitude; behind it the state, 4 or 5 columns."""
+    """Return the section ``wave``, (N, 4 or 6): the wave for unit amplitude; behind it the state, 4 or 5 columns.
+
+    In space the wave has 6 or 12 columns, and the state is in `state`.
+    """
     if problem.scene.wave is None:
         return _state(problem)
     fields = initial_fields(problem.scene, problem.crystal, problem.mode)
@@ -53,17 +65,27 @@ def columns(problem: Problem) -> NDArray[np.float64]:
     # 13 decimals of D0 are finer than a double resolves a position, and turn rounding into 0. The last decimal depends
     # on the processor's cosine. No minus zeros
     wave = [part[:, moving].round(13) + 0.0 for part in (fields.displacement, fields.velocity)]
-    return np.hstack([*wave, _state(problem)])
+    return np.hstack([*wave, *([] if _apart(problem) else [_state(problem)])])
+
+
+def state(problem: Problem) -> NDArray[np.float64]:
+    """Return the section ``state`` beside a wave in space, (N, 6 or 9); (0, 0) where it is none."""
+    return _state(problem) if _apart(problem) else np.empty((0, 0))
 
 
 def _state(problem: Problem) -> NDArray[np.float64]:
-    """Return the columns of the state, (N, 4 or 5) with the spin; (N, 0) without a state."""
+    """Return the columns of the state, (N, 4 or 5) with the spin, in space (N, 6 or 9); (N, 0) without a state."""
     if not problem.scene.start.moves:
         return np.empty((len(problem.crystal), 0))
     units = problem.units
     length, velocity = units.number(1.0, length=1), units.number(1.0, length=1, time=-1)
     factors = np.array([length, length, velocity, velocity, units.number(1.0, time=-1)])
-    return np.asarray(problem.state * factors)[:, : 5 if problem.on["rotation"] else 4]
+    state = np.asarray(problem.state * factors)
+    if problem.scene.space == 3:  # ux uy uz, their rates, and spins about x, y, z
+        none = np.zeros(len(state))
+        ux, uy, vx, vy, spin = state.T
+        state = np.column_stack([ux, uy, none, vx, vy, none, none, none, spin])
+    return state[:, : None if problem.on["rotation"] else -len(turns(problem))]
 
 
 # --- the lines --------------------------------------------------------------------------------------------------------

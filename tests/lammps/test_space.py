@@ -1,0 +1,216 @@
+"""Spheres in space: decks, records and guards of layers on a substrate and of crystals of many layers."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granular_lmp import Record, Scene, build, run
+from granular_lmp.accuracy.tolerance import resume
+from granular_lmp.errors import RunInterrupted, SceneError
+from granular_lmp.lammps.datafile import read
+from granular_lmp.lammps.outputs import DUMP, SNAPSHOTS, read_centre
+from granular_lmp.problem import prepare
+from granular_lmp.runs.export import export
+from tests.conftest import PAPER
+
+QUARTER = 0.7853981633974483  # rad per row: one wavelength is eight rows
+SILICA = {"youngs_modulus": 73e9, "poisson_ratio": 0.17, "work_of_adhesion": 0.063}
+LAYER: dict[str, Any] = {
+    "name": "layer",
+    "packing.rows": 8,
+    "packing.columns": 3,
+    "packing.ends": "periodic",
+    "substrate": SILICA,
+    "wave.mode": "1",
+    "wave.wavenumber": QUARTER,
+    "wave.amplitude": 1e-4,
+    "time.duration": 40.0,
+    "time.timestep": 0.02,
+    "time.sample": 0.1,
+}
+MOTION = ("ux", "uy", "uz", "phix", "phiy", "phiz")
+ANISOTROPY = np.array([1, 1, 1, 0.4, 0.4, 0.4])  # m and I/R² over m
+
+
+def layer(**changes: Any) -> Scene:
+    return PAPER.with_values(LAYER | {key.replace("__", "."): value for key, value in changes.items()})
+
+
+def motion(record: Record) -> np.ndarray:
+    return np.stack([record.signals[name] for name in MOTION], axis=1)
+
+
+def stepped(frequency: float, step: float) -> float:
+    """The frequency with which velocity Verlet turns an oscillator."""
+    return float(2 * np.arcsin(frequency * step / 2) / step)
+
+
+# ---------------------------------------------------------------- motion
+
+
+def amplitude(scene: Scene, folder: Path) -> np.ndarray:
+    """The complex amplitude of the scene's own mode at all times, from all spheres; waves of 2k and k = 0 are out."""
+    monitor, shape = run(scene, folder).monitor("all"), prepare(scene).mode.shape()[0]
+    moved = np.concatenate([monitor.displacement, monitor.rotation], axis=2)
+    weight = (
+        np.exp(-1j * scene.wavenumber * (monitor.row - scene.shape.centre_row))[:, None] * shape.conj() * ANISOTROPY
+    )
+    found = 2 * np.einsum("tnk,nk->t", moved, weight) / len(weight)
+    return np.asarray(found / np.sum(np.abs(shape) ** 2 * ANISOTROPY))
+
+
+@pytest.mark.parametrize("mode", ["1", "2", "3", "4", "5", "6"])
+def test_a_layer_kicked_in_each_of_its_modes_has_its_frequency(mode: str, tmp_path: Path) -> None:
+    scene = layer(wave__mode=mode, monitor=[{"name": "all", "rows": [0, 7]}])
+    found, frequency = amplitude(scene, tmp_path / "run"), prepare(scene).mode.frequency
+    tau = scene.time.sample * np.arange(len(found))
+    turned = -np.polyfit(tau, np.unwrap(np.angle(found)), 1)[0]
+    assert abs(turned / stepped(frequency, scene.time.step) - 1) < 1e-7
+    # Verlet's velocity of a mode with the frequency ω is too fast by (ω step)²/8
+    assert np.abs(np.abs(found) - 1).max() < (frequency * scene.time.step) ** 2 / 7 + 1e-6
+
+
+@pytest.mark.parametrize("name", ["p", "q", "phi"])
+def test_a_wave_in_the_plane_is_the_same_in_space(name: str, tmp_path: Path) -> None:
+    plane = PAPER.with_values(
+        {
+            "packing.rows": 12,
+            "packing.ends": "periodic",
+            "wave.wavenumber": 0.5235987755982988,
+            "time.duration": 20.0,
+            "time.timestep": 0.1,
+        }
+    )
+    shape = prepare(plane).mode.shape()[0]
+    space = plane.with_values({"packing.space": 3, "wave.mode": _same_mode(plane, shape)})
+    flat, free = run(plane, tmp_path / "plane"), run(space, tmp_path / "space")
+    assert np.abs(getattr(free, name) - getattr(flat, name)).max() < 1e-9
+    assert not free.signals["uz"].any()
+
+
+def _same_mode(plane: Scene, shape: np.ndarray) -> str:
+    """The number of the branch in space with a shape; nothing holds some of the others."""
+    for number in range(1, 7):
+        with suppress(SceneError):
+            own = prepare(plane.with_values({"packing.space": 3, "wave.mode": str(number)})).mode.shape()[0]
+            if abs(np.vdot(own, shape)) > 1 - 1e-9:
+                return str(number)
+    raise AssertionError("the wave is not there in space")
+
+
+def test_the_angle_is_the_sum_of_the_spins(tmp_path: Path) -> None:
+    short = {"time.timestep": 0.01, "time.sample": 0.01, "time.duration": 10.0, "wave.amplitude": 0.01}
+    scene = layer(wave__mode="2").with_values(short)
+    run(scene, tmp_path / "run")
+    table = read_centre(tmp_path / "run" / DUMP)
+    step = scene.time.step * scene.units.number(scene.scale.time, time=1)
+    turned, spins = (np.stack([table[f"{name}{axis}"] for axis in "xyz"]) for name in ("theta", "omega"))
+    summed = np.cumsum((spins[:, 1:] + spins[:, :-1]) / 2, axis=1) * step
+    # The trapezoidal rule is off by (omega step)²/12, 2e-5 of the angle for the fastest branch
+    assert np.abs(turned[:, 1:] - turned[:, :1] - summed).max() < 2e-5 * np.abs(turned).max()
+    assert np.abs(turned).max() > 1e-7  # rad
+
+
+# ---------------------------------------------------------------- runs
+
+
+def test_a_run_in_space_continues_to_the_same_bytes(tmp_path: Path) -> None:
+    scene = layer(
+        wave__amplitude=0.05,
+        time__duration=120.0,
+        time__sample=1.0,
+        output__checkpoint=1e-4,
+        output__particles=20.0,
+        monitor=[{"name": "rows", "rows": [2, 4], "what": "flux"}],
+    )
+    run(scene, tmp_path / "whole")
+
+    def stop(step: int, steps: int) -> None:
+        if steps / 3 < step < steps:
+            raise KeyboardInterrupt
+
+    with pytest.raises(RunInterrupted):
+        run(scene, tmp_path / "stopped", progress=stop)
+    resume(tmp_path / "stopped")
+    for name in ("trajectory.csv", DUMP, SNAPSHOTS, "monitor.rows.bin", "monitor.rows.contacts"):
+        assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "stopped" / name).read_bytes(), name
+
+
+def test_the_program_and_two_ranks_give_the_same_as_the_module(tmp_path: Path) -> None:
+    scene = layer(wave__amplitude=0.05, packing__rows=16, wave__wavenumber=QUARTER)
+    module = run(scene, tmp_path / "module")
+    program = run(scene, tmp_path / "program", launcher="lmp")
+    ranks = run(scene, tmp_path / "ranks", launcher="lmp", ranks=2)
+    assert (tmp_path / "module" / DUMP).read_bytes() == (tmp_path / "program" / DUMP).read_bytes()
+    assert np.abs(motion(module) - motion(program)).max() == 0
+    assert np.abs(motion(module) - motion(ranks)).max() < 1e-9
+
+
+def test_snapshots_and_monitors_hold_all_freedoms_and_are_exported(tmp_path: Path) -> None:
+    scene = layer(wave__amplitude=0.05, output__particles=10.0, monitor=[{"name": "all", "rows": [0, 7]}])
+    record = run(scene, tmp_path / "run")
+    snapshots, monitor = record.snapshots(), record.monitor("all")
+    centre = int(record.spheres[0])
+    last = snapshots[len(snapshots) - 1]
+    assert last.displacement.shape == last.rotation.shape == (len(snapshots.crystal), 3)
+    own = np.concatenate([last.displacement[centre], last.rotation[centre]])
+    at = np.argmin(np.abs(record.tau - last.tau))
+    assert own == pytest.approx(motion(record)[at], abs=1e-9)
+    assert monitor.rotation[at, centre] == pytest.approx(last.rotation[centre], abs=1e-9)
+    assert {"w", "phix", "w_t", "phix_t"} <= set(monitor.columns())
+    for ending in (".csv", ".xyz"):
+        export(record, tmp_path / f"out{ending}")
+    words = (tmp_path / "out.xyz").read_text().splitlines()[1]
+    assert "displacement:R:3" in words
+    assert "rotation:R:3" in words
+    head = (tmp_path / "run" / SNAPSHOTS).read_text().splitlines()[8]
+    assert "Displacement.Z" in head
+    assert "Orientation.W" in head
+
+
+# ---------------------------------------------------------------- decks and guards
+
+
+def test_the_deck_says_what_it_needs_and_writes_the_law_of_the_wall() -> None:
+    deck = build(layer(substrate=SILICA | {"youngs_modulus": 5e9, "poisson_ratio": 0.35}))
+    assert "# Needs LAMMPS with the packages GRANULAR and BPM" in deck.input_text
+    assert "atom_style   bpm/sphere" in deck.input_text
+    assert "boundary     p p f" in deck.input_text
+    assert "wall/gran granular dmt" in deck.input_text
+    assert "enforce2d" not in deck.input_text
+    assert deck.data.wave.shape == (24, 12)
+
+
+def test_the_data_file_of_a_layer_is_read_back(tmp_path: Path) -> None:
+    deck = build(layer())
+    deck.write(tmp_path / "deck")
+    back = read(tmp_path / "deck" / deck.data_name)
+    assert back.style == deck.data.style == "bpm/sphere"
+    assert np.array_equal(back.position, deck.data.position)
+    assert np.array_equal(back.wave, deck.data.wave)
+
+
+def test_a_sphere_that_leaves_the_substrate_is_seen(tmp_path: Path) -> None:
+    vertical = _vertical(layer())
+    quiet = layer(wave__mode=vertical, wave__amplitude=0.3, wave__form="standing", time__duration=10.0)
+    assert run(quiet, tmp_path / "quiet").info["guards"]["open_contacts"]["value"] == 0
+    parted = run(quiet.with_values({"wave.amplitude": 3.0}), tmp_path / "parted").info
+    assert parted["effects"]["contact_opening"]["on"]
+    assert parted["guards"]["open_contacts"]["value"] > 0
+
+
+def _vertical(scene: Scene) -> str:
+    """The number of the branch that moves most along z."""
+    modes = {str(n): prepare(scene.with_values({"wave.mode": str(n)})).mode.shape()[0] for n in range(1, 7)}
+    return max(modes, key=lambda name: abs(modes[name][2]))
+
+
+# ---------------------------------------------------------------- sources
+
+
+def test_a_source_in_the_plane_that_leaves_it_is_refused() -> None:
+    with pytest.raises(SceneError, match=r'force = "z": leaves the plane of the spheres; needs packing.space = 3'):
+        PAPER.with_values({"wave.form": "none", "packing.rows": 21, "source": [{"rows": [10, 10], "force": "z"}]})
