@@ -48,7 +48,10 @@ def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
 
 def _against(problem: Problem, material: Sphere, law: Mapping[str, Any]) -> str:
     """Return the model of the contact of spheres of a material with the substrate."""
-    substrate = replace(problem.scene.wall, material=material)
+    substrate = problem.scene.wall
+    assert substrate is not None  # walls across z are those of a substrate
+    if material != problem.materials[0]:  # whose own moduli may be scaled to measured stiffnesses
+        substrate = replace(substrate, material=material)
     sphere, shear_modulus = of_law(substrate.law(material.radius), material.radius, material)
     return model(sphere, problem.units, **law, shear_modulus=shear_modulus)
 

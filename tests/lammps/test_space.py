@@ -9,6 +9,7 @@ import pytest
 
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
+from granular_lmp.crystal.lattices import centre, places
 from granular_lmp.errors import RunInterrupted, SceneError
 from granular_lmp.lammps.datafile import read
 from granular_lmp.lammps.outputs import DUMP, SNAPSHOTS, read_centre
@@ -71,6 +72,43 @@ def test_a_layer_kicked_in_each_of_its_modes_has_its_frequency(mode: str, tmp_pa
     assert abs(turned / stepped(frequency, scene.time.step) - 1) < 1e-7
     # Verlet's velocity of a mode with the frequency ω is too fast by (ω step)²/8
     assert np.abs(np.abs(found) - 1).max() < (frequency * scene.time.step) ** 2 / 7 + 1e-6
+
+
+MEASURED = SILICA | {"normal_stiffness": 3000.0, "shear_stiffness": 4000.0}
+CRYSTALS: dict[str, dict[str, Any]] = {
+    "fcc": {"packing.lattice": "fcc", "wave.mode": "TR"},
+    "fcc, longitudinal": {"packing.lattice": "fcc", "wave.mode": "L"},
+    "cubic": {"packing.lattice": "cubic", "wave.mode": "RT"},
+    "hcp": {"packing.lattice": "hcp", "wave.mode": "12"},
+    "film": {"packing.lattice": "fcc", "packing.orientation": "[110]", "packing.layers": 3},
+    "between two": {
+        "packing.lattice": "fcc",
+        "packing.orientation": "[11-2]",
+        "packing.layers": 3,
+        "wave.mode": "2",
+        "substrate": SILICA | {"sides": "both"},
+    },
+    "square": {"packing.lattice": "square", "wave.mode": "2"},
+    "honeycomb": {"packing.lattice": "honeycomb", "packing.columns": 4, "wave.mode": "3"},
+    "JKR": {"sphere.adhesion_law": "jkr", "wave.mode": "S1"},
+    "measured": {"substrate": MEASURED, "contact": {"normal_stiffness": 500.0, "shear_stiffness": 400.0}},
+}
+
+
+BULK = ("fcc", "fcc, longitudinal", "cubic", "hcp")
+
+
+@pytest.mark.parametrize("name", CRYSTALS)
+def test_a_wave_in_a_crystal_of_many_layers_or_laws_keeps_its_shape(name: str, tmp_path: Path) -> None:
+    bare = {key: value for key, value in LAYER.items() if key != "substrate" or name not in BULK}
+    scene = PAPER.with_values(bare | {"time.duration": 10.0} | CRYSTALS[name])
+    problem = prepare(scene)
+    shape = problem.mode.shape()[places(problem.crystal)[centre(problem.crystal)]]
+    record = run(scene, tmp_path / "run")
+    turning = stepped(problem.mode.frequency, scene.time.step)
+    expected = (shape * np.exp(-1j * turning * record.tau)[:, None]).real
+    # The second order in the amplitude, and Verlet's velocity
+    assert np.abs(motion(record) - expected).max() < scene.wave.amplitude + (turning * scene.time.step) ** 2 / 7
 
 
 @pytest.mark.parametrize("name", ["p", "q", "phi"])
