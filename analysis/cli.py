@@ -18,6 +18,7 @@ DOORS = {
     "case": "run cases: what a figure needs, runs, script and expected numbers",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
     "design": "which two waves resonate and how compressed; at which numbers of a scene second order does best",
+    "fit": "keys of a scene from measured frequencies, harmonics and arrivals, with 95 % intervals",
     "harmonic": "the coherent second harmonic of any scene or run, perfect or not, with its error",
     "resonances": "all resonances and antiresonances of second order of a scene's crystal",
 }

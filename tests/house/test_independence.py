@@ -136,11 +136,12 @@ ANALYSIS_MAY_IMPORT: dict[str, set[str]] = {
     "plotting": {"theory"},
     "compare": {"second_harmonic", "theory", "measure", "plotting"},
     "design": {"theory", "plotting"},
+    "fit": {"theory", "measure", "plotting"},
     "harmonic": {"measure", "plotting"},
     "resonances": {"theory", "plotting"},
     "cases": {"second_harmonic", "theory", "measure", "plotting"},
     "case": {"plotting", "cases"},
-    "cli": {"plotting", "compare", "design", "harmonic", "resonances", "cases", "case"},
+    "cli": {"plotting", "compare", "design", "fit", "harmonic", "resonances", "cases", "case"},
 }
 
 

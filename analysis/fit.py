@@ -1,0 +1,180 @@
+"""Keys of a scene from measured points, with 95 % intervals, and the scene that meets them, ready to run.
+
+    granular-analysis fit DATA.csv SCENE --free KEY [KEY ...] [--loss LOSS] [-o FIGURE] [--json FILE] [--scene FILE]
+
+DATA.csv has a row for each point: a frequency at a wave number, an amplitude of a second harmonic, an arrival or a
+speed of the front of an impact (`analysis.measure.points`). The scene, a file or the name of a shipped one, gives every
+other number and where the search starts. If points have no error, their scatter tells it. If they have, the table says
+how well the model meets them: χ² a degree of freedom, 1 if both are right.
+"""
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analysis.measure.fitting import Fit, summary
+from analysis.measure.points import KINDS, UNITS, read
+from analysis.plotting import letter, save, start, write
+from analysis.theory.estimation import LOSSES, Estimate
+from analysis.theory.scenes import Setting
+from granular_lmp.runs.record import GranularError, Scene
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_STRONG = 0.99  # correlation that is told
+_LINES = 200  # wave numbers of a branch in the figure
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fit with its answer."""
+
+    fit: Fit
+    found: Estimate
+
+    @property
+    def scene(self) -> Scene:
+        """Return the scene with the fitted values."""
+        return self.fit.at(self.found.values)
+
+
+def table(fitted: Fitted) -> str:
+    """Return the keys with their intervals, how well they meet the points, what they cannot tell, and the points."""
+    fit, found = fitted.fit, fitted.found
+    lines = [f"{'key':30}{'fitted':>13}{'95 % from':>13}{'to':>13}{'start':>13}"]
+    for each, value, (low, high) in zip(found.parameters, found.values, found.intervals, strict=True):
+        ends = [f"{end:13.6g}" if np.isfinite(end) else f"{'-':>13}" for end in (low, high)]
+        lines.append(f"{each.name:30}{value:13.6g}{''.join(ends)}{each.start:13.6g}")
+    lines += [
+        *_verdict(fitted),
+        "",
+        f"{'line':>5} {'kind':16}{'branch':>7}{'measured':>13}{'fitted':>13}{'residual':>10}",
+    ]
+    for point, branch, value, residual in zip(
+        fit.points, fit.branches(found.values), fit.predicted(found.values), found.residuals, strict=True
+    ):
+        unit, size = _unit(point.kind, point.value)
+        lines.append(
+            f"{point.line:5} {f'{point.kind}, {unit}':22}{branch:>7}{point.value / size:13.6g}{value / size:13.6g}"
+            f"{residual:10.2f}"
+        )
+    return "\n".join([*lines, "residuals are in standard deviations of a point"])
+
+
+def _verdict(fitted: Fitted) -> list[str]:
+    """Return the sentences on the residuals, and on keys that the points cannot tell apart."""
+    found = fitted.found
+    if found.error is not None:
+        unit, size = _unit(fitted.fit.points[0].kind, found.error)
+        said = [f"error of a point, by the scatter of {len(found.residuals)}: {found.error / size:.4g} {unit}"]
+    elif found.freedom:
+        said = [f"chi2 = {found.chi_squared:.4g} a degree of freedom, of {found.freedom}"]
+    else:
+        said = ["as many keys as points: the points do not judge the model"]
+    for group in found.blind:
+        keys = ", ".join(group)
+        said.append(f"the data do not depend on {keys}" if len(group) == 1 else f"the data cannot tell apart: {keys}")
+    names = [each.name for each in found.parameters]
+    for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
+        correlation = found.correlations[i, j]
+        if abs(correlation) > _STRONG:
+            said.append(f"{names[i]} and {names[j]} are hardly told apart: correlation {correlation:.4f}")
+        elif np.isfinite(correlation):
+            said.append(f"correlation of {names[i]} and {names[j]}: {correlation:.2f}")
+    return said
+
+
+def _unit(kind: str, value: float) -> tuple[str, float]:
+    """Return the unit of a kind in which a value is at least 1, and its size."""
+    ordered = sorted(UNITS[kind].items(), key=lambda each: each[1])
+    return next(((name, size) for name, size in reversed(ordered) if value >= size), ordered[0])
+
+
+def figure(fitted: Fitted) -> "Figure":
+    """Return the points with the fitted branches, or beside their predictions, and the residuals."""
+    from matplotlib.figure import Figure
+
+    fit, found = fitted.fit, fitted.found
+    drawing = Figure(figsize=(8, 3.6), layout="constrained")
+    left, right = drawing.subplots(1, 2)
+    kinds = [each.kind for each in fit.points]
+    if set(kinds) == {"frequency"}:
+        _branches(fitted, left)
+    else:
+        predicted = fit.predicted(found.values)
+        for kind in dict.fromkeys(kinds):
+            own = [n for n, each in enumerate(kinds) if each == kind]
+            unit, size = _unit(kind, max(fit.points[n].value for n in own))
+            measured = [fit.points[n].value / size for n in own]
+            left.loglog(predicted[own] / size, measured, "o", label=f"{kind.replace('_', ' ')}, {unit}")
+        left.axline((1, 1), slope=1, color="0.6", lw=1)
+        left.set(xlabel="fitted", ylabel="measured")
+        left.legend(fontsize=8)
+    right.axhspan(-2, 2, color="0.93")
+    right.axhline(0, color="0.6", lw=1)
+    right.plot([each.line for each in fit.points], found.residuals, "o")
+    right.set(xlabel="line of the table", ylabel="residual, standard deviations")
+    letter((left, right))
+    return drawing
+
+
+def _branches(fitted: Fitted, axes: "object") -> None:
+    """Draw measured frequencies over the wave number, on the fitted branches along the direction of the scene."""
+    fit, scene = fitted.fit, fitted.scene
+    setting = Setting(scene)
+    xi = np.array([each.wavenumber / (1 if each.unit == "rad/row" else setting.unit) for each in fit.points])
+    line = np.linspace(0, max(xi.max() * 1.1, 0.5), _LINES)
+    hertz = setting.crystal().modes(setting.wavevector(line)).frequencies / (2 * np.pi)
+    unit, size = _unit("frequency", max(each.value for each in fit.points))
+    axes.plot(line, hertz / size, color="0.5", lw=1)  # type: ignore[attr-defined]
+    values = [each.value / size for each in fit.points]
+    errors = None if fitted.found.error is not None else [(each.error or 0.0) / size for each in fit.points]
+    axes.errorbar(xi, values, yerr=errors, fmt="o", ms=4)  # type: ignore[attr-defined]
+    axes.set(xlabel="wave number, rad per row", ylabel=f"frequency, {unit}")  # type: ignore[attr-defined]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        description=(__doc__ or "").partition("\n")[0],
+        epilog="A column of DATA.csv is a quantity and its unit: "
+        + "; ".join(f"{name} in {', '.join(filter(None, units))}" for name, units in UNITS.items() if name in KINDS)
+        + ". docs/fit.md has the others.",
+    )
+    parser.add_argument("data", metavar="DATA.csv", help="measured points, a row each")
+    parser.add_argument("scene", metavar="SCENE", help="a file or a shipped scene: the model, and where the fit starts")
+    parser.add_argument("--free", nargs="+", required=True, metavar="KEY", help="keys of the scene that are fitted")
+    parser.add_argument(
+        "--loss", choices=LOSSES, default="linear", help="linear: least squares; the others weigh outliers down"
+    )
+    parser.add_argument("-o", "--output", metavar="FIGURE", help="draw points, fit and residuals: PNG, PDF or SVG")
+    parser.add_argument("--json", metavar="FILE", help="write all of the answer as JSON")
+    parser.add_argument("--scene", dest="fitted", metavar="FILE", help="write the fitted scene, ready to run")
+    options = parser.parse_args(arguments)
+    try:
+        fit = Fit(Scene.load(options.scene), read(options.data), tuple(options.free), options.loss)
+        fitted = Fitted(fit, fit.answer())
+        print(table(fitted))
+    except GranularError as error:
+        raise SystemExit(error.in_options()) from error
+    except OSError as error:
+        raise SystemExit(f"{options.data}: {error.strerror or error}") from error
+    except ValueError as error:
+        raise SystemExit(str(error)) from error
+    if options.output:
+        save(figure(fitted), options.output)
+    if options.json:
+        write(Path(options.json), json.dumps(summary(fit, fitted.found), indent=2) + "\n")
+    if options.fitted:
+        write(Path(options.fitted), fitted.scene.to_toml())
+    return 0
+
+
+if __name__ == "__main__":
+    start(main)

@@ -1,0 +1,259 @@
+"""Keys of a scene from measured points, by least squares through the theory of waves, second order, and chains.
+
+Frequencies are those of the modes of the scene's crystal (`analysis.theory.scenes.Setting`), second harmonics those of
+the theory of second order, arrivals and front speeds of an impact in a chain those of Hertz's springs, integrated
+(`analysis.theory.chain`): a front is the first crest of a sphere's velocity, its time counts from the strike.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.measure.front import crest
+from analysis.measure.points import Point
+from analysis.measure.strikes import Sites, densities
+from analysis.theory.bloch import branch_among, frame
+from analysis.theory.chain import Chain, spheres
+from analysis.theory.chain_motion import integrate
+from analysis.theory.crystal import Modes
+from analysis.theory.estimation import Estimate, Loss, Parameter, estimate
+from analysis.theory.scenes import Setting
+from granular_lmp.runs.record import Scene
+
+Floats = NDArray[np.float64]
+# Tables and keys of an impact that the chain holds, or that change nothing of its motion
+IMPACT_KEYS = {"name", "description", "inclusion", "striker", "monitor", "output", "time"} | {
+    f"{section}.{key}"
+    for section, keys in {
+        "sphere": "radius youngs_modulus poisson_ratio density",
+        "packing": "lattice rows columns first last contact_force",
+        "effects": "shear_law rotation",
+    }.items()
+    for key in keys.split()
+}
+_SAMPLES = 400  # of the time to the last arrival: ten to a crest at a tenth of the rows
+_LATER = 1.3  # a front that is slower by this factor still arrives
+_RTOL = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Measured points and the keys of a scene that are free.
+
+    Attributes
+    ----------
+    scene : gives every other key, and where the search starts.
+    points : measured.
+    keys : free ones, each a number.
+    loss : see `estimate`.
+    """
+
+    scene: Scene
+    points: Sequence[Point]
+    keys: tuple[str, ...]
+    loss: Loss = "linear"
+
+    def __post_init__(self) -> None:
+        if not self.keys:
+            raise ValueError("no key is free; name one or more")
+        if twice := {key for key in self.keys if self.keys.count(key) > 1}:
+            raise ValueError(f"{', '.join(sorted(twice))}: named twice")
+        given = [each.error is not None for each in self.points]
+        if any(given) and not all(given):
+            line = self.points[given.index(False)].line
+            raise ValueError(f"line {line}: has no error, and others have; give all points one, or none")
+        if len({each.kind for each in self.points}) > 1 and not all(given):
+            raise ValueError("points of several kinds need their errors, which say what each of them weighs")
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the free keys with their ranges; ValueError for one that is no number of the scene."""
+        return tuple(self._parameter(key) for key in self.keys)
+
+    def _parameter(self, key: str) -> Parameter:
+        section, _, name = key.rpartition(".")
+        value = self.scene.value(key)
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise ValueError(f"--free {key}: must be a number that the scene declares, not {value!r}")
+        if section in self.scene.sections:
+            rule = next(each.rule for each in self.scene.keys_of(section) if each.name == name)
+            low, high = (rule.interval.low, rule.interval.high) if rule.interval else (-np.inf, np.inf)
+        else:  # of an array of tables: each number there is positive
+            low, high = 0.0, np.inf
+        return Parameter(key, float(value), float(low), float(high))
+
+    def at(self, values: Floats) -> Scene:
+        """Return the scene with values of the free keys."""
+        return self.scene.with_values(dict(zip(self.keys, map(float, values), strict=True)))
+
+    def predicted(self, values: Floats) -> Floats:
+        """Return what the points would be, (N,), for values of the free keys."""
+        scene, found = self.at(values), np.empty(len(self.points))
+        for kind, rule in (("frequency", _frequencies), ("second_harmonic", _harmonics)):
+            chosen = [n for n, each in enumerate(self.points) if each.kind == kind]
+            if chosen:
+                found[chosen] = rule(scene, [self.points[n] for n in chosen])
+        chosen = [n for n, each in enumerate(self.points) if each.kind in ("arrival", "speed")]
+        if chosen:
+            found[chosen] = _fronts(scene, [self.points[n] for n in chosen])
+        return found
+
+    def answer(self) -> Estimate:
+        """Return the estimate.
+
+        Raises ValueError for a scene or a point that no theory here holds, GranularError for values that leave it.
+        """
+        errors = [each.error for each in self.points if each.error is not None]
+        values = [each.value for each in self.points]
+        return estimate(self.parameters, self.predicted, values, errors or None, self.loss)
+
+    def branches(self, values: Floats) -> list[str]:
+        """Return the branch of each point, counted from 1; "" for one that is no frequency."""
+        chosen = [each for each in self.points if each.kind == "frequency"]
+        if not chosen:
+            return [""] * len(self.points)
+        numbers = iter(_branches(*_modes(self.at(values), chosen), chosen).tolist())
+        return [str(next(numbers) + 1) if each.kind == "frequency" else "" for each in self.points]
+
+
+def _wavenumbers(setting: Setting, points: Sequence[Point]) -> Floats:
+    """Return |k| of points, 1/m."""
+    return np.array([each.wavenumber * (setting.unit if each.unit == "rad/row" else 1.0) for each in points])
+
+
+def _modes(scene: Scene, points: Sequence[Point]) -> tuple[Modes, Floats]:
+    """Return the modes of the crystal at the wave vectors of points, and these, (N, 2) in 1/m."""
+    setting = Setting(scene)
+    directions = [scene.direction if each.direction is None else each.direction for each in points]
+    k = _wavenumbers(setting, points)[:, None] * np.array([frame(each)[0] for each in directions])
+    return setting.crystal().modes(k), k
+
+
+def _branches(modes: Modes, k: Floats, points: Sequence[Point]) -> NDArray[np.intp]:
+    """Return which branch each point is, (N,): by name, by number, or the nearest."""
+    hertz = modes.frequencies / (2 * np.pi)
+    found = np.argmin(np.abs(hertz - np.array([each.value for each in points])[:, None]), axis=1)
+    count, spheres_of_cell = hertz.shape[1], modes.shapes.shape[-2]
+    numbers = [str(branch + 1) for branch in range(count)]
+    for n, each in enumerate(points):
+        if each.branch in numbers:
+            found[n] = numbers.index(each.branch)
+        elif each.branch and spheres_of_cell == 1 and count <= 3:
+            try:
+                found[n] = branch_among(each.branch, modes.shapes[n, :, 0, [0, 1, 5]].T, k[n])
+            except ValueError as error:
+                raise ValueError(f"line {each.line}: branch: {error}") from error
+        elif each.branch:
+            raise ValueError(
+                f"line {each.line}: branch = {each.branch!r}: must be a number from 1 to {count}, or empty"
+            )
+    return found
+
+
+def _frequencies(scene: Scene, points: Sequence[Point]) -> Floats:
+    """Return the frequencies of waves, Hz."""
+    modes, k = _modes(scene, points)
+    chosen = _branches(modes, k, points)
+    return np.take_along_axis(modes.frequencies, chosen[:, None], axis=1)[:, 0] / (2 * np.pi)
+
+
+def _harmonics(scene: Scene, points: Sequence[Point]) -> Floats:
+    """Return the amplitudes |C| of second harmonics in m, each of its own wave, from the start of the wave."""
+    found = []
+    for each in points:
+        setting = Setting(scene)
+        xi = each.wavenumber * (1.0 if each.unit == "rad/row" else 1 / setting.unit)
+        wave = {"wave.amplitude": each.amplitude / scene.sphere.static_overlap} | (
+            {"wave.wavenumber": xi} if xi else {}
+        )
+        own = scene.with_values(wave)
+        found.append(Setting(own).harmonic([each.time / own.sphere.time_scale])[0][0])
+    return np.linalg.norm(found, axis=1) * np.array([each.amplitude for each in points])
+
+
+def _chain(scene: Scene) -> tuple[Chain, Floats]:
+    """Return the chain of a struck scene, and the velocities of its spheres, m/s.
+
+    Raises ValueError for a scene that declares anything else.
+    """
+    tables = {key: table if isinstance(table, dict) else {} for key, table in scene.given().items()}
+    told = [(each, f"{each}.{name}") for each, table in tables.items() for name in table or [""]]
+    if other := sorted(key.rstrip(".") for section, key in told if not {section, key} & IMPACT_KEYS):
+        said = ", ".join(other)
+        raise ValueError(f"arrivals and front speeds are of a struck chain of Hertz contacts, without {said}")
+    packing, sphere, sites = scene.packing, scene.sphere, Sites.of(scene)
+    row = np.ones(len(sites.row))
+    ends = (packing.first, packing.last)
+    chain = spheres(
+        sphere.radius * row,
+        densities(scene),
+        sphere.youngs_modulus,
+        sphere.poisson_ratio,
+        ends=ends,  # type: ignore[arg-type]  # words of the scene
+        force=packing.contact_force,
+    )
+    velocity = 0 * row
+    for each in scene.striker:
+        velocity[sites.chosen(each)] = each.components[1]
+    return chain, velocity
+
+
+def _fronts(scene: Scene, points: Sequence[Point]) -> Floats:
+    """Return arrivals, s, and speeds, m/s, of the front in a chain.
+
+    Raises ValueError for a row that is not there, or that no front reaches by 1.3 times the last measured arrival.
+    """
+    if scene.wave is not None or scene.lattice.sheet:
+        raise ValueError("arrivals and front speeds are of a struck chain: packing.lattice = 'chain', without [wave]")
+    chain, velocity = _chain(scene)
+    rows = sorted({row for each in points for row in (each.row, each.to_row) if row >= 0})
+    if rows[-1] >= len(chain):
+        raise ValueError(f"row {rows[-1]}: must be below {len(chain)}, the rows of the chain")
+    spacing = 2 * scene.sphere.radius - float(chain.overlap.max())
+    if arrivals := [each.value for each in points if each.kind == "arrival"]:
+        last = max(arrivals)
+    else:
+        last = max(rows) * spacing / min(each.value for each in points)
+    times = np.linspace(0.0, _LATER * last, _SAMPLES)
+    _, moved = integrate(chain, np.zeros(len(chain)), velocity, times, rtol=_RTOL)
+    speeds = np.abs(moved[:, rows]) / np.abs(velocity).max()
+    at = {row: crest(times, each)[0] for row, each in zip(rows, speeds.T, strict=True)}
+    if late := [row for row, time in at.items() if not np.isfinite(time)]:
+        raise ValueError(f"row {late[0]}: no front arrives there by {times[-1]:.4g} s")
+    return np.array([_front(each, at, spacing) for each in points])
+
+
+def _front(point: Point, at: Mapping[int, float], spacing: float) -> float:
+    """Return the arrival at a row, or the speed from it to another."""
+    if point.kind == "arrival":
+        return at[point.row]
+    return (point.to_row - point.row) * spacing / (at[point.to_row] - at[point.row])
+
+
+def summary(fit: Fit, found: Estimate) -> dict[str, Any]:
+    """Return the plain values of a fit, as its JSON holds them; None where there is none."""
+
+    def plain(value: float) -> float | None:
+        return float(value) if np.isfinite(value) else None
+
+    predicted, branches = fit.predicted(found.values), fit.branches(found.values)
+    return {
+        "scene": fit.scene.name,
+        "keys": {
+            each.name: {"value": float(value), "start": each.start, "from": plain(low), "to": plain(high)}
+            for each, value, (low, high) in zip(found.parameters, found.values, found.intervals, strict=True)
+        },
+        "chi_squared_a_point": plain(found.chi_squared) if found.error is None else None,
+        "error": found.error,
+        "correlations": [[plain(value) for value in row] for row in found.correlations],
+        "cannot_tell_apart": [list(group) for group in found.blind],
+        "points": [
+            {"line": each.line, "kind": each.kind, "branch": branch, "measured": each.value, "fitted": float(value)}
+            | {"residual": float(residual)}
+            for each, branch, value, residual in zip(fit.points, branches, predicted, found.residuals, strict=True)
+        ],
+    }

@@ -1,0 +1,239 @@
+"""Least squares of parameters: values, 95 % intervals, correlations, and the parameters that data cannot tell apart.
+
+    minimise  Σ_i ρ(r_i²),   r_i(θ) = (model_i(θ) − measured_i)/σ_i
+
+A parameter that is positive is fitted as its logarithm, so that its interval stays positive. The covariance is (JᵀJ)⁻¹
+with the Jacobian J of the residuals at the minimum. If the errors σ_i are known, an interval is ±1.96 standard
+deviations; if they are not, all points have one error, which the residuals tell, and the interval is Student's.
+
+A combination of parameters whose standard deviation is above `WIDE`, a factor of e² of positive ones, is one that the
+data do not determine: the right singular vector of J that belongs to it names the parameters that it mixes. They have
+no interval. A search with a prior of that width about the start finds them, and leaves them near it; a second search
+without a prior moves only along the other right singular vectors.
+
+When it breaks: an interval assumes that the model is linear over its own width, that residuals are independent and
+Gaussian, and that no parameter ends at a bound. A robust loss weighs outliers down; its intervals are then those of a
+Gaussian core.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares
+from scipy.stats import norm, t
+
+Floats = NDArray[np.float64]
+Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
+LOSSES: tuple[str, ...] = get_args(Loss)
+COVERAGE = 0.95
+WIDE = 2.0  # e-folds of a positive parameter, starts of another
+_GUESS = 0.01  # share of the largest value that an unknown error is at first
+_ROUNDING = 1e-10  # share of the guess: points without scatter have this error
+_NEAR, _EXACT = 1e-4, 1e-12  # tolerances of a search: relative changes of parameters and of the sum
+_MIXED = 0.05  # share of a singular vector below which a parameter is none of it
+
+
+@dataclass(frozen=True, eq=False)
+class Parameter:
+    """A parameter: its name, where the fit starts, and its bounds.
+
+    Raises ValueError unless the start lies strictly between the bounds.
+    """
+
+    name: str
+    start: float
+    low: float = -np.inf
+    high: float = np.inf
+
+    def __post_init__(self) -> None:
+        if not self.low < self.start < self.high:
+            raise ValueError(f"{self.name} = {self.start:g}: a fit must start between {self.low:g} and {self.high:g}")
+
+    @property
+    def logarithmic(self) -> bool:
+        """True if it is positive, and fitted as its logarithm."""
+        return self.low >= 0
+
+    def inner(self, value: float) -> float:
+        """Return the number that is fitted for a value: its logarithm, or its share of the start."""
+        if self.logarithmic:
+            return float(np.log(value)) if value > 0 else -np.inf
+        return value / self._size
+
+    def value(self, inner: float) -> float:
+        """Return the value of a number that is fitted."""
+        return float(np.exp(inner)) if self.logarithmic else inner * self._size
+
+    @property
+    def _size(self) -> float:
+        return abs(self.start) or 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Parameters of least squares.
+
+    Attributes
+    ----------
+    parameters : (P,)
+    values : (P,) at the minimum.
+    intervals : (P, 2) of 95 %; nan where the data determine a combination only.
+    correlations : (P, P); nan in the rows of such parameters.
+    residuals : (N,) in standard deviations σ_i; in those that the residuals tell where the errors were not known.
+    error : the one error of all points, in their unit, where errors were not known; else None.
+    blind : groups of parameters that the data cannot tell apart; a group of one is a parameter without effect.
+    """
+
+    parameters: tuple[Parameter, ...]
+    values: Floats
+    intervals: Floats
+    correlations: Floats
+    residuals: Floats
+    error: float | None
+    blind: tuple[tuple[str, ...], ...]
+
+    @property
+    def freedom(self) -> int:
+        """Return the number of points less that of parameters."""
+        return len(self.residuals) - len(self.parameters)
+
+    @property
+    def chi_squared(self) -> float:
+        """Return Σ r² over the degrees of freedom: 1 for a right model with right errors; nan without any."""
+        return float(np.sum(self.residuals**2) / self.freedom) if self.freedom else np.nan
+
+
+def estimate(
+    parameters: Sequence[Parameter],
+    model: Callable[[Floats], Floats],
+    measured: ArrayLike,
+    errors: ArrayLike | None = None,
+    loss: Loss = "linear",
+) -> Estimate:
+    """Return the parameters with which a model meets measured values best.
+
+    Parameters
+    ----------
+    parameters : P of them.
+    model : values (P,) → (N,) in the unit of the measured ones.
+    measured : (N,).
+    errors : (N,) standard deviations; None: one unknown error for all.
+    loss : "linear" for plain least squares; the others of `scipy.optimize.least_squares` weigh down what is farther
+        than about one σ, and need errors.
+
+    Raises
+    ------
+    ValueError
+        For fewer points than parameters, errors that are not positive, a robust loss without errors, and a search that
+        does not end.
+    """
+    data = np.asarray(measured, dtype=float)
+    names = ", ".join(each.name for each in parameters)
+    if len(data) < len(parameters) + (errors is None):
+        more = " and their error" if errors is None else ""
+        raise ValueError(f"{len(data)} points do not determine {len(parameters)} keys{more} ({names})")
+    if loss != "linear" and errors is None:
+        raise ValueError(f"loss = {loss!r}: needs the errors of the points, which say what an outlier is")
+    search = _Search(tuple(parameters), model, data, loss)
+    if errors is None:
+        guess = _GUESS * (float(np.abs(data).max()) or 1.0)
+        unit = guess * max(_scatter(search.best(np.full(len(data), guess))), _ROUNDING)
+        found = search.best(np.full(len(data), unit))
+        return search.judged(found, unit)
+    sigma = np.asarray(errors, dtype=float)
+    if not np.all((sigma > 0) & np.isfinite(sigma)):
+        raise ValueError("errors must be positive and finite")
+    return search.judged(search.best(sigma))
+
+
+class _Minimum(NamedTuple):
+    """What is fitted (P,), residuals (N,), their Jacobian (N, P), and right singular vectors that data determine."""
+
+    inner: Floats
+    residuals: Floats
+    jacobian: Floats
+    seen: Floats
+
+
+def _scatter(found: _Minimum) -> float:
+    """Return the root of Σ r² over the degrees of freedom."""
+    count, parameters = found.jacobian.shape
+    return float(np.sqrt(np.sum(found.residuals**2) / (count - parameters)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """A search for the minimum, as `estimate` is asked for it."""
+
+    parameters: tuple[Parameter, ...]
+    model: Callable[[Floats], Floats]
+    data: Floats
+    loss: Loss
+
+    def best(self, sigma: Floats) -> _Minimum:
+        """Return the minimum for errors σ (N,)."""
+        start = np.array([each.inner(each.start) for each in self.parameters])
+        low, high = np.array([(each.inner(each.low), each.inner(each.high)) for each in self.parameters]).T
+
+        def residuals(inner: Floats) -> Floats:
+            return (self.model(self.values(np.clip(inner, low, high))) - self.data) / sigma
+
+        convex: Loss = "linear" if self.loss == "linear" else "soft_l1"  # one minimum; that of "cauchy" is near it
+        held = self._solved(lambda inner: np.append(residuals(inner), (inner - start) / WIDE), start, convex, _NEAR)
+        _, sizes, rows = np.linalg.svd(held.jac[: len(self.data)], full_matrices=False)
+        seen = rows[sizes * WIDE > 1]
+        if not len(seen):
+            return _Minimum(held.x, residuals(held.x), held.jac[: len(self.data)], seen)
+        free = self._solved(lambda along: residuals(held.x + along @ seen), np.zeros(len(seen)), self.loss, _EXACT)
+        return _Minimum(
+            np.clip(held.x + free.x @ seen, low, high), residuals(held.x + free.x @ seen), free.jac @ seen, seen
+        )
+
+    def values(self, inner: Floats) -> Floats:
+        """Return the values of what is fitted."""
+        return np.array([each.value(x) for each, x in zip(self.parameters, inner, strict=True)])
+
+    def _solved(self, residuals: Callable[[Floats], Floats], start: Floats, loss: Loss, tolerance: float) -> Any:
+        ends = dict.fromkeys(("xtol", "ftol", "gtol"), tolerance)
+        found = least_squares(residuals, start, jac="3-point", loss=loss, **ends)
+        if found.status < 1:
+            names = ", ".join(each.name for each in self.parameters)
+            raise ValueError(f"the search for {names} does not end: start nearer, or free fewer keys")
+        return found
+
+    def judged(self, found: _Minimum, unit: float | None = None) -> Estimate:
+        """Return the estimate of a minimum; `unit` is that of the residuals, where the error is not known."""
+        width, spread = float(norm.ppf(0.5 + COVERAGE / 2)), 1.0
+        if unit is not None:
+            spread = max(_scatter(found), _ROUNDING)
+            width = float(t.ppf(0.5 + COVERAGE / 2, len(self.data) - len(self.parameters)))
+        inside = found.jacobian @ found.seen.T
+        covariance = found.seen.T @ np.linalg.inv(inside.T @ inside) @ found.seen * spread**2
+        null = np.eye(len(self.parameters)) - found.seen.T @ found.seen  # projects on what data do not determine
+        deviation = np.where(np.diag(null) > _MIXED**2, np.nan, np.sqrt(np.diag(covariance)))
+        ends = found.inner + width * deviation * np.array([[-1.0], [1.0]])
+        return Estimate(
+            self.parameters,
+            values=self.values(found.inner),
+            intervals=np.array([self.values(each) for each in ends]).T,
+            correlations=covariance / np.outer(deviation, deviation),
+            residuals=found.residuals / spread,
+            error=None if unit is None else unit * spread,
+            blind=tuple(_groups(null, [each.name for each in self.parameters])),
+        )
+
+
+def _groups(null: Floats, names: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return the parameters that a projector (P, P) mixes, each group together."""
+    mixed = np.abs(null) > _MIXED**2
+    groups: list[set[int]] = []
+    for row in np.flatnonzero(np.diag(mixed)):
+        own = set(np.flatnonzero(mixed[row]).tolist())
+        for other in [group for group in groups if group & own]:
+            own |= other
+            groups.remove(other)
+        groups.append(own)
+    return [tuple(names[each] for each in sorted(group)) for group in groups]

@@ -1,0 +1,145 @@
+"""Keys of scenes from measured points: recovered from the theory, from an impact, and refused where none holds."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.cases.recovery.case import judged, setups
+from analysis.fit import main
+from analysis.measure.fitting import Fit
+from analysis.measure.points import Point
+from analysis.second_harmonic import mode, ratios
+from granular_lmp import Scene
+
+SCENE = Scene.load("tr_periodic")
+E, NU = "sphere.youngs_modulus", "sphere.poisson_ratio"
+
+
+def point(value: float, error: float | None = None, **place: object) -> Point:
+    return Point("frequency", value, error, 2, **place)  # type: ignore[arg-type]
+
+
+def closed_form(scene: Scene) -> list[Point]:
+    """Return frequencies of L and TR by the paper's closed form, which the fit does not use."""
+    sphere = scene.sphere
+    constants = ratios(sphere.poisson_ratio, overlap_ratio=sphere.static_overlap / (2 * sphere.radius))
+    scale = 1 / (2 * np.pi * sphere.time_scale)
+    return [
+        point(mode(name, xi, constants).frequency * scale, branch=name, wavenumber=xi)  # type: ignore[arg-type]
+        for xi in (0.7, 1.4, 2.1)
+        for name in ("L", "TR")
+    ]
+
+
+def test_keys_are_found_again_from_the_closed_form() -> None:
+    truth = SCENE.with_values({E: 6.5e10, NU: 0.25})
+    found = Fit(SCENE, closed_form(truth), (E, NU)).answer()
+    assert found.values == pytest.approx([6.5e10, 0.25], rel=1e-6)
+    assert found.error is not None
+    assert found.error < 1e-6 * closed_form(truth)[0].value
+
+
+def test_a_wrong_name_of_a_branch_is_seen_in_the_residuals() -> None:
+    points = closed_form(SCENE)
+    swapped = [
+        point(each.value, each.value / 100, branch={"L": "TR", "TR": "L"}[each.branch], wavenumber=each.wavenumber)
+        for each in points
+    ]
+    right = [point(each.value, each.value / 100, branch=each.branch, wavenumber=each.wavenumber) for each in points]
+    assert Fit(SCENE, right, (E,)).answer().chi_squared < 1e-6
+    assert Fit(SCENE, swapped, (E,)).answer().chi_squared > 100
+
+
+def test_an_empty_branch_is_the_nearest() -> None:
+    points = [point(each.value, wavenumber=each.wavenumber) for each in closed_form(SCENE)]
+    fit = Fit(SCENE.with_values({E: 1.02 * SCENE.sphere.youngs_modulus}), points, (E,))
+    assert fit.answer().values == pytest.approx([SCENE.sphere.youngs_modulus], rel=1e-6)
+    assert fit.branches(fit.answer().values) == ["2", "1"] * 3  # L above TR
+
+
+@pytest.mark.parametrize("setup", setups(), ids=lambda each: each.name)
+def test_intervals_of_twenty_noisy_sets_hold_the_truth(setup: object) -> None:
+    coverage, bias = judged(setup.departures(0.01, 20))  # type: ignore[attr-defined]
+    assert np.all(coverage >= 0.8)  # 16 of 20 or fewer happen by chance in 0.3 % of trials
+    assert np.all(np.abs(bias) < 0.46)  # four deviations of the mean of 20: 0.51/√20 each
+
+
+def test_intervals_that_are_too_narrow_would_be_seen() -> None:
+    coverage, _ = judged(setups()[0].departures(0.01, 20) * 4)
+    assert np.any(coverage < 0.8)
+
+
+def test_modulus_and_adhesion_are_not_told_apart_by_frequencies() -> None:
+    points = [
+        point(each.value, each.value / 100, branch=each.branch, wavenumber=each.wavenumber)
+        for each in closed_form(SCENE)
+    ]
+    found = Fit(SCENE, points, (E, "sphere.work_of_adhesion", NU)).answer()
+    assert found.blind == ((E, "sphere.work_of_adhesion"),)
+    assert np.isfinite(found.intervals[2]).all()
+
+
+def test_the_speed_of_a_front_tells_the_modulus_of_a_struck_chain() -> None:
+    """At a given velocity of the striker the speed of the front goes as E^{2/5}, by the scaling of Hertz's law."""
+    chain = Scene.load("solitary_chain")
+    exact = [Point("speed", 600.0, 1.0, 2, row=20, to_row=40)]
+    speed = float(Fit(chain, exact, (E,)).predicted(np.array([2e11]))[0])
+    points = [Point("speed", speed * factor, speed / 100, 2, row=20, to_row=40) for factor in (1.0, 1.0)]
+    start = chain.with_values({E: 1.5e11})
+    assert Fit(start, points, (E,)).answer().values[0] == pytest.approx(2e11, rel=1e-4)  # parabola of a crest
+    faster = Fit(chain, exact, (E,)).predicted(np.array([4e11]))[0]
+    assert faster / speed == pytest.approx(2**0.4, rel=1e-3)
+
+
+def test_an_amplitude_of_a_second_harmonic_tells_poissons_ratio() -> None:
+    scene = SCENE.with_values({"wave.wavenumber": 1.2})
+    amplitude = 0.1 * scene.sphere.static_overlap
+    times = [20 * scene.sphere.time_scale, 30 * scene.sphere.time_scale]
+    asked = [Point("second_harmonic", 1.0, 1.0, 2, amplitude=amplitude, time=t, wavenumber=1.2) for t in times]
+    truth = Fit(scene, asked, (NU,)).predicted(np.array([0.2]))
+    points = [
+        Point(**vars(each) | {"value": value, "error": value / 100}) for each, value in zip(asked, truth, strict=True)
+    ]
+    assert Fit(scene, points, (NU,)).answer().values[0] == pytest.approx(0.2, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("points", "keys", "says"),
+    [
+        ([point(1e8)], (), "no key is free"),
+        ([point(1e8)], (E, E), "named twice"),
+        ([point(1e8)], ("sphere.adhesion_law",), "must be a number"),
+        ([point(1e8)], ("sphere.colour",), "must be a number"),
+        ([point(1e8, 1.0), point(1e8)], (E,), "line 2: has no error, and others have"),
+        ([point(1e8, 1.0, branch="XX", wavenumber=1.0)], (E,), "XX"),
+        ([Point("arrival", 1e-6, 1e-8, 2, row=3)], (E,), "are of a struck chain"),
+    ],
+)
+def test_what_no_theory_holds_is_refused(points: list[Point], keys: tuple[str, ...], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        Fit(SCENE, points, keys).answer()
+
+
+def test_the_command_prints_writes_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [
+        f"{each.branch},{each.wavenumber},{each.value / 1e6},1" for each in closed_form(SCENE.with_values({E: 6e10}))
+    ]
+    data = tmp_path / "data.csv"
+    data.write_text("branch,wavenumber_rad/row,frequency_MHz,error_MHz\n" + "\n".join(rows) + "\n")
+    scene, figure, plain = (tmp_path / name for name in ("fitted.toml", "fit.png", "fit.json"))
+    words = [str(data), "tr_periodic", "--free", E, "-o", str(figure), "--scene", str(scene), "--json", str(plain)]
+    assert main(words) == 0
+    printed = capsys.readouterr().out
+    assert "sphere.youngs_modulus" in printed
+    assert "chi2 =" in printed
+    assert Scene.load(scene).sphere.youngs_modulus == pytest.approx(6e10, rel=1e-6)
+    answer = json.loads(plain.read_text())
+    assert answer["keys"][E]["from"] < 6e10 < answer["keys"][E]["to"]
+    assert figure.stat().st_size > 10_000
+
+
+def test_a_file_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match="No such file"):
+        main([str(tmp_path / "none.csv"), "tr_periodic", "--free", E])
