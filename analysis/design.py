@@ -46,8 +46,8 @@ from analysis.theory.objectives import (
 from analysis.theory.partners import LARGEST, SILICA, contact_of, design, table
 from analysis.theory.partners import Resonance as Resonance
 from analysis.theory.partners import compressed as compressed
+from analysis.theory.rows import Rows, heavy_rows
 from analysis.theory.scenes import CRYSTAL_KEYS, MOTION, VARIED, Setting
-from analysis.theory.transfer import Rows, heavy_rows
 from analysis.theory.variation import Resonance as Resonant
 from analysis.theory.variation import Spot, Value
 from granular_lmp.runs.record import GranularError, Scene

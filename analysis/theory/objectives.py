@@ -25,7 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize, minimize_scalar
 
 from analysis.theory.phase_matching import last_number, matches
-from analysis.theory.transfer import Rows, changes_by_mass, scattering
+from analysis.theory.rows import Rows
+from analysis.theory.transfer import changes_by_mass, scattering
 from analysis.theory.variation import Place, Resonance, Value, Varied, resonance
 
 Floats = NDArray[np.float64]

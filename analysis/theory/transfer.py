@@ -1,6 +1,7 @@
 """Waves along y at rows that differ: reflection and transmission of every mode, exact in the linear lattice.
 
-Rows n = 0 … N−1 of C spheres each, X_n = (u, v, φ) of all spheres of a row, φ = Rθ, move with e^{−iΩt} by
+Rows n = 0 … N−1 (`analysis.theory.rows`) of C spheres each, X_n = (u, v, φ) of all spheres of a row, φ = Rθ, move
+with e^{−iΩt} by
 
     K_{n,n−1} X_{n−1} + (K_{nn} − Ω² M_n) X_n + K_{n,n+1} X_{n+1} = 0,    K_{n+1,n} = K_{n,n+1}ᵀ
 
@@ -19,27 +20,17 @@ of the perfect lattice; others are "order +1" and so on. A plane of equal rows i
 **A heavy row.** L waves of the perfect lattice are those of a chain, and of one row of the mass 1 + ε
 T = 1/(1 + ε² tan²(ξ/2)).
 
-The stiffness of a contact is that at rest: k = (3/2)Aδ^{1/2} along the normal, g = Bδ^{1/2} on the slip, and −P/ℓ
-across the normal of a contact of length ℓ that is pressed by P. In LAMMPS the torque of a slip has the arm R − δ/2,
-which is the same as the moment of inertia over 1 − η, η = δ/2R. Where η is not the same for all contacts of a sphere it
-is their mean, weighted by g: then, and then only, what follows is off by the spread of η, 1e-4 for microspheres.
-
 Breaks at the edge of a band, where incident waves stand (refused), and where two waves have one λ. Dashpots are not
 held. Not in the paper.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.linalg import eig
-from scipy.sparse import coo_array
 
-from analysis.theory.bloch import BONDS, TANGENTS
-from analysis.theory.contact import Contact
-from analysis.theory.network import Network
-from analysis.theory.network_state import search
+from analysis.theory.rows import Rows, plane_wave
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]
@@ -47,31 +38,6 @@ NAMES = ("L", "TR", "RT")
 _FINITE = 1e-30  # 1/|λ| of a wave that ends at once
 _RUNS = 1e-6  # ||λ| − 1| of a wave that runs; rounding leaves 1e-8 next to the edge of a band
 _LEAST_FLUX = 1e-6  # share of the stiffness: waves that carry less stand
-_ALIKE = 1e-6  # relative difference of rows that are those of one lattice
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Rows of spheres as a chain of blocks, in any consistent units; made by `heavy_rows` or `rows_of`.
-
-    Attributes
-    ----------
-    places : (C_n,) x of the spheres of each row, over the width.
-    mass : (3C_n,) M of each row.
-    on_site : (3C_n, 3C_n) K_{nn}, with the contacts to both next rows.
-    ahead : (3C_n, 3C_{n+1}) K_{n,n+1} of each row but the last.
-    """
-
-    places: tuple[Floats, ...]
-    mass: tuple[Floats, ...]
-    on_site: tuple[Floats, ...]
-    ahead: tuple[Floats, ...]
-
-    @property
-    def reversed(self) -> "Rows":
-        """The same rows seen from behind."""
-        turned = tuple(block.T for block in self.ahead[::-1])
-        return Rows(self.places[::-1], self.mass[::-1], self.on_site[::-1], turned)
 
 
 @dataclass(frozen=True)
@@ -220,7 +186,7 @@ class _Side:
         places, mass = rows.places[0], rows.mass[0][:3]
         coming, leaving, pull = [], [], np.zeros(rows.on_site[0].shape, dtype=complex)
         for order in range(-((len(places) - 1) // 2), len(places) // 2 + 1):
-            here, next_one = (_plane(each, order) for each in rows.places[:2])
+            here, next_one = (plane_wave(each, order) for each in rows.places[:2])
             on_site = here.conj().T @ rows.on_site[0] @ here
             ahead = here.conj().T @ rows.ahead[0] @ next_one
             factor, shape, flux = lattice_waves(mass, on_site, ahead, frequency)
@@ -241,12 +207,6 @@ class _Side:
         for name, flux, amplitude in self.leaving:
             found[name] = found.get(name, 0.0) + flux * float(np.abs(amplitude @ motion) ** 2) / incident
         return dict(sorted(found.items()))
-
-
-def _plane(places: Floats, order: int) -> Complexes:
-    """Return u, v and φ of a wave e^{2πi m x/W} on the spheres of a row, (3C, 3), of norm 1."""
-    phases = np.exp(2j * np.pi * order * places) / np.sqrt(len(places))
-    return np.kron(phases[:, None], np.eye(3))
 
 
 def lattice_waves(
@@ -288,123 +248,3 @@ def _name(
     root = np.sqrt(mass[[0, 2]])
     frequencies = np.sqrt(np.abs(np.linalg.eigvalsh(matrix[across] / (root[:, None] * root))))
     return NAMES[1 + int(np.argmin(np.abs(frequencies - frequency)))]
-
-
-# --- rows ------------------------------------------------------------------------------------------------------------
-
-
-def heavy_rows(contact: Contact, masses: Sequence[float]) -> Rows:
-    """Return rows of equal spheres but for their density, between perfect lattices; in t0 and the mass of a sphere.
-
-    Parameters
-    ----------
-    contact : of all spheres; without dashpots.
-    masses : of the spheres of the rows, in those of the others; positive. Two rows of the others are added at each end.
-
-    Raises
-    ------
-    ValueError
-        For a mass that is not positive, and a contact with dashpots or whose spheres do not turn.
-    """
-    relative = np.array([1.0, 1.0, *masses, 1.0, 1.0])
-    if not np.all((relative > 0) & np.isfinite(relative)):
-        raise ValueError(f"masses = {list(masses)}: must be positive and finite")
-    if not contact.turns:
-        raise ValueError("contact: must have shear and rotation")
-    if contact.viscosity or contact.restitution is not None:
-        raise ValueError("contact: must be without dashpots")
-    stiffness = np.array([1.0, contact.shear_stiffness, -contact.softening]) / (2 * (contact.kappa + 3))
-    on_site, ahead = np.zeros((2, 3, 3))
-    for bond, tangent in zip(BONDS, TANGENTS, strict=True):
-        on_i, on_j = _rows_of_contact(bond, tangent)
-        on_site += (on_i.T * stiffness) @ on_i + (on_j.T * stiffness) @ on_j
-        across = (on_i.T * stiffness) @ on_j
-        if bond[1] == 0:  # along the row
-            on_site += across + across.T
-        else:
-            ahead += across
-    count = len(relative)
-    mass = tuple(each * contact.masses for each in relative)
-    return Rows((np.zeros(1),) * count, mass, (on_site,) * count, (ahead,) * (count - 1))
-
-
-def rows_of(network: Network, first: int, last: int) -> Rows:
-    """Return rows of a network at rest, counted upwards from 0, with the lattices beyond that their ends have.
-
-    Parameters
-    ----------
-    network : Network
-        Spheres in rows along x, periodic there, of which only neighbours touch.
-    first, last : int
-        The first two rows, and the last two, must be those of perfect lattices.
-
-    Raises
-    ------
-    ValueError
-        For rows that are not there, that touch others than the next ones, or whose ends are no perfect lattice.
-    """
-    height = network.position[:, 1]
-    order = np.argsort(height, kind="stable")
-    number = np.empty(len(order), dtype=np.intp)
-    number[order] = np.concatenate([[0], np.cumsum(np.diff(height[order]) > network.radius.min() / 2)])
-    if not 1 <= first < last - 2 < number.max() - 2:
-        raise ValueError(f"first, last = {first}, {last}: must be rows from 1 to {number.max() - 1}, four at least")
-    if not np.isfinite(network.cell[0]):
-        raise ValueError(f"cell = {network.cell}: must be periodic in x")
-    pairs = search(network, np.zeros((2, len(height))))
-    touch = pairs.overlap > 0
-    i, j, apart, overlap = pairs.first[touch], pairs.second[touch], pairs.apart[:, touch], pairs.overlap[touch]
-    if np.any(np.abs(number[i] - number[j]) > 1):
-        raise ValueError("the network has contacts between rows that are not next to each other")
-    root = np.sqrt(overlap)
-    shear = pairs.B[touch] * root
-    push = pairs.A[touch] * overlap * root - pairs.F[touch]
-    springs_of = np.stack([1.5 * pairs.A[touch] * root, shear, -push / pairs.length[touch]])
-    normal = (apart / pairs.length[touch]).T
-    tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
-    on_i, on_j = (np.array(each) for each in zip(*map(_rows_of_contact, normal, tangent), strict=True))
-    stretch = np.concatenate([on_i, on_j], axis=2)  # (contacts, 3, 6)
-    blocks = np.einsum("csa,sc,csb->cab", stretch, springs_of, stretch)
-    freedoms = np.concatenate([3 * i[:, None] + np.arange(3), 3 * j[:, None] + np.arange(3)], axis=1)
-    size = 3 * len(height)
-    where = np.repeat(freedoms, 6, axis=1).ravel(), np.tile(freedoms, 6).ravel()
-    whole = coo_array((blocks.ravel(), where), shape=(size, size)).tocsr()
-    turned, weighted = np.zeros((2, len(height)))
-    for end in (i, j):
-        turned += np.bincount(end, shear, len(height))
-        weighted += np.bincount(end, shear * overlap / (2 * network.radius[end]), len(height))
-    inertia = 0.4 * network.mass / (1 - weighted / np.maximum(turned, np.finfo(float).tiny))
-    spheres = [np.flatnonzero(number == row) for row in range(first, last + 1)]
-    of_row = [(3 * each[:, None] + np.arange(3)).ravel() for each in spheres]
-    masses = np.stack([network.mass, network.mass, inertia], axis=1).ravel()
-    rows = Rows(
-        tuple(network.position[each, 0] / network.cell[0] for each in spheres),
-        tuple(masses[each] for each in of_row),
-        tuple(whole[each][:, each].toarray() for each in of_row),
-        tuple(whole[a][:, b].toarray() for a, b in zip(of_row, of_row[1:], strict=False)),
-    )
-    for side, row in ((rows, first), (rows.reversed, last)):
-        _require_lattice(side, row)
-    return rows
-
-
-def _rows_of_contact(normal: ArrayLike, tangent: ArrayLike) -> tuple[Floats, Floats]:
-    """Return δN, δS and δT of a contact by (u, v, φ) of its two spheres, (3, 3) each."""
-    n, t = np.append(normal, 0.0), np.append(tangent, 0.0)
-    turn = np.array([0.0, 0.0, 1.0])
-    return np.stack([-n, -t - turn, -t]), np.stack([n, t - turn, t])
-
-
-def _require_lattice(rows: Rows, number: int) -> None:
-    """Raise a ValueError unless the first two rows are alike, and of equal spheres."""
-    (here, then), (first, second) = (_plane(each, 0) for each in rows.places[:2]), rows.on_site[:2]
-    after = _plane(rows.places[2], 0)
-    scale = np.abs(first).max()
-    pairs = (
-        (here.T @ first @ here, then.T @ second @ then, scale),
-        (here.T @ rows.ahead[0] @ then, then.T @ rows.ahead[1] @ after, scale),
-        (rows.mass[0][:3], rows.mass[1][:3], rows.mass[0].max()),
-        (rows.mass[0], np.tile(rows.mass[0][:3], len(rows.places[0])), rows.mass[0].max()),
-    )
-    if len(rows.places[0]) != len(rows.places[1]) or any(np.abs(a - b).max() > _ALIKE * unit for a, b, unit in pairs):
-        raise ValueError(f"row {number}: must be of a perfect lattice, as the next one; take rows farther away")

@@ -12,7 +12,8 @@ from analysis.cases.behind.case import Behind, Parts
 from analysis.measure.rows import waves
 from analysis.second_harmonic import mode, ratios
 from analysis.theory.contact import Contact
-from analysis.theory.transfer import heavy_rows, rows_of, running
+from analysis.theory.rows import heavy_rows, rows_of
+from analysis.theory.transfer import running
 from granular_lmp import Record, Scene, run
 from tests.theory.test_transfer import SILICA, crystal
 

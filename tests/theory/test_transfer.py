@@ -10,7 +10,8 @@ from analysis.theory.contact import Contact
 from analysis.theory.network import Material, Network
 from analysis.theory.network_motion import integrate
 from analysis.theory.network_state import forces, start
-from analysis.theory.transfer import heavy_rows, rows_of, scattering
+from analysis.theory.rows import heavy_rows, rows_of
+from analysis.theory.transfer import scattering
 from granular_lmp.crystal.sphere import Sphere
 
 SILICA = Sphere(radius=5e-7, youngs_modulus=73e9, poisson_ratio=0.17, work_of_adhesion=0.063, density=2200.0)
@@ -98,6 +99,25 @@ def test_rows_of_a_network_are_those_of_its_contact(name: str, frequency: float)
     # Overlaps from positions: 1e-16 of a radius in 2.5e-4 of it, times the sensitivity of a reflection
     assert found.transmitted[name] == pytest.approx(expected.transmitted[name], abs=1e-8)
     assert found.reflected[name] == pytest.approx(expected.reflected[name], abs=1e-8)
+
+
+def test_rows_of_a_network_have_its_adhesion() -> None:
+    jkr = replace(SILICA, adhesion_law="jkr")
+    row, column = np.divmod(np.arange(12 * COLUMNS), COLUMNS)
+    length = 1e-6 - jkr.static_overlap
+    network = Network(
+        length * np.column_stack([column + 0.5 * (row % 2), np.sqrt(0.75) * row]),
+        np.full(len(row), 5e-7),
+        np.where(row == 6, 4400.0, 2200.0),
+        (SOFT,),
+        cell=(COLUMNS * length, np.inf),
+        adhesion="jkr",
+    )
+    found = scattering(rows_of(network, 2, 9), 0.3 / jkr.time_scale, "TR")
+    contact = Contact(0.17, overlap_ratio=jkr.overlap_ratio, adhesion_law="jkr")
+    assert found.transmitted["TR"] == pytest.approx(scattering(heavy_rows(contact, [2.0]), 0.3, "TR").transmitted["TR"])
+    other = scattering(heavy_rows(CONTACT, [2.0]), 0.3, "TR").transmitted["TR"]
+    assert abs(found.transmitted["TR"] / other - 1) > 1e-3
 
 
 def test_blocks_are_the_derivatives_of_the_forces_of_the_network() -> None:
@@ -218,7 +238,7 @@ def test_the_network_in_time_shares_the_energy_of_a_packet_so(name: str, wavenum
         (lambda: scattering(heavy_rows(CONTACT, [2.0]), 0.3, "RT"), "one wave RT in front; there are: TR, L"),
         (lambda: scattering(heavy_rows(CONTACT, [2.0]), 1.0, "L"), "edge of a band"),
         (lambda: heavy_rows(CONTACT, [0.0]), r"masses = \[0.0\]: must be positive"),
-        (lambda: heavy_rows(Contact(0.17, viscosity=0.1), [2.0]), "without dashpots"),
+        (lambda: heavy_rows(Contact(0.17, viscosity=0.1), [2.0]), "dashpot of the contact is"),
         (lambda: heavy_rows(Contact(0.17, rotation=False), [2.0]), "shear and rotation"),
         (lambda: rows_of(crystal(14), 0, 11), "first, last = 0, 11: must be rows from 1 to 12"),
         (lambda: rows_of(crystal(14, density={3: 5000.0}), 2, 11), "row 2: must be of a perfect lattice"),

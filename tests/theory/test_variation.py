@@ -17,8 +17,9 @@ from analysis.theory.crystal import Crystal
 from analysis.theory.network import Material
 from analysis.theory.objectives import Gap, Growth, Passing, Tuned, best, candidates
 from analysis.theory.phase_matching import matches
+from analysis.theory.rows import Rows, heavy_rows
 from analysis.theory.scenes import Setting
-from analysis.theory.transfer import Rows, heavy_rows, scattering
+from analysis.theory.transfer import scattering
 from analysis.theory.variation import Place, Spot, Value, Varied, resonance
 from granular_lmp import Scene
 

@@ -32,7 +32,8 @@ from analysis.measure.rows import waves
 from analysis.measure.runs import all_but, sweep
 from analysis.measure.sheets import fields_of
 from analysis.plotting import parser, show, start
-from analysis.theory.transfer import Rows, running, scattering
+from analysis.theory.rows import Rows
+from analysis.theory.transfer import running, scattering
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

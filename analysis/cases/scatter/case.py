@@ -22,7 +22,8 @@ from analysis.measure.snapshot import first_snapshot
 from analysis.plotting import COLOURS, parser, show, start
 from analysis.theory import catalogue
 from analysis.theory.choice import traits_of
-from analysis.theory.transfer import Rows, rows_of, scattering
+from analysis.theory.rows import Rows, rows_of
+from analysis.theory.transfer import scattering
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
