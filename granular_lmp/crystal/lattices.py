@@ -167,12 +167,13 @@ def unit_lattice(sphere: Sphere, lattice: Lattice = HEXAGONAL, wall: Wall | None
     The one sphere of a cell touches images of itself opposite to each other, which are one contact: three in the
     hexagonal lattice, two in the square one, one in a chain.
     """
-    contacts = find_contacts(unit_cell(sphere, lattice), [sphere], sphere.contact_force)
+    cell = unit_cell(sphere, lattice)
+    contacts = find_contacts(cell, [sphere], sphere.contact_force)
     if wall is None:
         return contacts
     for height in wall.heights:
-        layers = np.arange(lattice.cell_size) % lattice.cell_layers
-        spheres = np.flatnonzero(layers == (0 if height < 0 else lattice.cell_layers - 1))
+        outside = height * cell.positions[:, 2]
+        spheres = np.flatnonzero(outside > outside.max() - _SAME_LATTICE)
         contacts = on_wall(contacts, wall, spheres, np.full(len(spheres), wall.overlap), height)
     return contacts
 
