@@ -2,13 +2,13 @@
 
 A frequency is turned into wave numbers by the Bloch modes of the lattice, in the mode and along the direction of the
 wave. The branch is sampled over the zone, each of its extrema is refined, and between two neighbouring points of the
-result, where it is monotonic, a sign change of Ω(ξ) − Ω is bisected.
+result, where it is monotonic, a sign change of Ω(ξ) − Ω is enclosed.
 """
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from itertools import pairwise
-from math import hypot, pi
+from math import hypot, pi, ulp
 from typing import Any
 
 from granular_lmp.crystal.lattices import HEXAGONAL, Lattice, unit_lattice
@@ -22,7 +22,9 @@ from granular_lmp.scene.schema import shown
 _POINTS = 60  # points on a branch: its extrema lie much farther apart than a sixtieth of the zone
 _LOWEST = 1e-9  # rad per row, the smallest wave number of a scene
 _HALVINGS = 60  # more than a double has digits
-_SAME = 1e-9  # relative: a bisected zero is closer by far, and a jump between branches is far larger
+_GOLDEN = (5**0.5 - 1) / 2
+_SECTIONS = 40  # to 1e-8 of a peak's width, where its height is rounding
+_SAME = 1e-9  # relative: a zero found is closer by far, and a jump between branches is far larger
 
 
 @lru_cache(maxsize=32)
@@ -107,21 +109,46 @@ def _extrema(function: Callable[[float], float], grid: list[float]) -> list[floa
     for k in range(1, len(grid) - 1):
         before, after = heights[k] - heights[k - 1], heights[k + 1] - heights[k]
         if before * after < 0:
-            sign, low, high = (1 if before > 0 else -1), grid[k - 1], grid[k + 1]
-            for _ in range(_HALVINGS):
-                a, b = high - 0.618 * (high - low), low + 0.618 * (high - low)
-                low, high = (low, b) if sign * function(a) > sign * function(b) else (a, high)
-            found.append((low + high) / 2)
+            found.append(_highest(function, 1 if before > 0 else -1, grid[k - 1], grid[k + 1]))
     return found
 
 
-def _zero(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a function that changes its sign between two points is 0, by bisection."""
-    rises = function(high) > 0
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (low, middle) if (function(middle) > 0) == rises else (middle, high)
+def _highest(function: Callable[[float], float], sign: int, low: float, high: float) -> float:
+    """Return where the sign times a function of one peak is largest."""
+    a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    at_a, at_b = sign * function(a), sign * function(b)
+    for _ in range(_SECTIONS):
+        if at_a > at_b:
+            high, b, at_b = b, a, at_a
+            a = high - _GOLDEN * (high - low)
+            at_a = sign * function(a)
+        else:
+            low, a, at_a = a, b, at_b
+            b = low + _GOLDEN * (high - low)
+            at_b = sign * function(b)
     return (low + high) / 2
+
+
+def _zero(function: Callable[[float], float], low: float, high: float) -> float:
+    """Return where a function that changes its sign between two points is 0, or jumps over it.
+
+    The zero of the chord is taken, with half the height at an end that stays (the Illinois rule), and each third time
+    the middle, which a jump needs.
+    """
+    ends, heights, moved = [low, high], [function(low), function(high)], None
+    for turn in range(3 * _HALVINGS):
+        width = ends[1] - ends[0]
+        if width <= 4 * ulp(ends[1]):
+            break
+        at = ends[0] + width * (0.5 if turn % 3 == 2 else heights[0] / (heights[0] - heights[1]))
+        height = function(at)
+        if height == 0:
+            return at
+        side = int((height > 0) == (heights[1] > 0))
+        if side == moved:
+            heights[1 - side] /= 2
+        ends[side], heights[side], moved = at, height, side
+    return (ends[0] + ends[1]) / 2
 
 
 def with_placeholder(tables: Mapping[str, Any]) -> Mapping[str, Any]:
