@@ -114,14 +114,17 @@ class Jkr:
     def radius(self, overlap: Floats) -> Floats:
         """Return r of overlaps d ≥ `least_overlap`, of any shape, real or complex.
 
-        Newton's rule for q⁴ − (2/3)b q = D d, r = q². It starts above the real root, from where the convex polynomial
-        leads it down without passing.
+        The root of q⁴ = D d + (2/3)b q, r = q², by this rule and then by Newton's. They start above the real root, from
+        where both lead down without passing.
         """
-        b = self.adhesive
-        target = (1 - 2 * b / 3) * overlap
-        q = np.maximum(target.real, 0.0) ** 0.25 + (2 / 3 * b) ** (1 / 3)
+        c = 2 / 3 * self.adhesive
+        target = (1 - c) * overlap
+        q = np.maximum(target.real, 0.0) ** 0.25 + c ** (1 / 3)
+        for _ in range(_TURNS):
+            q = np.sqrt(np.sqrt(target.real + c * q))
         for _ in range(_STEPS):
-            q = q - (q**4 - 2 / 3 * b * q - target) / (4 * q**3 - 2 / 3 * b)
+            cube = q * q * q
+            q = (3 * cube * q + target) / (4 * cube - c)
         return q * q
 
     def pull(self, overlap: Floats, radius: Floats) -> Floats:
@@ -141,5 +144,5 @@ class Jkr:
         return (now - at_rest) / (1.5 * self._scale * (1 - 2 * b / 3))
 
 
-_STEPS = 8  # to rounding, from each such start
+_TURNS, _STEPS = 2, 4  # to rounding, from each such start
 LAWS: dict[Adhesion, type[Dmt] | type[Jkr]] = {"dmt": Dmt, "jkr": Jkr}

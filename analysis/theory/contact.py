@@ -92,7 +92,7 @@ class Contact:
         """Normal force and contact radius by overlap."""
         return ADHESION_LAWS[self.adhesion_law](self.prestress)
 
-    @property
+    @cached_property
     def shear_stiffness(self) -> float:
         """κ of the contacts at rest; 0 without shear."""
         return self.kappa if self.shear else 0.0
@@ -117,7 +117,7 @@ class Contact:
         """C, C, C/Ĩ with C = 1/(2(κ+3)), (3, 1): p'', q'', φ'' of unit forces; the last is 0 if spheres do not turn."""
         return np.array([[1.0], [1.0], [1 / self.inertia if self.rotation else 0.0]]) / (2 * (self.kappa + 3))
 
-    @property
+    @cached_property
     def incremental(self) -> bool:
         """True if the shear force itself is the state, not the slip."""
         return self.law == "incremental"

@@ -142,7 +142,7 @@ def accelerations(state: Floats, now: Touching, contact: Contact, neighbours: Ne
         if contact.shear:
             shear = shear + dashpot * closed * now.slip_rate()
 
-    force = np.empty_like(now.apart)
+    force = np.empty(now.apart.shape, dtype=now.apart.dtype)
     if now.turned is None:
         force[..., 0, :, :], force[..., 1, :, :] = normal, shear
     else:
@@ -164,7 +164,7 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
     neighbours : what the contacts feel of the spheres and do to them.
     """
     now = touching(state, contact, neighbours)
-    rate = np.empty_like(state)
+    rate = np.empty(state.shape, dtype=state.dtype)
     rate[..., :3, :] = state[..., 3:6, :]
     rate[..., 3:6, :] = accelerations(state, now, contact, neighbours)
     if contact.has_history:

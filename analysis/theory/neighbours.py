@@ -75,9 +75,11 @@ def shifted(direction: float, ahead: Callable[[Floats], Floats], behind: Callabl
     behind : values (..., 3, K) of the contacts ahead → those of the contacts behind, summed (..., K).
     """
     n_p, n_q = directions_at_rest(direction)
+    here = np.array([[-1.0], [-1.0], [1.0]])
 
     def deform(places: Floats) -> Floats:
-        apart = ahead(places) + (places * [[-1.0], [-1.0], [1.0]])[..., None, :]
+        apart = ahead(places)
+        apart += (places * here)[..., None, :]
         dp, dq = apart[..., 0, :, :], apart[..., 1, :, :]
         along = n_p * dp + n_q * dq
         apart[..., 1, :, :] = n_p * dq - n_q * dp
@@ -86,7 +88,7 @@ def shifted(direction: float, ahead: Callable[[Floats], Floats], behind: Callabl
 
     def gather(forces: Floats) -> Floats:
         along, across = forces[..., 0, :, :], forces[..., 1, :, :]
-        pull = np.empty_like(forces)
+        pull = np.empty(forces.shape, dtype=forces.dtype)
         pull[..., 0, :, :] = n_p * along - n_q * across
         pull[..., 1, :, :] = n_q * along + n_p * across
         pull[..., 2, :, :] = -forces[..., 2, :, :]
