@@ -4,6 +4,8 @@ Those of a wave are p, q, φ of one sphere, in space its displacement and Rθ al
 wave are the displacements and velocities (T, n, d) and the spins (T, n), in space (T, n, 3), of all that it records.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,6 +59,57 @@ def errors(record: Record, reference: tuple[Floats, ...]) -> dict[str, float | N
     }
 
 
+class Shapes(NamedTuple):
+    """What p(τ) of a run is fitted by, the columns of matrices (T, 1 or 3).
+
+    Attributes
+    ----------
+    predicted : amplitude of the generated second harmonic in D0, which the factor of the first column multiplies.
+    exact, stepped : the second harmonic, and for L the fundamental's cos and sin, without and with the time step of the
+        run; `stepped` is None for a run to a tolerance, whose record is extrapolated.
+    """
+
+    predicted: float
+    exact: Floats
+    stepped: Floats | None
+
+
+def shapes_of(record: Record, wave: Wave) -> Shapes | None:
+    """Return the shapes of a run by theory; None where no amplitude is measured (`measured_amplitude`)."""
+    predicted, time, tau = predicted_amplitude(wave), record.scene.time, record.tau
+    if predicted is None:
+        return None
+    second, _, _ = second_harmonic(wave, tau)
+    if drive_cancels(wave) or np.max(np.abs(second), initial=0.0) < SILENT:
+        return None
+    own = wave.mode.frequency
+    exact = _columns(wave, second, own, tau)
+    if len(tau) < FEWEST * exact.shape[1]:
+        return None
+    if time.tolerance is not None:
+        return Shapes(predicted, exact, None)
+    turning = 2 * np.arcsin(own * time.step / 2) / time.step
+    return Shapes(predicted, exact, _columns(wave, stepped_second_harmonic(wave, tau, time.step), turning, tau))
+
+
+def _columns(wave: Wave, second: Floats, fundamental: float, tau: Floats) -> Floats:
+    """Return the second harmonic, beside cos and sin of the fundamental where p has one."""
+    own = [np.cos(fundamental * tau), np.sin(fundamental * tau)] if wave.mode.p else []
+    return np.column_stack([second, *own])
+
+
+def amplitude_by(shapes: Shapes, record: Record) -> tuple[float, float]:
+    """Return the amplitude of the generated second harmonic in a run, in D0, and its error, as `measured_amplitude`."""
+    factor, spread = _factor(shapes.exact, record.p)
+    if shapes.stepped is not None:
+        without, spread = _factor(shapes.stepped, record.p)
+        step = factor - without
+    else:
+        share = record.info.get("error_estimate", {}).get("p")
+        step = factor * next(each for each in (share, record.scene.time.tolerance) if each is not None)
+    return factor * shapes.predicted, float(np.hypot(step, spread)) * shapes.predicted
+
+
 def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tuple[None, None]:
     """Amplitude of the generated second harmonic in a run, in D0, and its error: of the fit and of the time step.
 
@@ -69,34 +122,13 @@ def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tupl
     Gives (None, None) where the second harmonic is not what p consists of: at the antiresonance, and where it is below
     rounding; where there is no theory of it; and for fewer than `FEWEST` records a factor.
     """
-    predicted = predicted_amplitude(wave)
-    if predicted is None:
-        return None, None
-    shape, _, _ = second_harmonic(wave, record.tau)
-    if drive_cancels(wave) or np.max(np.abs(shape), initial=0.0) < SILENT:
-        return None, None
-    own, time = wave.mode.frequency, record.scene.time
-    if len(record.tau) < FEWEST * (3 if wave.mode.p else 1):
-        return None, None
-    factor, spread = _factor(record, shape, own if wave.mode.p else None)
-    if time.tolerance is None:
-        shape = stepped_second_harmonic(wave, record.tau, time.step)
-        turning = 2 * np.arcsin(own * time.step / 2) / time.step
-        without, spread = _factor(record, shape, turning if wave.mode.p else None)
-        step = factor - without
-    else:
-        share = record.info.get("error_estimate", {}).get("p")
-        step = factor * (time.tolerance if share is None else share)
-    return factor * predicted, float(np.hypot(step, spread)) * predicted
+    shapes = shapes_of(record, wave)
+    return (None, None) if shapes is None else amplitude_by(shapes, record)
 
 
-def _factor(record: Record, shape: Floats, fundamental: float | None) -> tuple[float, float]:
-    """Return the factor of a shape in p and its standard error, beside a fundamental of that frequency if any."""
-    columns = [shape]
-    if fundamental is not None:
-        columns += [np.cos(fundamental * record.tau), np.sin(fundamental * record.tau)]
-    matrix = np.column_stack(columns)
-    solution, *_ = np.linalg.lstsq(matrix, record.p)
-    residual = record.p - matrix @ solution
-    variance = residual @ residual / (len(record.tau) - len(columns))
+def _factor(matrix: Floats, signal: Floats) -> tuple[float, float]:
+    """Return the factor of the first column in a signal, and its standard error."""
+    solution, *_ = np.linalg.lstsq(matrix, signal)
+    residual = signal - matrix @ solution
+    variance = residual @ residual / np.subtract(*matrix.shape)
     return float(solution[0]), float(np.sqrt(variance * np.linalg.inv(matrix.T @ matrix)[0, 0]))

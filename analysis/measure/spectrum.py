@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from analysis.measure.runs import by_wave
 from analysis.theory.catalogue import OBLIQUE, missing
 from analysis.theory.choice import traits_of, wave_of
-from analysis.theory.wave import Wave, generated, nonlinearity
+from analysis.theory.wave import Wave, nonlinearity
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -147,7 +147,7 @@ def point(record: Record) -> Point:
         wave.mode.wavenumber,
         float(factors[0] / scale),
         float(abs(errors[0] / scale)),
-        float(generated(wave.mode.name, wave.mode.wavenumber, wave.contact)) * wave.amplitude / epsilon,
+        float(wave.framed(wave.doubled.forced())[0].imag) / 2 * wave.amplitude / epsilon,
     )
 
 

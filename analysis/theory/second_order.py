@@ -141,19 +141,15 @@ class Answer:
 
     Attributes
     ----------
-    wavevector, frequency : K (..., 3) and Ω (...), of either sign.
+    targets : the modes at K (..., 3).
+    frequency : Ω (...), of either sign.
     force : F.
     """
 
     crystal: Crystal
-    wavevector: Floats
+    targets: Modes
     frequency: Floats
     force: Complexes
-
-    @cached_property
-    def targets(self) -> Modes:
-        """Return the modes at K."""
-        return self.crystal.modes(self.wavevector)
 
     def share(self, force: Complexes) -> Complexes:
         """Return what each mode at K has of a force (..., B, 6), over its mass, (..., J)."""
@@ -208,12 +204,12 @@ class Mixed:
 
     @cached_property
     def _running(self) -> Answer:
-        return Answer(self.crystal, self.wavevector, self.frequency, self.forces.running)
+        return Answer(self.crystal, self.targets, self.frequency, self.forces.running)
 
-    @property
+    @cached_property
     def targets(self) -> Modes:
         """Return the modes at K."""
-        return self._running.targets
+        return self.crystal.modes(self.wavevector)
 
     @cached_property
     def strains(self) -> tuple[Strain, Strain]:

@@ -67,13 +67,13 @@ def test_the_measured_amplitude_is_the_one_put_in(mode: str) -> None:
 
 def test_the_standard_error_is_the_spread_of_noisy_measurements() -> None:
     record, random = from_theory(PAPER, "second-order", TAU), np.random.default_rng(5)
-    wave = wave_of(record)
-    truth, _ = signals.measured_amplitude(record, wave)
+    shapes = signals.shapes_of(record, wave_of(record))
+    assert shapes is not None
+    truth, _ = signals.amplitude_by(shapes, record)
     off = []
     for _ in range(2000):
         noisy = record.with_signals(p=record.p + random.normal(0, 1e-4, len(TAU)))
-        measured, fit_error = signals.measured_amplitude(noisy, wave)
-        assert measured is not None
+        measured, fit_error = signals.amplitude_by(shapes, noisy)
         off.append((measured - truth) / fit_error)
     # 2000 draws of a unit normal: mean 0 ± 0.022, spread 1 ± 0.016; three of those, and 0.01 for Student's t
     assert abs(np.mean(off)) < 0.07

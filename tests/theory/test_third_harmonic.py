@@ -31,7 +31,7 @@ def answer(k: ArrayLike, branch: ArrayLike, contact: Contact) -> Answer:
     """Return the answer of the crystal to the forces on the third harmonic of waves of amplitude 1."""
     crystal = hexagonal(contact)
     one = wave(crystal, k, branch)
-    return Answer(crystal, 3 * one.wavevector, 3 * one.frequency, third_harmonic(crystal, one))
+    return Answer(crystal, crystal.modes(3 * one.wavevector), 3 * one.frequency, third_harmonic(crystal, one))
 
 
 def third_harmonic_amplitude(k: ArrayLike, branch: ArrayLike, contact: Contact) -> Complexes:
