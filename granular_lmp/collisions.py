@@ -63,7 +63,7 @@ class Collisions:
     @cached_property
     def mass(self) -> Floats:
         """Mass of each sphere, (N,), in m."""
-        radius, density = self.crystal.arrays["radius"], self.crystal.arrays["density"]
+        radius, density = self.crystal.arrays["radius"], self.crystal.arrays.get("density", self.scene.sphere.density)
         return np.asarray(radius**3 * density / self.scene.sphere.density)
 
     @cached_property

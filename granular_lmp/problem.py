@@ -24,7 +24,7 @@ from granular_lmp.effects.selection import EFFECTS, remarks, select, warnings
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.absorption import quiet_end_of, remarks_on_ends
 from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, echo_at, swiftness
-from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts, usual_frequency
 from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
 from granular_lmp.scene.places import place_of, spheres_at
 from granular_lmp.scene.scene import Scene
@@ -127,7 +127,7 @@ class Problem:
     @cached_property
     def sources(self) -> tuple[PlacedSource, ...]:
         """Sources in the crystal."""
-        return placed(self.scene.source, self.crystal, self.scene.sphere, self.mode)
+        return placed(self.scene.source, self.crystal, self.scene.sphere, self.mode.frequency if self.mode else 0.0)
 
     @cached_property
     def strikers(self) -> tuple[NDArray[np.int64], ...]:
@@ -178,7 +178,7 @@ class Problem:
 
     def warnings(self) -> list[str]:
         """Return a sentence for each change that made the scene fit, effect forced off, and echo at a monitor."""
-        if self.mode is None:
+        if self.scene.loose:
             return self.declared.remarks()
         of_scene = [*self.declared.remarks(), *self.at_rest.remarks(), *remarks_on_ends(self.scene)]
         return [*of_scene, *remarks(self.declared), *warnings(self.effects), *self._echoes()]
@@ -186,7 +186,8 @@ class Problem:
     def _echoes(self) -> list[str]:
         """Return a sentence for each monitor that the echo of the faces reaches, unless the scene allows an echo."""
         time = self.scene.time
-        found = {} if time.allow_echo else {each.name: echo_at(self.scene, each) for each in self.scene.monitor}
+        judged = () if time.allow_echo or self.mode is None else self.scene.monitor
+        found = {each.name: echo_at(self.scene, each) for each in judged}
         return [
             f"monitor {name}: the echo of the {self.scene.shape.edge} may reach it at tau = {echo:.4g}"
             for name, echo in found.items()
@@ -209,29 +210,31 @@ def prepare(scene: Scene) -> Problem:
         stability limit of velocity Verlet.
     """
     chosen = tuple(select(scene))
-    problem = Problem(scene, scene, chosen, crystal_of(scene)) if scene.bare else _with_wave(scene, chosen)
+    problem = Problem(scene, scene, chosen, crystal_of(scene)) if scene.loose else _at_rest(scene, chosen)
     _check_strikes(problem)
     check_groups(problem.monitors, len(problem.sources))
     if problem.mode is None:
         _ = problem.recorded
+    if scene.loose:
         problem.collisions.refuse()
-    else:
+    if problem.mode is not None:
         _refuse_echo(problem)
     refuse_step(scene.time, problem.step_rules)
     return problem
 
 
-def _with_wave(scene: Scene, chosen: tuple[Chosen, ...]) -> Problem:
-    """Return the problem of a scene with a wave, its every "auto" decided."""
+def _at_rest(scene: Scene, chosen: tuple[Chosen, ...]) -> Problem:
+    """Return the problem of a crystal at rest under load, its every "auto" decided."""
     shape = scene.shape
     values: dict[str, Any] = {f"packing.{key}": getattr(shape, key) for key in ("rows", "columns", "ends")}
-    if scene.wave.frequency is not None:
+    if scene.wave is not None and scene.wave.frequency is not None:
         values["wave.wavenumber"] = scene.wave.wavenumber
     values |= {effect.switch: effect.on for effect in chosen if effect.switch.startswith("effects.")}
     if quiet := quiet_end_of(scene):
         values["absorb.rows"] = quiet.rows
     resolved = scene.with_values(values)
-    return Problem(scene, resolved, chosen, crystal_of(resolved), mode_of(resolved))
+    mode = None if resolved.wave is None else mode_of(resolved)
+    return Problem(scene, resolved, chosen, crystal_of(resolved), mode)
 
 
 def _refuse_echo(problem: Problem) -> None:
@@ -264,7 +267,7 @@ def step_rules(scene: Scene, mode: Mode | None = None) -> list[StepRule]:
     less = " and ".join(cause for there, cause in causes if there)
     name = f"2/Omega_max, less with {less}," if less else "2/Omega_max"
     sentence = f"beyond the stability limit of velocity Verlet; must be below {name} = {limit:.6g}, in tau"
-    sources = longest_steps(scene.source, scene.sphere, (mode or mode_of(scene)).frequency)
+    sources = longest_steps(scene.source, scene.sphere, mode.frequency if mode else usual_frequency(scene))
     return [
         *(StepRule(longest, longest, why) for longest, why in sources),
         StepRule(nextafter(limit, 0.0), COARSEST * limit, sentence),

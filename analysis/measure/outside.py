@@ -235,7 +235,7 @@ def _pressed(scene: Scene, network: Network, sphere: int, wall: Wall) -> float:
 
 def _load(scene: Scene, network: Network) -> float:
     """Return the force that presses a chain together, by the overlap of its first two spheres at rest; 0 if none."""
-    if scene.packing.lattice != CHAIN or not scene.packing.contact_force or scene.wave is not None:
+    if scene.packing.lattice != CHAIN or not scene.packing.contact_force or not scene.loose:
         return 0.0
     one, two = np.argsort(network.position[:, 1])[:2]
     overlap = network.radius[one] + network.radius[two] - (network.position[two, 1] - network.position[one, 1])

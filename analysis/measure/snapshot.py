@@ -130,7 +130,7 @@ def scales_of(record: Record, path: Path) -> Scales:
     The deck of spheres that just touch has the units R, m and t0: its spheres have the radius 1.
     """
     scene, sphere = record.scene, record.scene.sphere
-    strike = scene.wave is None
+    strike = scene.loose
     length, time = scale_of_strike(scene) if strike else (scene.displacement_amplitude, sphere.time_scale)
     _, units = next(unit for unit in UNITS if sphere.radius < unit[0])
     if abs(_median_radius(path) - 1) < abs(_median_radius(path) - sphere.radius / units[1]):

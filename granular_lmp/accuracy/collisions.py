@@ -1,4 +1,4 @@
-"""Spheres that collide, to a tolerance: which step is tried first, and the estimate of the error of their runs.
+"""Spheres without a wave, to a tolerance: which step is tried first, and the estimate of the error of their runs.
 
 The error of every velocity and of R times every spin, over the unit v of the impact (`granular_lmp.crystal.scale`: the
 velocity of the fastest striker), and that of all else over the largest of its kind, is at most ``time.tolerance``, as
@@ -7,10 +7,14 @@ or with friction and the law "incremental", whose forces LAMMPS takes at half st
 waves (`granular_lmp.accuracy.extrapolation`), with the largest error in place of the L2 norm. Contacts that close and
 open inside a step leave an error of order 5/2 at no fixed phase of the step, which no extrapolation removes; `SAFETY`
 is larger for that.
+
+In a crystal at rest under load the collision is half a period of the fastest wave, the order is that of the effects
+(`granular_lmp.effects.selection.order`), and an error is one over the largest value of its kind that a run recorded:
+of all velocities and spins, of all displacements, of all forces.
 """
 
 from collections.abc import Sequence
-from math import ceil
+from math import ceil, pi
 from typing import Any
 
 import numpy as np
@@ -18,8 +22,10 @@ from numpy.typing import NDArray
 
 from granular_lmp.accuracy import extrapolation
 from granular_lmp.accuracy.extrapolation import Judgement, Signals
+from granular_lmp.effects import selection
+from granular_lmp.lammps.guards import fastest
 from granular_lmp.problem import Problem
-from granular_lmp.runs.components import RATES
+from granular_lmp.runs.components import FORCES, RATES
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
 
@@ -36,18 +42,28 @@ def first_step(problem: Problem) -> float:
     time = problem.scene.time
     assert time.tolerance is not None
     steps = max(_FEWEST, _STEPS_AT[0] * (_STEPS_AT[1] / time.tolerance) ** (1 / _POWER))
-    longest = min(problem.collisions.shortest_collision / steps, *(rule.first for rule in problem.step_rules))
+    longest = min(_shortest(problem) / steps, *(rule.first for rule in problem.step_rules))
     return time.sample / max(1, ceil(time.sample / longest))
+
+
+def _shortest(problem: Problem) -> float:
+    """Return the shortest collision, t0; of spheres at rest half a period in the contact that a strike presses most."""
+    scene = problem.scene
+    if scene.loose:
+        return problem.collisions.shortest_collision
+    return pi / fastest(scene) / (1 + scene.strike) ** 0.25
 
 
 def order(scene: Scene) -> int:
     """Return the order of the error in the step: 1 where LAMMPS has forces of half a step before, else 2."""
+    if not scene.loose:
+        return selection.order(scene)
     effects: Any = scene.effects
     halfway = effects.restitution < 1 or (effects.friction > 0 and effects.shear_law == "incremental")
     return 1 if halfway else 2
 
 
-def judge(runs: Sequence[Signals], counts: Sequence[int], order: int) -> Judgement:
+def judge(runs: Sequence[Signals], counts: Sequence[int], order: int, *, loose: bool = True) -> Judgement:
     """Return the answer of runs and the estimate of its error.
 
     Parameters
@@ -58,6 +74,8 @@ def judge(runs: Sequence[Signals], counts: Sequence[int], order: int) -> Judgeme
         Steps per sample of each run.
     order : int
         Order of the error in the step.
+    loose : bool
+        True for spheres that are loose, whose velocities are in v.
 
     Returns
     -------
@@ -65,17 +83,34 @@ def judge(runs: Sequence[Signals], counts: Sequence[int], order: int) -> Judgeme
         Errors are the largest ones: of velocities and spins in the unit v of the impact, of all else over the largest
         value of the signal.
     """
-    others = {name: values for name, values in runs[-1].items() if name.rpartition(".")[2] not in _RATES}
-    units = {name: _largest(values) or 1.0 for name, values in others.items()}
+    units = _units(runs[-1], loose=loose)
     scaled = [{name: values / units.get(name, 1.0) for name, values in run.items()} for run in runs]
     hidden = dict.fromkeys(runs[-1], 0.0)  # what the slip hides is below 1e-6 of the velocities
     return extrapolation.judge(scaled, counts, order, hidden=hidden, norm=_largest, relative=False, safety=SAFETY)
 
 
+def _units(signals: Signals, *, loose: bool) -> dict[str, float]:
+    """Return the unit of the error of each signal, where that is not 1."""
+    largest = {name: _largest(values) for name, values in signals.items()}
+    if loose:
+        return {name: each or 1.0 for name, each in largest.items() if _kind(name) != "rate"}
+    of_kind: dict[str, float] = {}
+    for name, each in largest.items():
+        of_kind[_kind(name)] = max(each, of_kind.get(_kind(name), 0.0))
+    return {name: of_kind[_kind(name)] or 1.0 for name in largest}
+
+
+def _kind(name: str) -> str:
+    """Return the kind of a signal: "rate", "force", "flux" or "motion"."""
+    last = name.rpartition(".")[2]
+    return "rate" if last in _RATES else "force" if last in FORCES else "flux" if last == "flux" else "motion"
+
+
 def estimate(runs: Sequence[Record]) -> Judgement:
     """Return the answer of runs and the largest errors of the spheres that they recorded; see `judge`."""
     counts = [run.scene.time.steps_per_sample for run in runs]
-    return judge([run.signals for run in runs], counts, order(runs[-1].scene))
+    last = runs[-1].scene
+    return judge([run.signals for run in runs], counts, order(last), loose=last.loose)
 
 
 def _largest(values: NDArray[np.float64]) -> float:

@@ -1,4 +1,4 @@
-"""The errors of the runs of a ladder, from the runs alone: those of a wave, and those of spheres that collide."""
+"""The errors of the runs of a ladder, from the runs alone: those of a wave, and those without one."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -81,13 +81,13 @@ class OfCollisions:
     """The largest errors, over the velocity of the fastest striker (`granular_lmp.accuracy.collisions`)."""
 
     def __init__(self, problem: Problem) -> None:
-        self._order, self._recorded = collisions.order(problem.scene), Recorded()
+        self._order, self._loose, self._recorded = collisions.order(problem.scene), problem.scene.loose, Recorded()
 
     def __call__(self, records: Sequence[Record]) -> Judgement:
         """Return the answer of all runs so far, with the errors of all that is recorded."""
         self._recorded.add(records[-1])
         counts = [each.scene.time.steps_per_sample for each in records]
-        return collisions.judge(self._recorded.signals, counts, self._order)
+        return collisions.judge(self._recorded.signals, counts, self._order, loose=self._loose)
 
     def outcome(self, judgement: Judgement, answer: Record) -> dict[str, Any]:
         """Return the errors of recorded spheres and of monitors, and the order of the error in the step."""

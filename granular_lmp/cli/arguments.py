@@ -94,7 +94,7 @@ def _notes_on(scene: "Scene") -> list[str]:
     from granular_lmp.effects.selection import remarks, select, warnings
     from granular_lmp.scene.at_rest import crystal_of
 
-    if scene.wave is None:
+    if scene.loose:
         return [f"note: {sentence}" for sentence in scene.remarks()]
     crystal = crystal_of(scene, progress_of_rest)
     notes = [*scene.remarks(), *remarks(scene), *crystal.remarks()]

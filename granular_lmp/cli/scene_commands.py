@@ -127,7 +127,7 @@ def _as_json(problem: "Problem", found: "Forecast") -> dict[str, object]:
         | {"t0_s": scale.time, "length_m": scale.length, "velocity_m_s": scale.velocity}
         | (
             {"at_rest": problem.collisions.at_rest, "steps_per_collision": _collision(problem)}
-            if problem.mode is None
+            if problem.scene.loose
             else {}
         )
         | {"defaults": _defaults(problem.declared)}
@@ -154,13 +154,13 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
         yield "ranks", lost
     yield "restart", f"a checkpoint about every {found.checkpoint:.3g} minutes"
     yield "memory", f"about {found.memory / 1e6:.0f} MB"
-    unit, ratio = ("l", "l/R") if problem.mode is None else ("Delta0", "Delta0/R")
+    unit, ratio = ("l", "l/R") if scene.loose else ("Delta0", "Delta0/R")
     length = f"{unit} = {scale.length:.4g} m, {ratio} = {scale.length / scene.sphere.radius:.3g}"
     yield "scale", f"t0 = {scale.time:.4g} s, {length}"
-    if problem.mode is None:
+    if scene.loose:
         yield from _of_rest(problem)
     yield "duration", f"{scene.time.duration * scale.time:.4g} s"
-    if problem.mode is None:
+    if scene.loose:
         yield "step", f"{_collision(problem):.3g} to the shortest collision"
     if scene.bare and (taken := _defaults(problem.declared)):
         said = ", ".join(f"{key} = {json.dumps(value)}" for key, value in taken.items())
@@ -179,7 +179,10 @@ def _defaults(scene: "Scene") -> dict[str, object]:
 
     found: dict[str, object] = {}
     for table, kind in scene.sections.items():
-        others = {each.name: each.default for each in declared_keys(kind, scene.rules.get(table), bare=not scene.bare)}
+        if scene.bare_in(table) != scene.bare:
+            continue  # as beside a wave
+        other = declared_keys(kind, scene.rules.get(table), bare=not scene.bare_in(table))
+        others = {each.name: each.default for each in other}
         for each in scene.keys_of(table):
             key = f"{table}.{each.name}"
             if each.default != others.get(each.name, each.default) and scene.value(key) == each.default:
@@ -268,6 +271,10 @@ def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     """Say in which bands of frequencies waves run along a chain that is pressed together, and where none does."""
     from granular_lmp.cli.bands import as_json, as_text, ranges
     from granular_lmp.problem import prepare
+    from granular_lmp.scene.refusals import require_wave
+
+    if not scene.loose:
+        require_wave(scene)
 
     problem = prepare(scene)
     assert problem.mode is None

@@ -22,7 +22,7 @@ def called_for(case: Case) -> Finding:
     return Finding(True, material.pull_off_force / holding, "of the force that holds the contacts at rest is adhesion")
 
 
-def without_wave(case: Case) -> Finding:
+def loose(case: Case) -> Finding:
     return Finding(False, inf, "spheres part without a pull")
 
 
@@ -37,4 +37,4 @@ def law(scene: Scene, on: bool) -> Mapping[str, Any]:
     return {"normal": scene.sphere.adhesion_law if on else "hertz"}
 
 
-ADHESION = Effect("adhesion", called_for, cost="1 or 2", loss=loss, bare=without_wave, law=law, in_all=False)
+ADHESION = Effect("adhesion", called_for, cost="1 or 2", loss=loss, loose=loose, law=law, in_all=False)

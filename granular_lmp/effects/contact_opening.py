@@ -37,7 +37,7 @@ def called_for(case: Case) -> Finding:
 
 def _most(case: Case) -> str:
     """Return the amplitude that the weakest contact of a crystal that is not perfect bears, as words."""
-    if case.scene.perfect:
+    if case.scene.perfect or case.scene.wave is None:
         return ""
     pulled = np.abs(case.stretches[0]) / case.scene.wave.amplitude
     opens = np.min((case.overlaps - case.ends) / np.maximum(pulled, NOTHING))
@@ -54,7 +54,7 @@ def _meeting(case: Case) -> int:
     return int((~np.isin(i * len(near) + j, known.i * len(near) + known.j)).sum())
 
 
-def without_wave(case: Case) -> Finding:
+def loose(case: Case) -> Finding:
     force = case.scene.packing.contact_force
     pressed = "N press the contacts together" if force else "no force holds the contacts together"
     return Finding(True, force or inf, pressed)
@@ -72,7 +72,7 @@ def order(scene: Scene) -> int:
 CONTACT_OPENING = Effect(
     "contact_opening",
     called_for,
-    bare=without_wave,
+    loose=loose,
     cost="1.00",
     loss=loss,
     order=order,

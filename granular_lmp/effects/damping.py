@@ -10,6 +10,8 @@ from granular_lmp.scene.scene import Scene
 def called_for(case: Case) -> Finding:
     if case.viscosity == 0:
         return Finding(False, 0.0, "N s/m of viscosity, and no restitution below 1")
+    if case.scene.wave is None:
+        return Finding(True, case.viscosity, "m/t0 is the dashpot of a contact at rest")
     rate = case.decay_rate
     if case.scene.wave.form == "driven":
         return Finding(True, rate, "per tau is the decay rate of the wave on its way from the driven row")
@@ -19,12 +21,14 @@ def called_for(case: Case) -> Finding:
     return Finding(True, rate, f"per tau is the decay rate of the wave, of which {left:.3g} is left at the end")
 
 
-def without_wave(case: Case) -> Finding:
+def loose(case: Case) -> Finding:
     restitution = case.scene.effects.restitution
     return Finding(restitution < 1, restitution, "is the restitution of a collision")
 
 
 def loss(case: Case) -> str:
+    if case.scene.wave is None:
+        return "nothing decays"
     return f"nothing decays, where {case.amplitude_left:.3g} of the wave should be left"
 
 
@@ -56,5 +60,5 @@ def order(scene: Scene) -> int:
 
 
 DAMPING = Effect(
-    "damping", called_for, cost="1.00", loss=loss, bare=without_wave, law=law, refuse=refuse, order=order, in_all=False
+    "damping", called_for, cost="1.00", loss=loss, loose=loose, law=law, refuse=refuse, order=order, in_all=False
 )

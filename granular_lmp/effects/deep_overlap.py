@@ -94,7 +94,7 @@ def loss(case: Case) -> str:
 DEEP_OVERLAP = Effect(
     "deep_overlap",
     None,
-    bare=small_overlaps,
+    loose=small_overlaps,
     cost="1.00",
     loss=loss,
     guard=TOO_DEEP,
@@ -105,7 +105,7 @@ DEEP_OVERLAP = Effect(
 LONG_STEP = Effect(
     "long_step",
     None,
-    bare=chosen_step,
+    loose=chosen_step,
     cost="1.00",
     loss=loss,
     guard=TOO_LONG,

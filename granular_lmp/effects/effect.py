@@ -16,11 +16,11 @@ import numpy as np
 
 from granular_lmp.crystal.adhesion_laws import AdhesionLaw
 from granular_lmp.crystal.contacts import Contacts, law_between
-from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, row_stretches
+from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, highest_frequency, row_stretches
 from granular_lmp.effects.guard import Guard, Lines
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.at_rest import contacts_of, crystal_of
-from granular_lmp.scene.linear import mode_of, unit_contacts
+from granular_lmp.scene.at_rest import contacts_of, crystal_of, swiftness
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.shape import Auto
@@ -51,7 +51,12 @@ class Case:
 
     @cached_property
     def mode(self) -> Mode:
-        """Bloch mode of the wave in the lattice with these effects; undecided effects count as on."""
+        """Bloch mode of the wave in the lattice with these effects; undecided effects count as on.
+
+        It is None without a wave, as `granular_lmp.problem.Problem.mode`.
+        """
+        if self.scene.wave is None:
+            return None  # what needs a mode asks for the wave first
         shear = self.on.get("shear", True)
         return self.mode_with(self.physics(shear, self.on.get("rotation", shear), self.rolling))
 
@@ -99,12 +104,12 @@ class Case:
         whose fields are not known beforehand, those of a row moved along x or y by the largest amplitude, and the slip
         of a sphere that is turned by it. Strikers and a state add the bound of their own (`Scene.strike`).
         """
-        scene = self.scene
-        normal, shear = contact_stretches(self.contacts, scene.sphere, self.mode)
-        amplitude, along = scene.wave.amplitude, "y" if self.mode.along_y else "x"
+        scene, amplitude = self.scene, self.scene.amplitude
+        normal, shear = self._of_mode
         parts = []
-        if scene.wave.form != "none" or not scene.source:
-            parts.append(self._with_rows(normal, shear, along if scene.wave.form == "driven" else ""))
+        if self._waves:
+            along = "y" if self.mode.along_y else "x"
+            parts.append(self._with_rows(normal, shear, along if scene.form == "driven" else ""))
         if scene.source:
             shaken = self._with_rows(normal, shear, "xy")
             if any(each.motion == ROTATION for each in scene.source):
@@ -113,8 +118,21 @@ class Case:
         if len(parts) == 1 and not scene.struck:
             return parts[0][0] * amplitude, parts[0][1] * amplitude
         # A bound, whatever the phases
-        bounds = (sum(np.abs(each[k]) for each in parts) * amplitude + scene.strike for k in (0, 1))
+        still = np.zeros_like(normal)
+        bounds = (sum((np.abs(each[k]) for each in parts), still) * amplitude + scene.strike for k in (0, 1))
         return next(bounds), next(bounds)
+
+    @property
+    def _of_mode(self) -> tuple[np.ndarray, np.ndarray]:
+        """Stretch and slip of the contacts in the mode, (C,) each; 0 without a wave."""
+        if self.scene.wave is None:
+            return np.zeros(len(self.contacts)), np.zeros(len(self.contacts))
+        return contact_stretches(self.contacts, self.scene.sphere, self.mode)
+
+    @property
+    def _waves(self) -> bool:
+        """True if the wave is there, or is the unit of strikes alone."""
+        return self.scene.wave is not None and (self.scene.form != "none" or not self.scene.source)
 
     def _with_rows(self, normal: np.ndarray, shear: np.ndarray, axes: str) -> list[np.ndarray]:
         """Return stretches, at least those of the contacts of a row that is moved by 1 along each of some axes."""
@@ -131,7 +149,7 @@ class Case:
     @property
     def strength(self) -> float:
         """Largest amplitude of wave and sources together, in units of that of the wave."""
-        return self.shaken + (self.scene.wave.form != "none" or not self.scene.source)
+        return self.shaken + self._waves
 
     @property
     def no_slip_friction(self) -> float:
@@ -149,7 +167,8 @@ class Case:
             weakest = adhesive or self.contacts.contact_force.min()
             hold = float(weakest) / self.scene.sphere.holding_force
         stiffer = self.shear_stiffness / self.scene.sphere.stiffness_ratio
-        return FRICTION_PER_AMPLITUDE * self.strength * stiffer * self._stiffer_walls / hold if hold > 0 else inf
+        strength = self.strength or 1.0  # of strikes alone that of their own amplitude
+        return FRICTION_PER_AMPLITUDE * strength * stiffer * self._stiffer_walls / hold if hold > 0 else inf
 
     @property
     def _stiffer_walls(self) -> float:
@@ -168,7 +187,15 @@ class Case:
     def dashpot(self) -> float:
         """Force amplitude D = 2(κ+3) c Ω of the dashpot c of a sheared contact, per displacement, in k1."""
         viscosity = self.viscosity if self.on.get("damping", True) else 0.0
-        return 2 * (self.scene.sphere.stiffness_ratio + 3) * viscosity * self.mode.frequency
+        return 2 * (self.scene.sphere.stiffness_ratio + 3) * viscosity * self.frequency
+
+    @property
+    def frequency(self) -> float:
+        """Ω of the wave, rad/t0; without a wave the highest frequency of the crystal."""
+        scene = self.scene
+        if scene.wave is not None:
+            return self.mode.frequency
+        return highest_frequency(unit_contacts(scene), scene.sphere, physics_of(scene)) * swiftness(scene)
 
     @property
     def adhesive_share(self) -> float:
@@ -179,13 +206,17 @@ class Case:
     def friction(self) -> float:
         """Friction coefficient of the scene, or the one at which no contact slides if it is "auto"."""
         given = self.scene.effects.friction
-        largest = self.scene.wave.amplitude + self.struck_amplitude
-        return self.no_slip_friction * largest if given == AUTO else float(given)
+        return self.no_slip_friction * self.largest_amplitude if given == AUTO else float(given)
+
+    @property
+    def largest_amplitude(self) -> float:
+        """Amplitude a of waves, sources and strikes together, to which automatic friction is proportional."""
+        return (self.scene.amplitude if self.strength else 0.0) + self.struck_amplitude
 
     @property
     def struck_amplitude(self) -> float:
         """Amplitude a that stands for strikers and a state where friction is as large as an amplitude needs."""
-        return self.scene.strike / self.strength if self.scene.struck else 0.0
+        return self.scene.strike / (self.strength or 1.0) if self.scene.struck else 0.0
 
     @property
     def viscosity(self) -> float:
@@ -258,6 +289,13 @@ class Case:
         return self.mode.words
 
     @property
+    def every_mode(self) -> str:
+        """What makes waves of every mode, in words; "" if nothing does."""
+        if self.scene.wave is None or self.scene.source or self.scene.struck:
+            return "sources and strikes make waves of every mode"
+        return ""
+
+    @property
     def decay_rate(self) -> float:
         """Decay rate of the wave's amplitude by the dashpots of the contacts, per τ."""
         return decay_rate(
@@ -271,6 +309,8 @@ class Case:
 
     def frequency_shift(self, physics: Physics) -> str:
         """Return a description of the change in the wave's frequency in a lattice with the given physics."""
+        if self.scene.wave is None:
+            return "waves have other frequencies"
         full = self.mode_with(self.physics(rolling=self.rolling)).frequency
         try:
             less = self.mode_with(physics).frequency
@@ -304,9 +344,10 @@ class Effect:
     name : str
         Name, and its key in ``[effects]`` unless `switch` names another.
     called_for : callable, optional
-        Rule that decides whether a scene with a wave calls for the effect, Case → Finding; None where it is none there.
-    bare : callable, optional
-        The rule in a scene without a wave; None where it is none there.
+        Rule that decides whether a crystal at rest under load calls for the effect, Case → Finding; None where it is
+        none there.
+    loose : callable, optional
+        The rule for loose spheres (`Scene.loose`); None where it is none there.
     cost : str
         Cost in time as a factor, measured (docs/effects.md), or the word for a cost that depends on the scene.
     loss : callable
@@ -342,7 +383,7 @@ class Effect:
     called_for: Callable[[Case], Finding] | None
     cost: str
     loss: Callable[[Case], str]
-    bare: Callable[[Case], Finding] | None = None
+    loose: Callable[[Case], Finding] | None = None
     needs: str = ""
     lines: Mapping[str, Lines] = field(default_factory=dict)
     lines_off: Mapping[str, Lines] = field(default_factory=dict)
@@ -364,14 +405,14 @@ class Effect:
 
     def rule(self, scene: Scene) -> Callable[[Case], Finding] | None:
         """Return the rule that decides in a scene; None if the effect is none of such scenes."""
-        return self.bare if scene.bare else self.called_for
+        return self.loose if scene.loose else self.called_for
 
     def wanted(self, scene: Scene) -> bool | Auto:
-        """Return whether a scene forces the effect on or off, or "auto"; true without a wave is read as "auto"."""
+        """Return whether a scene forces the effect on or off, or "auto"; true of loose spheres is read as "auto"."""
         if self.declared:
             return self.declared(scene)
         wanted: bool | Auto = getattr(scene.effects, self.name)
-        if scene.bare and wanted is True:
+        if scene.loose and wanted is True:
             return "auto"
         return wanted
 
@@ -382,7 +423,7 @@ class Effect:
 
     def guard_name(self, scene: Scene, on: Mapping[str, bool]) -> str:
         """Return the title of the guard in the deck of a scene with these effects on, or "" if no guard is needed."""
-        if scene.bare:
+        if scene.loose:
             return self.guard.title if self.guard and self.called_for is None else ""
         guard = self.instead[1] if self.instead and self.instead[0](scene) else self.guard
         watched = on.get(self.needs, True) and (self.always or not on[self.name])

@@ -25,6 +25,8 @@ def called_for(case: Case) -> Finding:
         return Finding(False, 0.0, "N/m of rolling stiffness: spheres roll freely")
     if effects.rolling_friction == 0:  # refused below, where the effect is not forced off
         return Finding(True, np.inf, "no cap of the rolling force is declared")
+    if case.scene.wave is None:
+        return Finding(True, np.inf, case.every_mode)
     rolls = contact_rolls(unit_contacts(case.scene), sphere, case.mode)
     force = effects.rolling_stiffness / sphere.normal_stiffness * float(np.max(np.abs(rolls)))
     at_rest = sphere.contact_law.sliding_force(sphere.static_overlap)

@@ -50,13 +50,15 @@ GUARD = Guard(
 
 
 def called_for(case: Case) -> Finding:
+    if case.scene.wave is None:
+        return Finding(True, inf, case.every_mode)
     spin = INERTIA_RATIO * case.mode.f**2
     share = spin / (case.mode.moved + spin)
     reason = f"of the kinetic energy of {case.wave_words} is rotation"
     if case.mode.cell:
         return Finding(True, share, reason + ", and branches are counted with it")
-    if case.scene.source or case.scene.struck:
-        return Finding(True, share, reason + ", but sources and strikes make waves of every mode")
+    if case.every_mode:
+        return Finding(True, share, f"{reason}, but {case.every_mode}")
     if "sides" in case.scene.shape.faces:
         return Finding(True, share, f"{reason}, but at sides that are {case.scene.shape.sides} spheres turn")
     if not case.scene.layered:
@@ -71,7 +73,7 @@ def called_for(case: Case) -> Finding:
     return Finding(share > NOTHING, share, reason)
 
 
-def without_wave(case: Case) -> Finding:
+def loose(case: Case) -> Finding:
     turning = case.scene.effects.rotation is not False
     return Finding(turning, inf, "shear forces turn spheres" if turning else "effects.rotation is off")
 
@@ -87,7 +89,7 @@ ROTATION = Effect(
     called_for,
     cost="1.02",
     loss=loss,
-    bare=without_wave,
+    loose=loose,
     needs="shear",
     lines={"preload": preload, "wave": wave},
     guard=GUARD,

@@ -32,8 +32,8 @@ LIMITS: tuple[Effect, ...] = (DEEP_OVERLAP, LONG_STEP)
 
 
 def of(scene: Scene) -> tuple[Effect, ...]:
-    """Return the effects of a scene; of one without a wave those that it knows, and the limits of the model."""
-    return tuple(each for each in (*EFFECTS, *(LIMITS if scene.bare else ())) if each.rule(scene))
+    """Return the effects of a scene; of loose spheres those that they know, and the limits of the model."""
+    return tuple(each for each in (*EFFECTS, *(LIMITS if scene.loose else ())) if each.rule(scene))
 
 
 def guards() -> dict[str, Guard]:
@@ -60,12 +60,12 @@ def select(scene: Scene) -> list[Chosen]:
         needed = Finding(False, 0.0, f"needs {effect.needs}, which is off")
         finding = rule(case) if possible else needed
         on[effect.name] = _is_on(effect, scene, finding.called_for, possible)
-        loss = effect.loss(case) if finding.called_for and not scene.bare else "nothing"
+        loss = effect.loss(case) if finding.called_for and not scene.loose else "nothing"
         guard = effect.guard_name(scene, on)
         decided = (effect.name, effect.key, on[effect.name], *finding)
         chosen.append(Chosen(*decided, guard=guard, cost=effect.cost, loss=loss))
     complete = Case(scene, on, modes)
-    for effect in () if scene.bare else of(scene):
+    for effect in () if scene.loose else of(scene):
         reason = effect.refuse(complete)
         if reason:
             raise SceneError(reason)

@@ -18,12 +18,14 @@ from granular_lmp.scene.scene import Scene
 
 def called_for(case: Case) -> Finding:
     lattice, sphere = unit_contacts(case.scene), case.scene.sphere
-    _, shear = contact_stretches(lattice, sphere, case.mode)
-    largest = float(np.max(np.abs(shear)))
     if sphere.contact_force and not bears_compression(lattice, shear=False):
         return Finding(True, sphere.contact_force, "N press a lattice together that would buckle without shear forces")
-    if case.scene.source or case.scene.struck:
-        return Finding(True, largest, "D0, and sources and strikes make waves of every mode")
+    if case.scene.wave is None:
+        return Finding(True, inf, case.every_mode)
+    _, shear = contact_stretches(lattice, sphere, case.mode)
+    largest = float(np.max(np.abs(shear)))
+    if case.every_mode:
+        return Finding(True, largest, f"D0, and {case.every_mode}")
     if largest <= NOTHING and not case.scene.uniform_rows:
         return Finding(True, largest, "D0, but where the spheres of a row do not move alike contacts are sheared")
     return Finding(
@@ -31,7 +33,7 @@ def called_for(case: Case) -> Finding:
     )
 
 
-def without_wave(case: Case) -> Finding:
+def loose(case: Case) -> Finding:
     effects = case.scene.effects
     if not case.scene.lattice.sheet:
         return Finding(False, inf, "nothing is sheared in a chain")
@@ -52,4 +54,4 @@ def order(scene: Scene) -> int:
     return 1 if scene.effects.shear_law == "incremental" else 2
 
 
-SHEAR = Effect("shear", called_for, cost="1.20", loss=loss, bare=without_wave, law=law, order=order)
+SHEAR = Effect("shear", called_for, cost="1.20", loss=loss, loose=loose, law=law, order=order)

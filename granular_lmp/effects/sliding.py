@@ -24,6 +24,8 @@ def variables_off(problem: Prepared) -> list[str]:
         return []
     case = Case(problem.scene, problem.on)
     amplitude = f"(v_amplitude+{case.struck_amplitude!r})" if problem.scene.struck else "v_amplitude"
+    if problem.scene.wave is None:
+        amplitude = repr(case.largest_amplitude)
     return [
         f"variable friction index $({case.no_slip_friction!r}*{amplitude}:%.17g)"
         "  # no sliding; much more would freeze the shear"
@@ -95,7 +97,7 @@ def called_for(case: Case) -> Finding:
     return Finding(ratio >= 1, ratio, f"of the sliding force is the largest shear force (friction {case.friction:g})")
 
 
-def without_wave(case: Case) -> Finding:
+def loose(case: Case) -> Finding:
     return Finding(True, float(case.scene.effects.friction), "is the coefficient of friction")
 
 
@@ -115,11 +117,12 @@ def refuse(case: Case) -> str:
             "crystal together"
         )
     if case.on["shear"] and case.largest_slip() >= 1:
+        motion, weaker = ("wave", "a smaller wave.amplitude") if case.scene.wave else ("strike", "a slower striker")
         cause = (
-            "in a wave this strong, contacts slide before they open"
+            f"in a {motion} this strong, contacts slide before they open"
             if case.scene.perfect
             else f"unequal or missing spheres ({case.scene.imperfections}) leave a contact so weak that it slides in "
-            "this wave; a smaller wave.amplitude or less disorder helps too"
+            f"this {motion}; {weaker} or less disorder helps too"
         )
         return f'effects.friction = "auto": give a number in (0, 1e4]: {cause}'
     return ""
@@ -135,7 +138,7 @@ SLIDING = Effect(
     called_for,
     cost="1.00",
     loss=loss,
-    bare=without_wave,
+    loose=loose,
     needs="shear",
     lines={"variables": variables},
     lines_off={"variables": variables_off},

@@ -1,5 +1,7 @@
 """Tracking: the angle of each sphere is recorded, by a dipole that turns with it; in space by a quaternion."""
 
+from math import inf
+
 from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.effects.guard import Prepared
 from granular_lmp.scene.scene import Scene
@@ -48,6 +50,8 @@ def record(problem: Prepared) -> list[str]:
 
 
 def called_for(case: Case) -> Finding:
+    if case.scene.wave is None:
+        return Finding(case.on["rotation"], inf, "spheres turn")
     angle = case.mode.f * case.scene.displacement_amplitude / case.scene.sphere.radius
     return Finding(case.on["rotation"], abs(angle), "rad is the largest angle of a sphere")
 

@@ -7,19 +7,21 @@ from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.scene.scene import Scene
 
 
+def loose(case: Case) -> Finding:
+    closed = [name for name, face in case.scene.shape.faces.items() if face in (HELD, WALL)]
+    return Finding(bool(closed), inf, f"held or rigid: {', '.join(closed)}" if closed else "all ends are free")
+
+
 def called_for(case: Case) -> Finding:
     shape = case.scene.shape
+    if case.scene.wave is None:
+        return loose(case)
     if not shape.faces or not shape.lattice.sheet and shape.along_y:
         return Finding(False, float(shape.rows), "rows in a periodic cell are the infinite lattice")
     if HELD not in shape.faces.values():
         return Finding(False, case.scene.echo_time, "tau is when the echo of the free faces reaches the centre")
     what = "faces" if not shape.infinite else "held rows"
     return Finding(True, case.scene.echo_time, f"tau is when the echo of the {what} reaches the centre")
-
-
-def without_wave(case: Case) -> Finding:
-    closed = [name for name, face in case.scene.shape.faces.items() if face in (HELD, WALL)]
-    return Finding(bool(closed), inf, f"held or rigid: {', '.join(closed)}" if closed else "all ends are free")
 
 
 def loss(case: Case) -> str:
@@ -30,4 +32,4 @@ def declared(scene: Scene) -> bool:
     return bool({HELD, WALL} & {*scene.shape.faces.values()})
 
 
-WALLS = Effect("walls", called_for, cost="rows", loss=loss, bare=without_wave, switch="packing.ends", declared=declared)
+WALLS = Effect("walls", called_for, cost="rows", loss=loss, loose=loose, switch="packing.ends", declared=declared)

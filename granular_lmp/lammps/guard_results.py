@@ -65,9 +65,10 @@ def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Pr
     if triggered.any():
         first = float(np.min(at[triggered]))
         first = first if first < NEVER else float(table["v_tau"][np.argmax(triggered)])
-    if not (guard.per_contact(scene) and (folder / CONTACTS).is_file()):
+    contacts = folder / CONTACTS[problem.mode is None]
+    if not (guard.per_contact(scene) and contacts.is_file()):
         return Measured(bound, first, bound)
-    looks = judged_contacts(folder / CONTACTS, problem, float(table.get("v_mu", [np.nan])[0]))
+    looks = judged_contacts(contacts, problem, float(table.get("v_mu", [np.nan])[0]))
     if guard is SLIP:
         ratios = [(step, look.slip) for step, look in looks] if first is not None else []
         worst = max((ratio for _, ratio in ratios), default=bound if first is None else 0.0)

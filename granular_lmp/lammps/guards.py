@@ -21,7 +21,7 @@ from granular_lmp.effects.sliding import sliding_force, slip_lines
 from granular_lmp.lammps.outputs import CONTACTS
 from granular_lmp.problem import Problem
 from granular_lmp.scene.at_rest import swiftness
-from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.scene.linear import physics_of, unit_contacts, usual_frequency
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import quiet_rows
 
@@ -49,11 +49,9 @@ def fastest(scene: Scene, mode: Mode | None = None) -> float:
     Each higher harmonic is smaller by the amplitude, and the rotational branch, up to Ω_max, holds a part in a thousand
     of the contacts' motion if no wall cuts the wave off (docs/effects.md).
     """
-    if scene.wave is None:
-        return highest_frequency(unit_contacts(scene), scene.sphere, physics_of(scene)) * swiftness(scene)
-    usual = (mode or mode_of(scene)).frequency
+    usual = mode.frequency if mode else usual_frequency(scene)
     own = [each.top(scene.sphere, usual) for each in scene.source]
-    if scene.wave.form != "none" or not any(own):
+    if scene.form != "none" or not any(own):
         own.append(usual)
     top = highest_frequency(unit_contacts(scene), scene.sphere, physics_of(scene)) if scene.struck else TOP
     return max(2 * max(own), top * swiftness(scene))
@@ -263,7 +261,7 @@ def header(problem: Problem) -> list[str]:
     limits = [
         f"#   {guard.column} is above {guard.limit_in(problem.scene):.4g}: "
         + guard.meaning.rpartition(": ")[2]
-        + (f"; {CONTACTS} then holds each contact" if guard is SLIP else "")
+        + (f"; {CONTACTS[problem.mode is None]} then holds each contact" if guard is SLIP else "")
         for guard in judged
     ]
     top = "# A line of the thermo table holds extremes since the one before. The run is invalid, from v_NAME_at on, if"

@@ -95,6 +95,8 @@ def _lattice(problem: Problem, wave_is: str, lines: list[str]) -> list[str]:
 
 def _titles(problem: Problem, wave_is: str) -> list[str]:
     scale, sphere = problem.scale, problem.scene.sphere
+    if problem.scene.wave is None and not problem.scene.loose:
+        return ["# --- crystal at rest"]
     if not problem.scene.loose:
         return [f"# --- lattice at rest; {wave_is} the wave for unit amplitude"]
     return [

@@ -13,7 +13,7 @@ from granular_lmp.plot.signals import Picture
 from granular_lmp.scene.at_rest import CrystalAtRest, crystal_of
 from granular_lmp.scene.scene import Scene
 
-# Units of lengths and forces, with a wave and without
+# Units of lengths and forces, of crystals at rest and of loose spheres
 UNITS = (r"\Delta_0", r"k_1\Delta_0"), (r"\ell", r"m\ell/t_0^2")
 MOST_DRAWN = 20_000  # spheres; with more, a contact would be below a pixel
 
@@ -23,7 +23,7 @@ def at_rest_figure(scene: Scene) -> Picture:
 
     Spheres are coloured by the deviation of their diameter from the mean, in overlaps Δ0, or of their density where
     all radii are equal. Lines are contacts, coloured by their force f_N over k1 Δ0: positive where they press. Dotted
-    are neighbours in the lattice that do not touch, and crosses are empty places. Without a wave the units are ℓ and
+    are neighbours in the lattice that do not touch, and crosses are empty places. Of loose spheres the units are ℓ and
     m ℓ/t0².
 
     Raises
@@ -50,7 +50,7 @@ def at_rest_figure(scene: Scene) -> Picture:
     contacts, scale, sphere = crystal.contacts, scene.scale, scene.sphere
     close = _close(scene, crystal)
     pairs = contacts.i[close], contacts.j[close]
-    unit = scale.mass * scale.length / scale.time**2 if scene.bare else sphere.normal_stiffness * scale.length
+    unit = scale.mass * scale.length / scale.time**2 if scene.loose else sphere.normal_stiffness * scale.length
     force = contacts.contact_force[close] / unit
     lines = LineCollection(
         _segments(position, pairs[0], contacts.vector[close, :2] / sphere.radius),
@@ -69,7 +69,7 @@ def at_rest_figure(scene: Scene) -> Picture:
     low, high = position.min(axis=0) - 1.5, position.max(axis=0) + 1.5
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x/R", ylabel="y/R")
     figure.colorbar(discs, ax=axes, label=label, fraction=0.05)
-    figure.colorbar(lines, ax=axes, label=f"force of a contact (${UNITS[scene.bare][1]}$)", fraction=0.05)
+    figure.colorbar(lines, ax=axes, label=f"force of a contact (${UNITS[scene.loose][1]}$)", fraction=0.05)
     lost = f", {len(i)} missing (dotted)" if len(i) else ""
     axes.set_title(
         f"{scene.name}: {scene.imperfections}\n"
@@ -84,7 +84,7 @@ def _values(scene: Scene, crystal: CrystalAtRest) -> tuple[NDArray[np.float64], 
     radius, density = crystal.atoms.arrays["radius"], crystal.atoms.arrays["density"]
     if np.ptp(radius) or not np.ptp(density):
         overlap = scene.scale.length / scene.sphere.radius
-        return (radius - 1) / overlap, f"deviation of the diameter (${UNITS[scene.bare][0]}$)"
+        return (radius - 1) / overlap, f"deviation of the diameter (${UNITS[scene.loose][0]}$)"
     return density / scene.sphere.density - 1, "relative deviation of the density"
 
 
@@ -96,9 +96,9 @@ def _segments(
 
 
 def _close(scene: Scene, crystal: CrystalAtRest) -> NDArray[np.bool_]:
-    """Return which contacts are closed, (C,): without a wave those of neighbours without a gap of more than 1e-3 ℓ."""
+    """Return which contacts are closed, (C,): of loose spheres those of neighbours whose gap is at most 1e-3 ℓ."""
     contacts, radius = crystal.contacts, crystal.atoms.arrays["radius"]
-    if not scene.bare:
+    if not scene.loose:
         return np.ones(len(contacts), dtype=bool)
     reach = (radius[contacts.i] + radius[contacts.j]) * scene.sphere.radius + 1e-3 * scene.scale.length
     return np.asarray(np.linalg.norm(contacts.vector, axis=1) <= reach)

@@ -19,7 +19,7 @@ from granular_lmp.runs.record import Record
 from granular_lmp.scene.strikers import leads
 
 COLOURS = "magma_r"
-DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colours, v: four decades, as the front in a sheet decays
+DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colours: four decades, as the front in a sheet decays
 
 
 def motion_figure(record: Record, tau: float | None = None) -> Picture:
@@ -86,19 +86,26 @@ def bands_figure(problem: Problem) -> Figure:
 
 
 def _speeds(record: Record) -> NDArray[np.float64]:
-    """Return the speeds (T, n), those below the colours as the lightest of them."""
-    return np.maximum(np.linalg.norm(record.velocity, axis=-1), LIGHTEST)
+    """Return the speeds (T, n) in the unit of the colours, those below the colours as the lightest of them."""
+    return np.maximum(np.linalg.norm(record.velocity, axis=-1) * record.scale.velocity / _unit(record), LIGHTEST)
+
+
+def _unit(record: Record) -> float:
+    """Return the speed of the darkest colour, m/s: v of an impact, else the largest that was recorded."""
+    if record.scene.loose:
+        return record.scale.velocity
+    return float(np.linalg.norm(record.velocity, axis=-1).max(initial=0.0)) * record.scale.velocity or 1.0
 
 
 def _title(record: Record) -> str:
     scale = record.scale
-    return f"{record.scene.name}: {scale.velocity:.3g} m/s, $t_0$ = {scale.time:.3g} s"
+    return f"{record.scene.name}: {_unit(record):.3g} m/s, $t_0$ = {scale.time:.3g} s"
 
 
 def _label(record: Record) -> str:
     scene = record.scene
-    struck = leads(scene.striker, scene.start, scene.sphere.radius)
-    unit = "that of the striker" if struck else f"{record.scale.velocity:.3g} m/s"
+    struck = scene.loose and leads(scene.striker, scene.start, scene.sphere.radius)
+    unit = "that of the striker" if struck else f"{_unit(record):.3g} m/s"
     return f"speed ({unit})"
 
 

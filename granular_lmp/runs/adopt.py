@@ -21,7 +21,7 @@ from granular_lmp.errors import RunFolderError, SceneError, one_line
 from granular_lmp.lammps.deck import Deck, deck_of, written_text
 from granular_lmp.lammps.guard_results import first_decks
 from granular_lmp.lammps.monitors import monitor_files
-from granular_lmp.lammps.outputs import CONTACTS, LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
+from granular_lmp.lammps.outputs import LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
 from granular_lmp.lammps.variables import said_variables
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs.directory import absolute
@@ -127,7 +127,11 @@ def adopt(
         def copy(job: Job) -> None:
             with writable(place):
                 shutil.copyfile(source / LOG, place / LOG)
-                others = {SNAPSHOTS: SNAPSHOTS, CONTACTS: f"{dump.name}.contacts", simulation.dump: dump.name}
+                others = {
+                    SNAPSHOTS: SNAPSHOTS,
+                    f"{simulation.dump}.contacts": f"{dump.name}.contacts",
+                    simulation.dump: dump.name,
+                }
                 for name, there in (others | {name: name for name in monitor_files(problem.scene)}).items():
                     if (source / there).is_file():
                         shutil.copyfile(source / there, place / name)

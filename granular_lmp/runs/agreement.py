@@ -56,8 +56,8 @@ def refuse_other_physics(folder: Path, info: dict[str, Any], scene: Scene) -> No
     for key in ("effects", "guards"):
         if key not in info and info.get("status") == "finished":
             raise RunFolderError(f"{folder / STATUS}: {key} is missing; {_CURE}")
-    of_wave = (_wave, _effects, _guards)
-    pairs = _strikes(info, scene) if scene.wave is None else chain(*(each(info, scene) for each in of_wave))
+    at_rest = (_wave, _effects, _guards)
+    pairs = _strikes(info, scene) if scene.loose else chain(*(each(info, scene) for each in at_rest))
     for key, found, declared in pairs:
         number = isinstance(declared, float) and isinstance(found, int | float)
         if not (isclose(found, declared, rel_tol=SAME, abs_tol=SAME) if number else found == declared):
@@ -67,12 +67,15 @@ def refuse_other_physics(folder: Path, info: dict[str, Any], scene: Scene) -> No
 
 def _wave(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
     finished = info.get("status") == "finished"
-    numbers = {
-        "particles": scene.shape.rows if is_one_column(scene) else sphere_count(scene),
-        "wavenumber_used": scene.wavenumber,
-        "direction_used": scene.direction,
-        "amplitude": scene.wave.amplitude,
-    }
+    numbers: dict[str, float] = {"particles": scene.shape.rows if is_one_column(scene) else sphere_count(scene)}
+    if scene.wave is None:
+        numbers |= {"Delta0_m": scene.scale.length, "t0_s": scene.scale.time}
+    else:
+        numbers |= {
+            "wavenumber_used": scene.wavenumber,
+            "direction_used": scene.direction,
+            "amplitude": scene.wave.amplitude,
+        }
     yield from ((key, info.get(key), value) for key, value in numbers.items() if finished or key in info)
 
 

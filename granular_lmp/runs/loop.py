@@ -149,6 +149,6 @@ def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any]
     if failure is not None:
         raise failure
     job.report_step(simulation.steps)
-    for name in (*CHECKPOINTS, CONTACTS):  # contacts are kept only if they failed the run
+    for name in (*CHECKPOINTS, *CONTACTS):  # contacts are kept only if they failed the run
         (folder / name).unlink(missing_ok=True)
     return replace(record, info=info)

@@ -32,11 +32,20 @@ def description(problem: Problem, edits: list[str], launcher: str, ranks: int) -
         "particles": len(problem.crystal),
         "steps": time_.steps,
         "timestep_used": time_.step,
-        **(_of_strikes(problem) if problem.mode is None else _of_wave(problem)),
+        **_of_start(problem),
         "effects": effects_of(problem),
         "remarks": problem.warnings(),
         **({"edited": edits} if edits else {}),
     }
+
+
+def _of_start(problem: Problem) -> dict[str, Any]:
+    """Return how a run starts, and what it starts in."""
+    if problem.scene.loose:
+        return _of_strikes(problem)
+    if problem.mode is None:
+        return {"recorded": len(problem.recorded), **_at_rest(problem)}
+    return _of_wave(problem)
 
 
 def _of_wave(problem: Problem) -> dict[str, Any]:
@@ -48,8 +57,16 @@ def _of_wave(problem: Problem) -> dict[str, Any]:
         "direction_used": scene.direction,
         "frequency": problem.mode.frequency,
         "amplitude": scene.wave.amplitude,
-        **crystal_at_rest(problem.at_rest),
+        **_at_rest(problem),
         **epsilon,
+    }
+
+
+def _at_rest(problem: Problem) -> dict[str, Any]:
+    """Return the crystal at rest, its units, and how often its guards look."""
+    scene = problem.scene
+    return {
+        **crystal_at_rest(problem.at_rest),
         "Delta0_m": scene.scale.length,
         "t0_s": scene.scale.time,
         "overlap_ratio": scene.sphere.overlap_ratio,
@@ -88,7 +105,7 @@ def effects_of(problem: Problem) -> dict[str, dict[str, Any]]:
             "on": effect.on,
             "called_for": effect.called_for,
             "number": _finite(effect.number),
-            "reason": effect.finding if problem.mode is None else effect.reason,
+            "reason": effect.finding if problem.scene.loose else effect.reason,
             "guard": effect.guard,
         }
         for effect in problem.effects
@@ -108,7 +125,7 @@ def outcome(folder: Path, problem: Problem, samples: int, table: Signals, before
     """Return the entries of ``run.json`` after the run from the number of its records and its thermo table."""
     return {
         "samples": samples,
-        **({} if problem.mode is None else _extremes(table)),
+        **({} if problem.scene.loose else _extremes(table)),
         "guards": {
             effect["guard"]: _outcome_of(name, effect, table, problem, folder)
             for name, effect in before["effects"].items()
@@ -161,7 +178,7 @@ def lacking(problem: Problem, log: RunLog, info: Mapping[str, Any]) -> str:
     older = "adopted" in info and first_decks(table)
     every = log.every if older else line_interval(problem)
     missed = sorted({*range(0, last, every), last} - {*map(int, table.get("Step", ()))})
-    ends = ("",) if older or problem.mode is None else ("", "_at")
+    ends = ("",) if older or problem.scene.loose else ("", "_at")
     needed = {name: {f"{GUARDS[name].column}{end}" for end in ends} for name in info["guards"]}
     absent = [name for name, needs in needed.items() if not needs <= set(table)]
     if missed or absent:

@@ -25,7 +25,7 @@ from granular_lmp.runs.components import NAMES, components
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.at_rest import echo_at
-from granular_lmp.scene.linear import mode_of
+from granular_lmp.scene.linear import usual_frequency
 from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
@@ -44,13 +44,11 @@ def drive_of(scene: Scene) -> tuple[float, float]:
     ReadoutError
         If no driven row and no source is there, a source is no tone, or they have different frequencies.
     """
-    if scene.wave is None:
-        raise ReadoutError("wave: missing table; nothing drives the crystal at one frequency")
-    usual = mode_of(scene).frequency
-    driven = scene.wave.form == "driven"
-    if scene.struck or not (driven or scene.source and scene.wave.form == "none"):
+    usual, driven = usual_frequency(scene), scene.form == "driven"
+    if scene.struck or not (driven or scene.source and scene.form == "none"):
         beside = " alone" if scene.source or driven else ""
-        raise ReadoutError(f'wave.form = "{scene.wave.form}": nothing{beside} drives the crystal at one frequency')
+        begins = "wave: missing table" if scene.wave is None else f'wave.form = "{scene.form}"'
+        raise ReadoutError(f"{begins}: nothing{beside} drives the crystal at one frequency")
     for number, each in enumerate(scene.source, 1):
         if each.kind != "tone":
             raise ReadoutError(f'source {number}: signal = "{each.kind}": must be "tone", which becomes steady')
@@ -74,11 +72,12 @@ def steady_part(scene: Scene, monitor: Monitor) -> tuple[float, float, float]:
     frequency, risen = drive_of(scene)
     first, last = monitor.span
     rows = [(each.rows_of()[0], each.rows_of()[-1]) for each in scene.source]
-    rows += [(0, 0)] if scene.wave.form == "driven" else []
+    rows += [(0, 0)] if scene.form == "driven" else []
     far = max(abs(row - place) for ends in rows for row in ends for place in (first, last))
     arrived = risen + far / FASTEST_ROWS_PER_TAU
     recorded = scene.time.samples * scene.time.sample
-    end = recorded if scene.time.allow_echo else min(recorded, echo_at(scene, monitor))
+    echoes = scene.time.allow_echo or scene.wave is None  # and every echo belongs to the answer
+    end = recorded if echoes else min(recorded, echo_at(scene, monitor))
     begin = (arrived + end) / 2
     periods = (end - begin) * frequency / (2 * pi)
     if periods < FEWEST_PERIODS:

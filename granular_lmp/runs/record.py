@@ -46,8 +46,12 @@ Floats = NDArray[np.float64]
 TRAJECTORY = "trajectory.csv"
 HEADER = ["tau", "p", "q", "phi"]
 IN_SPACE = ["ux", "uy", "uz", "phix", "phiy", "phiz"]  # behind them in space
-_PLACES = ["id", "type", "x", "y", "z", "radius", "mass", "Displacement.X", "Displacement.Y", "vx", "vy"]
-_SPHERE_COLUMNS = tuple([*_PLACES, "vz", *spin, *force] for spin in ([], ["omegaz"]) for force in ([], ["fx", "fy"]))
+_SPHERE_COLUMNS = tuple(
+    [*("id", "type", "x", "y", "z", "radius"), *mass, *("Displacement.X", "Displacement.Y", "vx", "vy", "vz"), *more]
+    for mass in (["mass"], [])
+    for turned in ([], ["omegaz"], ["omegaz", "v_theta"])
+    for more in (turned, [*turned, "fx", "fy"])
+)
 
 
 def header_of(scene: Scene) -> list[str]:

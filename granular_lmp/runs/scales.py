@@ -7,12 +7,12 @@ from granular_lmp.scene.scene import Scene
 
 
 def length_of(scene: Scene) -> float:
-    """Return the unit of displacements, m: D0 of a wave, else the length ℓ of the scale."""
-    return scene.scale.length if scene.wave is None else scene.displacement_amplitude
+    """Return the unit of displacements, m: D0 of a wave, else Δ0 of a crystal at rest, or ℓ of an impact."""
+    return scene.displacement_amplitude
 
 
 def force_of(scene: Scene) -> float:
-    """Return the unit of forces, N: k1 D0 of a wave, else m ℓ/t0²."""
-    if scene.wave is None:
+    """Return the unit of forces, N: k1 D0 in a crystal at rest, else m ℓ/t0²."""
+    if scene.loose:
         return scene.scale.mass * scene.scale.length / scene.scale.time**2
     return scene.sphere.normal_stiffness * scene.displacement_amplitude

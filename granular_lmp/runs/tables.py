@@ -26,10 +26,10 @@ _SAID = {
     "phi": ("D0/R rad", "rotation of the centre sphere, R theta/D0"),
     **{f"u{axis}": ("D0", f"displacement of the centre sphere along {axis}") for axis in "xyz"},
     **{f"phi{axis}": ("D0/R rad", f"rotation of the centre sphere about {axis}, R theta/D0") for axis in "xyz"},
-    "displacement": ("l", "displacement of the recorded spheres from rest"),
-    "velocity": ("l/t0", "velocity of the recorded spheres"),
-    "spin": ("l/t0", "rate of rotation of the recorded spheres, R omega"),
-    "force": ("m l/t0^2", "force on the recorded spheres"),
+    "displacement": ("{length}", "displacement of the recorded spheres from rest"),
+    "velocity": ("{length}/t0", "velocity of the recorded spheres"),
+    "spin": ("{length}/t0", "rate of rotation of the recorded spheres, R omega"),
+    "force": ("m {length}/t0^2", "force on the recorded spheres"),
 }
 
 
@@ -115,19 +115,21 @@ def to_xarray(record: Any) -> Any:
     """Return an ``xarray.Dataset`` of the signals over tau, each with its unit and meaning.
 
     Its attributes are the scales that turn it into SI units, how the run ended, and the scene as TOML: ``D0_m``,
-    ``t0_s``, ``R_m`` of the centre sphere, ``l_m``, ``t0_s``, ``R_m`` of recorded spheres, which have coordinates
-    ``row`` and ``column``.
+    ``t0_s``, ``R_m`` of the centre sphere; ``l_m`` of loose recorded spheres or ``Delta0_m`` of those at rest under
+    load, ``t0_s``, ``R_m``, and the coordinates ``row`` and ``column``.
     """
     scene, signals = record.scene, record.signals
-    said = {name: {"units": unit, "long_name": meaning} for name, (unit, meaning) in _SAID.items()}
+    length = "l" if scene.loose else "Delta0" if scene.wave is None else "D0"
+    said = {
+        name: {"units": unit.format(length=length), "long_name": meaning} for name, (unit, meaning) in _SAID.items()
+    }
     variables = {
         name: (("tau", "sphere", "axis")[: values.ndim], values, said[name]) for name, values in signals.items()
     }
     coordinates: dict[str, Any] = {"tau": ("tau", record.tau, said["tau"])}
     if "displacement" in signals:
         coordinates |= {"row": ("sphere", record.row), "column": ("sphere", record.column), "axis": ["x", "y"]}
-    length = "l_m" if scene.wave is None else "D0_m"
-    scales = {length: length_of(scene), "t0_s": scene.scale.time, "R_m": scene.sphere.radius}
+    scales = {f"{length}_m": length_of(scene), "t0_s": scene.scale.time, "R_m": scene.sphere.radius}
     origin = {"scene": scene.to_toml(), "status": str(record.info.get("status", ""))}
     return optional_package("xarray").Dataset(variables, coordinates, scales | origin)
 

@@ -26,7 +26,7 @@ from granular_lmp.crystal.quiet_ends import (
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.frequency import wavenumbers_at
-from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts, usual_frequency
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
@@ -45,12 +45,12 @@ def waves_at_ends(scene: Scene, step: float = 0.0) -> list[Mode]:
     SceneError
         If no wave along y has the frequency of a source.
     """
-    if scene.wave.form == "none":
+    if scene.form == "none":
         return _waves_of_sources(scene, step)
     shaken = _waves_of_sources(scene, step) if scene.source else []
     mode, sphere, physics = mode_of(scene), scene.sphere, physics_of(scene)
     lattice, usual = unit_contacts(scene), frequency_in_run(mode.frequency, step)
-    if scene.wave.form == "driven":
+    if scene.form == "driven":
         usual = mode.frequency
         numbers = _numbers_at(scene, frequency_in_lattice(usual, step), mode.name) if step else ()
         # At the edge of a band none may be left; the row shakes its neighbours nevertheless
@@ -68,7 +68,7 @@ def waves_at_ends(scene: Scene, step: float = 0.0) -> list[Mode]:
 
 
 def _waves_of_sources(scene: Scene, step: float) -> list[Mode]:
-    sphere, usual = scene.sphere, mode_of(scene).frequency
+    sphere, usual = scene.sphere, usual_frequency(scene)
     found: dict[tuple[str, float], Mode] = {}
     for number, source in enumerate(scene.source, 1):
         frequency = source.pulsation(sphere, usual)
@@ -109,7 +109,7 @@ def quiet_side(scene: Scene) -> str:
     """
     last = scene.shape.rows - 1
     low, high = (any(each.is_in_row(end) for each in scene.source) for end in (0, last))
-    low = low or scene.wave.form == "driven"
+    low = low or scene.form == "driven"
     if low and high:
         raise SceneError(f"absorb.rows = {scene.absorb.rows!r}: must be 0 where sources move both ends")
     return "y" if low else "-y" if high else "abs(y)"

@@ -73,7 +73,7 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
     CrystalError
         If imperfections do not fit into the lattice, or the spheres do not come to rest.
     """
-    if scene.bare:
+    if scene.loose:
         return _touching(scene)
     if scene.perfect:
         return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene))

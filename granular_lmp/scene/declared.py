@@ -7,6 +7,7 @@ from granular_lmp.crystal.lattices import Lattice, Shape
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.scene.sections import Effects, Output, Packing, Time
+from granular_lmp.scene.sources import Source
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.strikers import Striker
 
@@ -16,6 +17,8 @@ class Declared(Protocol):
 
     @property
     def bare(self) -> bool: ...
+    @property
+    def loose(self) -> bool: ...
     @property
     def material(self) -> Sphere: ...
     @property
@@ -40,5 +43,7 @@ class Declared(Protocol):
     def inclusion(self) -> tuple[Inclusion, ...]: ...
     @property
     def start(self) -> Start: ...
+    @property
+    def source(self) -> tuple[Source, ...]: ...
     @property
     def striker(self) -> tuple[Striker, ...]: ...

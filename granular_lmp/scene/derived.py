@@ -27,7 +27,7 @@ from granular_lmp.scene.sections import (
     Time,
     Wave,
 )
-from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, Room, decide
+from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, Room, decide, declared_shape
 from granular_lmp.scene.sources import Source, echo_at
 from granular_lmp.scene.space import lattice_of, measured, space_of, wall_of
 from granular_lmp.scene.start import Start
@@ -64,8 +64,8 @@ class Derived(Document):
 
     @cached_property
     def scale(self) -> Scale:
-        """Units of the scene: m, Δ0 and t0 of the spheres at rest; without a wave those of the impact."""
-        return scale_of(self.striker, self.start, self.material) if self.bare else Scale.of(self.sphere)
+        """Units of the scene: m, Δ0 and t0 of the spheres at rest; of loose ones those of the impact."""
+        return scale_of(self.striker, self.start, self.material) if self.loose else Scale.of(self.sphere)
 
     @cached_property
     def space(self) -> int:
@@ -84,8 +84,9 @@ class Derived(Document):
 
     @property
     def loose(self) -> bool:
-        """True if spheres just touch, or are pressed together from outside, so that they part without a pull."""
-        return self.bare
+        """True if spheres just touch, or are a chain that is pressed together: they part without a pull, and fly."""
+        pressed_sheet = self.packing.contact_force > 0 and self.lattice.sheet
+        return self.wave is None and not self.material.work_of_adhesion and not pressed_sheet
 
     @property
     def units(self) -> AnyUnits:
@@ -95,8 +96,18 @@ class Derived(Document):
 
     @property
     def displacement_amplitude(self) -> float:
-        """D0 = a Δ0, m: the amplitude of the wave's displacement."""
-        return self.wave.amplitude * self.scale.length
+        """D0 = a Δ0, m: the amplitude of the wave's displacement; without a wave the unit of displacements itself."""
+        return self.amplitude * self.scale.length
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude a = D0/Δ0 of the wave; 1 without a wave."""
+        return 1.0 if self.wave is None else self.wave.amplitude
+
+    @property
+    def form(self) -> str:
+        """Form of the wave; "none" without a wave too."""
+        return "none" if self.wave is None else self.wave.form
 
     @cached_property
     def lattice(self) -> Lattice:
@@ -112,9 +123,8 @@ class Derived(Document):
     def shape(self) -> Shape:
         """Rows, columns and faces of the packing with every "auto" decided."""
         packing = self.packing
-        if self.bare:
-            size, faces = (int(packing.rows), int(packing.columns)), (packing.first, packing.last, packing.sides)
-            return Shape(*size, "fixed", self.lattice, *faces)
+        if self.wave is None:
+            return declared_shape(packing, self.lattice)
         return decide(
             packing.rows,
             packing.columns,
@@ -170,7 +180,7 @@ class Derived(Document):
     @property
     def used(self) -> dict[str, Any]:
         """Values that run in place of declared ones, which a periodic cell or a sample rounds, by dotted key."""
-        if self.bare:
+        if self.wave is None:
             return remarks.used_step(self.time)
         hertz = partial(hertz_of, self.vector, self.sphere, self.physics, self.wave.mode, self.lattice, self.wall)
         return remarks.used_vector(self.declared_vector, self.vector, hertz) | remarks.used_step(self.time)
@@ -207,13 +217,15 @@ class Derived(Document):
     @property
     def starts_along_y(self) -> bool:
         """True if the wave starts as a running plane wave along y."""
-        running = self.wave.form == "running" and not self.envelope.finite
+        running = self.form == "running" and not self.envelope.finite
         running = running and not self.struck and not self.source
         return running and self.vector.axis == "y" and self.vector.per_row > 0
 
     @property
     def uniform_rows(self) -> bool:
         """True if all spheres of a row move alike, so that the fewest columns stand for any number."""
+        if self.wave is None:
+            return False
         whole = all(each.rows for each in (*self.source, *self.striker, *self.start.at()))
         whole = whole and not self.start.noise
         return self.layered and self.vector.axis == "y" and self.envelope.width == 0 and whole
@@ -240,6 +252,11 @@ class Derived(Document):
         return stretch(self.striker, self.start, self.sphere) if self.struck else 0.0
 
     @property
+    def moved(self) -> float:
+        """Bound of the stretch and slip that strikers, a state and sources make, Δ0."""
+        return self.strike + max((each.largest for each in self.source), default=0.0) * self.amplitude
+
+    @property
     def shaken(self) -> str:
         """Count of sources and strikers, before the wave that is their unit or beside them; "" without any."""
         return words.shaken(self.source, self.striker, self.start, self.wave)
@@ -255,11 +272,11 @@ class Derived(Document):
     @property
     def words(self) -> str:
         """Return the scene in words, for titles: its wave, or size and strikers."""
-        return words.of_impact(self) if self.bare else self.wave_words
+        return words.of_strikes(self) if self.wave is None else self.wave_words
 
     def remarks(self) -> list[str]:
         """Return a sentence for each change that made the scene fit."""
-        if self.bare:
+        if self.wave is None:
             return remarks.on_step(self.time)
         said = remarks.on_packing(self.packing, self.shape) + remarks.on_vector(self.wave, self.shape, self.vector)
         if self.wave.frequency is not None:
@@ -279,7 +296,7 @@ class Derived(Document):
         `rows` and `columns` are those of the block, (first, last).
         """
         pushed = (*self.source, *self.striker, *self.start.at())
-        return echo_at((rows, columns), pushed, self.shape, form=self.wave.form, quiet=self.absorb.rows != 0)
+        return echo_at((rows, columns), pushed, self.shape, form=self.form, quiet=self.absorb.rows != 0)
 
 
 def at_rest(material: Sphere, packing: Packing, effects: Effects, contact: Contact) -> Sphere:

@@ -1,6 +1,6 @@
 """A declared document, a scene or a collision: a name and sections of keys, read from TOML and written back."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -97,13 +97,13 @@ class Document:
         refuse_unknown(tables, ("name", "description", *cls.sections, *cls.repeated), "")
         name = checked_name(tables, default or cls.__name__.lower(), cls.named)
         tables = cls.completed(tables)
-        bare = cls.is_bare(tables)
+        bare = cls.bare_tables(tables)
         records: dict[str, Any] = {
-            cls.attributes.get(key, key): record(kind, tables.get(key), key, cls.rules.get(key), bare=bare)
+            cls.attributes.get(key, key): record(kind, tables.get(key), key, cls.rules.get(key), bare=key in bare)
             for key, kind in cls.sections.items()
             if not (bare and key == cls.lacking) and not (key in cls.absent and key not in tables)
         }
-        records |= {key: cls._records(key, tables.get(key, ()), bare) for key in cls.repeated}
+        records |= {key: cls._records(key, tables.get(key, ()), key in bare) for key in cls.repeated}
         return cls.made({"name": name, "description": checked_description(tables)} | cls.solved(records))
 
     @classmethod
@@ -116,10 +116,19 @@ class Document:
         """Return whether tables are those of a bare document."""
         return bool(cls.lacking) and cls.lacking not in tables and not tables.keys().isdisjoint(cls.marks)
 
+    @classmethod
+    def bare_tables(cls, tables: Mapping[str, Any]) -> Collection[str]:
+        """Return the names of the tables whose keys are declared as in a bare document; all of them in one."""
+        return (*cls.sections, *cls.repeated) if cls.is_bare(tables) else ()
+
     @property
     def bare(self) -> bool:
         """True if the document lacks the section without which it is bare."""
         return bool(self.lacking) and getattr(self, self.lacking) is None
+
+    def bare_in(self, table: str) -> bool:
+        """Return whether the keys of a table are declared as in a bare document; see `bare_tables`."""
+        return self.bare
 
     @classmethod
     def _records(cls, key: str, tables: Any, bare: bool) -> tuple[Any, ...]:
@@ -145,7 +154,7 @@ class Document:
         """Return nested plain values with every default."""
         held = {key: getattr(self, self.attributes.get(key, key)) for key in self.sections}
         tables: dict[str, Any] = {
-            key: plain(value, self.rules.get(key), bare=self.bare)
+            key: plain(value, self.rules.get(key), bare=self.bare_in(key))
             for key, value in held.items()
             if value is not None and (key not in self.optional or value != type(value)())
         }
@@ -154,13 +163,14 @@ class Document:
 
     def _written(self, key: str) -> list[dict[str, Any]]:
         """Return the values of an array of tables that differ from their defaults."""
-        default = plain(self.repeated[key](), self.rules.get(key), bare=self.bare)
-        tables = (plain(each, self.rules.get(key), bare=self.bare) for each in getattr(self, key))
+        bare = self.bare_in(key)
+        default = plain(self.repeated[key](), self.rules.get(key), bare=bare)
+        tables = (plain(each, self.rules.get(key), bare=bare) for each in getattr(self, key))
         return [{name: value for name, value in table.items() if value != default[name]} for table in tables]
 
     def keys_of(self, section: str) -> list[DeclaredKey]:
         """Return the keys of a section, with their defaults in this document."""
-        return declared_keys(self.sections[section], self.rules.get(section), bare=self.bare)
+        return declared_keys(self.sections[section], self.rules.get(section), bare=self.bare_in(section))
 
     def given(self) -> dict[str, Any]:
         """Return nested plain values without the defaults, which never change: what a file has to say."""
@@ -186,10 +196,10 @@ class Document:
         lines = head_lines(self.name, self.description)
         for key, kind in self.sections.items():
             if key in tables:
-                lines += ["", f"[{key}]", *toml_lines(kind, tables[key], self.rules.get(key), bare=self.bare)]
+                lines += ["", f"[{key}]", *toml_lines(kind, tables[key], self.rules.get(key), bare=self.bare_in(key))]
         for key, kind in self.repeated.items():
             for table in tables.get(key, ()):
-                lines += ["", f"[[{key}]]", *toml_lines(kind, table, self.rules.get(key), bare=self.bare)]
+                lines += ["", f"[[{key}]]", *toml_lines(kind, table, self.rules.get(key), bare=self.bare_in(key))]
         return "\n".join(lines) + "\n"
 
     def with_values(self, changes: Mapping[str, Any]) -> Self:

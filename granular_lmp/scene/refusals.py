@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any, Literal
 
-from granular_lmp.crystal.lattices import CHAIN, FREE, PERIODIC, WALL
+from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL
 from granular_lmp.crystal.scale import DEEPEST
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.declared import Declared
@@ -21,15 +21,22 @@ Because = Literal["physics", "not built"]
 ROUNDINGS_IN_OVERLAP = 1e4
 LARGEST_RATIO = 10.0  # Radii of a chain differ by this factor at most
 LOOSEST = 0.04  # disorder.radius of a sheet: gaps of neighbours are then below a quarter of the radius
-_LEFT_OUT = "left out beside [[striker]] or [start]"
-_NO_ADHESION = f"{_LEFT_OUT}, as contacts of an impact do not adhere"
-_OF_WAVE = f"is of the scene of a wave: must be {_LEFT_OUT}"
+# Tables whose keys are declared otherwise in every scene without [wave]
+UNWAVED = ("sphere", "packing", "time", "output")
 # Tables and keys that a scene has beside a wave only, and why
-NEEDS_WAVE: Mapping[str, str] = {
-    **dict.fromkeys(("envelope", "absorb", "source", "contact", "substrate"), _OF_WAVE),
+NEEDS_WAVE: dict[str, str] = {
+    **dict.fromkeys(("envelope", "substrate"), "is of the scene of a wave: must be left out without [wave]"),
+    "time.allow_echo": "must be left out without [wave], where every echo belongs to the answer",
+}
+_AT_REST = "sphere.work_of_adhesion above 0, or packing.contact_force in a sheet"
+# Tables and keys that need spheres at rest under load, and why
+NEEDS_REST: dict[str, str] = {
+    "source": f"has no unit of time where nothing is at rest; needs {_AT_REST}",
+    "contact": f"has stiffnesses at rest under load; needs {_AT_REST}",
+    "absorb": f"absorbs linear waves, and contacts without load have none; needs {_AT_REST}",
     "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
-    "time.allow_echo": f"must be {_LEFT_OUT}, where every echo belongs to the answer",
-    "effects.adhesion": f"must be {_NO_ADHESION}",
+    **dict.fromkeys(("packing.relax", "packing.relax_friction"), f"is the way to rest under load; needs {_AT_REST}"),
+    "effects.adhesion": "must be left out beside [[striker]] or [start], as contacts of an impact do not adhere",
 }
 
 
@@ -42,35 +49,45 @@ class Refusal:
     because : "physics" or "not built"
     says : callable
         Scene → what is wrong with it, "" if nothing is.
+    loose : bool
+        True if it is a line of loose spheres alone (`Scene.loose`).
     """
 
     because: Because
     says: Callable[[Declared], str]
+    loose: bool = True
 
 
 REFUSALS: list[Refusal] = []
 
 
-def _line(because: Because) -> Callable[[Callable[[Declared], str]], Callable[[Declared], str]]:
+def _line(because: Because, *, loose: bool = True) -> Callable[[Callable[[Declared], str]], Callable[[Declared], str]]:
     """Return what joins a function to the list."""
 
     def joined(says: Callable[[Declared], str]) -> Callable[[Declared], str]:
-        REFUSALS.append(Refusal(because, says))
+        REFUSALS.append(Refusal(because, says, loose))
         return says
 
     return joined
 
 
 def refuse(scene: Declared, lines: Iterable[Refusal] = REFUSALS) -> None:
-    """Raise a SceneError for the first line that refuses a scene."""
+    """Raise a SceneError for the first line that refuses a scene without a wave."""
     for line in lines:
-        if sentence := line.says(scene):
+        if (scene.loose or not line.loose) and (sentence := line.says(scene)):
             raise SceneError(sentence)
 
 
-def refuse_tables(tables: Mapping[str, Any]) -> None:
-    """Raise a SceneError for the first table or key that stands in a file without the wave that it belongs to."""
-    for key, why in NEEDS_WAVE.items():
+def is_loose(tables: Mapping[str, Any]) -> bool:
+    """Return whether tables without a wave are of loose spheres, as `Scene.loose` says it of a scene."""
+    sphere, packing = (each if isinstance(each := tables.get(key), Mapping) else {} for key in ("sphere", "packing"))
+    pressed_sheet = packing.get("contact_force") and packing.get("lattice", CHAIN.name) != CHAIN.name
+    return not (sphere.get("work_of_adhesion") or pressed_sheet)
+
+
+def refuse_tables(tables: Mapping[str, Any], *, loose: bool) -> None:
+    """Raise a SceneError for the first table or key that needs a wave, or in a scene of `loose` spheres one at rest."""
+    for key, why in (NEEDS_WAVE | (NEEDS_REST if loose else {})).items():
         table, _, name = key.partition(".")
         inner = tables.get(table)
         if table in tables and (not name or isinstance(inner, Mapping) and name in inner):
@@ -81,27 +98,38 @@ def require_wave(scene: Declared) -> None:
     """Raise a SceneError if a scene without ``[wave]`` is given to what needs one."""
     if scene.bare:
         raise SceneError(
-            "wave: missing table; a file with [[striker]] or [start] and without [wave] is an impact, which kick "
-            "and scatter do not take"
+            "wave: missing table; a file with [[striker]], [start] or [[source]] and without [wave] has no wave, which "
+            "modes, kick and scatter need"
         )
 
 
-@_line("physics")
+@_line("physics", loose=False)
 def nothing_moves(scene: Declared) -> str:
-    if scene.striker or scene.start.moves:
+    if scene.striker or scene.start.moves or scene.source:
         return ""
     return "striker: missing; an impact has a table [[striker]], or a [start] in which a sphere moves"
 
 
-@_line("physics")
-def striker_is_nowhere(scene: Declared) -> str:
-    return next(striker_troubles(scene.striker, scene.shape), "")
+@_line("not built", loose=False)
+def wall_of_a_crystal_at_rest(scene: Declared) -> str:
+    if scene.loose:
+        return ""
+    found = (name for name in ("first", "last", "sides") if getattr(scene.packing, name) == WALL)
+    return next(
+        (f'packing.{name} = "wall": must be "held" or "free" in a crystal under load at rest' for name in found), ""
+    )
 
 
 @_line("not built")
-def spheres_adhere(scene: Declared) -> str:
-    adhesion = scene.material.work_of_adhesion
-    return f"sphere.work_of_adhesion = {adhesion!r}: must be 0 or {_NO_ADHESION}" if adhesion else ""
+def held_sides(scene: Declared) -> str:
+    if scene.packing.sides != HELD:
+        return ""
+    return f'packing.sides = "held": must be "free", "periodic" or "wall"; held sides need {_AT_REST}'
+
+
+@_line("physics", loose=False)
+def striker_is_nowhere(scene: Declared) -> str:
+    return next(striker_troubles(scene.striker, scene.shape), "")
 
 
 @_line("physics")
@@ -177,16 +205,6 @@ def chain_with_sides(scene: Declared) -> str:
     )
 
 
-@_line("not built")
-def pressed_sheet(scene: Declared) -> str:
-    if scene.lattice == CHAIN or not scene.packing.contact_force:
-        return ""
-    return (
-        f"packing.contact_force = {scene.packing.contact_force!r}: must be 0 in a sheet, which a force along y does "
-        'not press alike in all contacts; packing.lattice = "chain" has it'
-    )
-
-
 @_line("physics")
 def restitution_of_pressed_spheres(scene: Declared) -> str:
     if not scene.packing.contact_force or scene.effects.restitution == 1:
@@ -219,7 +237,7 @@ def too_few_columns(scene: Declared) -> str:
     )
 
 
-@_line("physics")
+@_line("physics", loose=False)
 def too_many_spheres(scene: Declared) -> str:
     shape = scene.shape
     if shape.spheres <= MOST_SPHERES:
@@ -230,7 +248,7 @@ def too_many_spheres(scene: Declared) -> str:
     )
 
 
-@_line("physics")
+@_line("physics", loose=False)
 def places_outside(scene: Declared) -> str:
     places = {} if scene.output.everyone else {"output": (scene.output.rows, scene.output.spheres)}
     places |= {"start.state": ((), scene.start.places)} if scene.start.state else {}
@@ -277,7 +295,7 @@ def lost_in_rounding(scene: Declared) -> str:
     )
 
 
-@_line("physics")
+@_line("physics", loose=False)
 def no_sample_in_the_run(scene: Declared) -> str:
     time = scene.time
     if time.sample <= time.duration:

@@ -8,17 +8,19 @@ A scene has the tables ``[sphere]``, ``[packing]``, ``[contact]``, ``[substrate]
 in units of the static overlap Δ0. An "auto" of the packing is decided here (`Scene.shape`), an "auto" of the physics
 in `granular_lmp.effects`.
 
-A scene without ``[wave]`` has a striker or a state: spheres that just touch, a sheet of spheres with gaps, or a
-compressed chain, and what moves. Velocities are in m/s, times in t0 of the impact (`granular_lmp.crystal.scale`).
+A scene without ``[wave]`` has strikers, a state or sources. Where spheres adhere, or a sheet is pressed together, they
+are at rest as beside a wave, and the units are those of a wave. Spheres that just touch, a sheet of spheres with gaps
+and a compressed chain are loose (`Scene.loose`): times are in t0 of the impact (`granular_lmp.crystal.scale`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
 from granular_lmp.card import HasCard
 from granular_lmp.crystal.disorder import Disorder, Inclusion
+from granular_lmp.crystal.lattices import FREE
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation, words
@@ -28,8 +30,9 @@ from granular_lmp.scene.files import first_file
 from granular_lmp.scene.frequency import with_placeholder, without_wavevector
 from granular_lmp.scene.monitors import Monitor, check_monitors
 from granular_lmp.scene.records import said
-from granular_lmp.scene.refusals import NEEDS_WAVE, refuse, refuse_tables
+from granular_lmp.scene.refusals import NEEDS_REST, NEEDS_WAVE, UNWAVED, is_loose, refuse, refuse_tables
 from granular_lmp.scene.samples import located
+from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.sections import (
     DISORDER_RULES,
     INCLUSION_RULES,
@@ -102,7 +105,7 @@ class Scene(HasCard, Derived):
     optional = ("contact", "disorder", "absorb", "start")
     absent = ("substrate",)
     lacking = "wave"
-    marks = ("striker", "start")
+    marks = ("striker", "start", "source")
     rules = {"sphere": LATTICE_SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
     attributes = {"sphere": "material"}
     exclusive = {
@@ -210,8 +213,18 @@ class Scene(HasCard, Derived):
         """Return the tables with a wave vector as wave number and direction; refuse a step beside a tolerance."""
         refuse_step_beside_tolerance(tables)
         if cls.is_bare(tables):
-            refuse_tables(tables)
+            refuse_tables(tables, loose=is_loose(tables))
         return with_placeholder(without_wavevector(tables))
+
+    @classmethod
+    def bare_tables(cls, tables: Mapping[str, Any]) -> Collection[str]:
+        """Return the tables whose keys are declared otherwise without a wave: all of loose spheres, else `UNWAVED`."""
+        every = super().bare_tables(tables)
+        return every if is_loose(tables) else [key for key in every if key in UNWAVED]
+
+    def bare_in(self, table: str) -> bool:
+        """Return whether the keys of a table are declared otherwise than beside a wave; see `bare_tables`."""
+        return self.bare and (self.loose or table in UNWAVED)
 
     @classmethod
     def solved(cls, records: dict[str, Any]) -> dict[str, Any]:
@@ -240,7 +253,7 @@ class Scene(HasCard, Derived):
         if self.bare:
             output = {key: value for key, value in tables.pop("output").items() if value != getattr(Output(), key)}
             tables |= {"output": output} if output else {}
-            return {name: table for name, table in tables.items() if name not in NEEDS_WAVE}
+            return _without_keys(tables, NEEDS_WAVE | (NEEDS_REST if self.loose else {}))
         return tables | {"wave": _without_replaced(tables["wave"])}
 
     @classmethod
@@ -276,28 +289,38 @@ class Scene(HasCard, Derived):
         )
 
     def __post_init__(self) -> None:
-        if self.bare:
+        validation.check_adhesion_law(self.material, self.effects, self.inclusion)
+        if self.wave is None:
             refuse(self)
+        if self.loose:
             check_monitors(self.monitor, self.packing, self.shape)
             return
-        validation.check_adhesion_law(self.material, self.effects, self.inclusion)
         check_space(self.packing, self.substrate, self.effects, self.lattice, self.space, perfect=self.perfect)
         wave, shape, _ = self.wave, self.shape, self.wall
-        validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
+        validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude if wave else 0.0)
         check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike)
         of_time = self.time, self.struck, self.space
         check_sources(self.source, wave, self.envelope, self.packing, shape, self.sphere, *of_time)
         check_quiet(self.source, self.absorb)
         check_monitors(self.monitor, self.packing, shape)
-        validation.check_faces(self.packing, shape)
-        validation.check_lattice(shape, self.packing, wave, self.envelope, self.effects, self.sphere)
+        validation.check_faces(self.packing, shape, FREE if wave is None else AUTO)
+        validation.check_lattice(shape, self.packing, self.effects, self.sphere)
         validation.check_straight(self.lattice, self.packing, words.across(wave, self.source, self.start))
-        validation.check_wave(wave, self.envelope, self.packing, shape)
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
         validation.check_arrangement(self.lattice, self.packing, self.material, self.disorder, self.inclusion)
+        validation.check_absorb(self.absorb, self.packing, self.form, self.envelope, shape, self.source)
+        if wave is None:
+            validation.check_motion(self.sphere, shape, self.moved)
+        else:
+            self._check_wave()
+
+    def _check_wave(self) -> None:
+        """Check the wave, its room and its time."""
+        wave, shape = self.wave, self.shape
+        validation.check_line(shape.lattice, wave, self.envelope)
+        validation.check_wave(wave, self.envelope, self.packing, shape)
         validation.check_packing(self.packing, wave, self.envelope, shape, self.vector)
         validation.check_size(self.sphere, shape, wave.amplitude)
-        validation.check_absorb(self.absorb, self.packing, wave, self.envelope, shape, self.source)
         validation.check_time(self.time, self.output, shape, self.echo_time)
 
 
@@ -306,6 +329,15 @@ def _without_replaced(table: Mapping[str, Any]) -> dict[str, Any]:
     kept = dict(table)
     for key, other in (("tolerance", "timestep"), ("frequency", "wavenumber")):
         kept.pop(key if kept.get(key) is None else other, None)
+    return kept
+
+
+def _without_keys(tables: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
+    """Return tables without some of them, and without some keys of others, which are dotted."""
+    kept = {name: table for name, table in tables.items() if name not in keys}
+    for table, _, name in (key.partition(".") for key in keys if "." in key):
+        if table in kept:
+            kept[table] = {key: value for key, value in kept[table].items() if key != name}
     return kept
 
 

@@ -76,7 +76,12 @@ class Packing(Remembering):
         default=AUTO,
         bare=count("along x: 1 in a chain", 1, 1_000_000, default=1),
     )
-    ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed", bare=NOT_BARE)
+    ends: str = choice(
+        "first and last row held, or a periodic cell",
+        ENDS,
+        default="fixed",
+        bare=choice("first and last row, or a periodic cell", ENDS[:2], default="fixed"),
+    )
     first: str = choice(
         "first row of fixed ends; auto: held",
         FACES,
@@ -93,15 +98,11 @@ class Packing(Remembering):
         "first and last column of a sheet",
         (PERIODIC, HELD, FREE),
         default=PERIODIC,
-        bare=choice("of a sheet: periodic needs at least 3 columns", (FREE, PERIODIC, WALL), default=FREE),
+        bare=choice("of a sheet: periodic needs at least 3 columns", (FREE, PERIODIC, HELD, WALL), default=FREE),
     )
     contact_force: float = number("N", "presses the contacts at rest together from outside", 0, 1e12, default=0.0)
-    relax: str = choice(
-        "of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box", bare=NOT_BARE
-    )
-    relax_friction: float = number(
-        "", "of unequal spheres while they come to rest; 0: none", 0, 1e4, default=0.0, bare=NOT_BARE
-    )
+    relax: str = choice("of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box")
+    relax_friction: float = number("", "of unequal spheres while they come to rest; 0: none", 0, 1e4, default=0.0)
     space: int | Auto = count(
         "dimensions in which spheres move; auto: 3 on a substrate and in a lattice in space, else 2", 2, 3, **_OR_AUTO
     )
@@ -444,7 +445,7 @@ SPHERE_RULES = {
     "density": Rule(float, "kg/m3", "", Interval(1, 1e5)),
 }
 LATTICE_SPHERE_RULES = SPHERE_RULES | {
-    "adhesion_law": Rule(str, "", "jkr: also beyond contact", words=tuple(ADHESION_LAWS), bare=NOT_BARE),
+    "adhesion_law": Rule(str, "", "jkr: also beyond contact", words=tuple(ADHESION_LAWS)),
 }
 DISORDER_RULES = {
     "radius": Rule(

@@ -8,7 +8,7 @@ walls, but carries only phase advances of 2πk/rows and 2πk/columns.
 
 from dataclasses import dataclass
 from math import ceil, floor
-from typing import Literal
+from typing import Any, Literal
 
 from granular_lmp.crystal.lattices import HELD, HEXAGONAL, PERIODIC, Lattice, Shape
 from granular_lmp.crystal.wavevector import WaveVector, snapped
@@ -123,6 +123,12 @@ def decide(
     if layers == AUTO:
         layers = lattice.fewest_layers if lattice.solid and not lattice.film else 1
     return Shape(int(rows), int(columns), ends, lattice, first, last, sides, int(layers))
+
+
+def declared_shape(packing: Any, lattice: Lattice) -> Shape:
+    """Return the shape of a packing without a wave, in which nothing is "auto"."""
+    size, faces = (int(packing.rows), int(packing.columns)), (packing.first, packing.last, packing.sides)
+    return Shape(*size, packing.ends, lattice, *faces)
 
 
 def echo_time(rows: int, *, driven: bool = False) -> float:

@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import HELD, Shape
-from granular_lmp.crystal.modes import Mode
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import samples
@@ -133,6 +132,11 @@ class Source(AtPlaces):
         """True if spheres in the plane do not follow it."""
         return (self.axis == "z") != bool(self.turns)
 
+    @property
+    def needs_frequency(self) -> bool:
+        """True if its signal has a frequency, which is that of the wave as none is given."""
+        return not self.sampled and self.known.top(self) > 0 and self.frequency is None and self.hertz is None
+
     def pulsation(self, sphere: Sphere, default: float) -> float:
         """Return Ω in rad/t0; `default` is that of the wave."""
         if self.sampled:
@@ -183,7 +187,7 @@ class PlacedSource:
 
 def check_sources(
     sources: Sequence[Source],
-    wave: Wave,
+    wave: Wave | None,
     envelope: Envelope,
     packing: Packing,
     shape: Shape,
@@ -193,7 +197,8 @@ def check_sources(
     space: int,
 ) -> None:
     """Check that a crystal without a wave is shaken or struck, and each source by itself."""
-    if wave.form == "none":
+    amplitude, form = (1.0, "none") if wave is None else (wave.amplitude, wave.form)
+    if wave is not None and wave.form == "none":
         needed = {
             "source": (len(sources), bool(sources) or struck, "at least one table [[source]], or a strike,"),
             "wave.phase": (wave.phase, wave.phase == 0, "0, sources have phases of their own,"),
@@ -205,8 +210,10 @@ def check_sources(
                 raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "none"')
     check_counted(sources, packing.rows, packing.columns, "[[source]]")
     for number_, each in enumerate(sources, 1):
-        for trouble in _troubles(each, shape, sphere, wave.amplitude, wave.form, space):
+        for trouble in _troubles(each, shape, sphere, amplitude, form, space):
             raise SceneError(f"source {number_}: {trouble}")
+        if wave is None and each.needs_frequency:
+            raise SceneError(f"source {number_}: frequency: missing; without [wave] it must be given, or hertz")
         if each.sampled and samples.end(each.sampled) + each.delay < time.duration * (1 - samples.UNEVEN):
             raise SceneError(
                 f"source {number_}: signal: ends at tau = {each.sampled[-1][0] + each.delay:g} with "
@@ -246,8 +253,8 @@ def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float, fo
         )
 
 
-def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, mode: Mode) -> tuple[PlacedSource, ...]:
-    """Return the sources of a scene in its crystal at rest.
+def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, usual: float) -> tuple[PlacedSource, ...]:
+    """Return the sources of a scene in its crystal at rest; `usual` is Ω of the wave, rad/t0.
 
     Raises
     ------
@@ -278,7 +285,7 @@ def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, mode: 
                     f'source {number_}: force = "{source.force}": sphere [{row[each]}, {column[each]}] feels a torque '
                     "about another axis too, and LAMMPS has one dipole for both; take other spheres"
                 )
-        found.append(PlacedSource(source, chosen, source.pulsation(sphere, mode.frequency)))
+        found.append(PlacedSource(source, chosen, source.pulsation(sphere, usual)))
     return tuple(found)
 
 

@@ -42,7 +42,7 @@ def starter(scene: Document, file: str) -> str:
 
 def _commented(key: str, scene: Document) -> str:
     line = f"# {key.rpartition('.')[2]} = ..."
-    return f"{line:30} # {note(key, type(scene), bare=scene.bare)}"
+    return f"{line:30} # {note(key, type(scene), bare=scene.bare_in(key.partition('.')[0]))}"
 
 
 def write_starter(path: str | Path, scene: Document) -> None:

@@ -73,12 +73,15 @@ def check_sphere(material: Sphere, sphere: Sphere, effects: Effects, amplitude: 
         raise SceneError(f"wave.amplitude = {amplitude!r}: must be at most {largest:.3g} (D0 = R/10)")
 
 
-def check_faces(packing: Packing, shape: Shape) -> None:
-    """Check that faces are where the packing ends, that a free one bears no load, and that sides have a distance."""
+def check_faces(packing: Packing, shape: Shape, unset: str = AUTO) -> None:
+    """Check that faces are where the packing ends, that a free one bears no load, and that sides have a distance.
+
+    `unset` is the word for a face that is left open.
+    """
     for name in ("first", "last"):
-        if shape.along_y and getattr(packing, name) != AUTO:
+        if shape.along_y and getattr(packing, name) != unset:
             raise SceneError(
-                f'packing.{name} = "{getattr(packing, name)}": must be "auto" with packing.ends = "{packing.ends}", '
+                f'packing.{name} = "{getattr(packing, name)}": must be "{unset}" with packing.ends = "{packing.ends}", '
                 "whose rows have no end"
             )
     if packing.contact_force and shape.free:
@@ -97,10 +100,8 @@ def check_faces(packing: Packing, shape: Shape) -> None:
         )
 
 
-def check_lattice(
-    shape: Shape, packing: Packing, wave: Wave, envelope: Envelope, effects: Effects, sphere: Sphere
-) -> None:
-    """Check that columns, direction and envelope are those of the lattice, and that it does not buckle."""
+def check_lattice(shape: Shape, packing: Packing, effects: Effects, sphere: Sphere) -> None:
+    """Check that rows and columns are those of the lattice, and that it does not buckle."""
     lattice, columns = shape.lattice, shape.columns
     if columns > 1 and not lattice.sheet:
         raise SceneError(f'packing.columns = {columns}: must be 1 or "auto" with packing.lattice = "{lattice.name}"')
@@ -115,10 +116,8 @@ def check_lattice(
             f"packing.columns = {columns}: must be a multiple of {lattice.column_period}, the spheres of a cell, with "
             f'packing.lattice = "{lattice.name}"'
         )
-    if not lattice.sheet and wave.degrees != 90:
-        raise SceneError(f'wave.direction = {wave.direction!r}: must be "y" with packing.lattice = "{lattice.name}"')
-    if envelope.width and not lattice.sheet:
-        raise SceneError(f'envelope.width = {envelope.width!r}: must be 0 with packing.lattice = "{lattice.name}"')
+    if shape.along_y and shape.rows % lattice.row_period:
+        raise SceneError(f"packing.rows = {shape.rows}: must be even in a periodic cell, where rows alternate")
     shear = effects.physics.shear
     straight = lattice == CHAIN and shear  # along its line: `check_straight`
     if packing.contact_force and not straight and not bears_compression(unit_lattice(sphere, lattice), shear=shear):
@@ -126,6 +125,14 @@ def check_lattice(
             f"packing.contact_force = {packing.contact_force!r}: must be 0 in a {lattice.name} lattice"
             f"{'' if shear else ' where effects.shear is off'}, which would buckle: nothing holds it sideways"
         )
+
+
+def check_line(lattice: Lattice, wave: Wave, envelope: Envelope) -> None:
+    """Check that direction and envelope of a wave are those of the lattice."""
+    if not lattice.sheet and wave.degrees != 90:
+        raise SceneError(f'wave.direction = {wave.direction!r}: must be "y" with packing.lattice = "{lattice.name}"')
+    if envelope.width and not lattice.sheet:
+        raise SceneError(f'envelope.width = {envelope.width!r}: must be 0 with packing.lattice = "{lattice.name}"')
 
 
 def check_straight(lattice: Lattice, packing: Packing, across: str) -> None:
@@ -239,7 +246,7 @@ def check_imperfections(
 
 
 def check_absorb(
-    absorb: Absorb, packing: Packing, wave: Wave, envelope: Envelope, shape: Shape, sources: Sequence[AtPlaces]
+    absorb: Absorb, packing: Packing, form: str, envelope: Envelope, shape: Shape, sources: Sequence[AtPlaces]
 ) -> None:
     """Check that quiet ends have rows to damp and a wave that reaches them from inside."""
     if absorb.rows and shape.lattice.column_period > 1:
@@ -262,7 +269,7 @@ def check_absorb(
             'packing.rows = "auto": must be declared with absorb.rows, as no echo says how many are needed: the quiet '
             "ends, and those that the wave is to cross"
         )
-    if wave.form not in ("driven", "none") and not envelope.length:
+    if form not in ("driven", "none") and not envelope.length:
         raise SceneError(
             f"absorb.rows = {absorb.rows!r}: would damp a wave that fills the packing; needs envelope.length above 0 "
             'or wave.form = "driven" or "none"'
@@ -285,8 +292,6 @@ def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape
             )
     if not shape.along_y and rows % 2 == 0:
         raise SceneError(f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row")
-    if shape.along_y and rows % shape.lattice.row_period:
-        raise SceneError(f"packing.rows = {rows}: must be even in a periodic cell, where rows alternate")
     if rows * columns > MOST_SPHERES:
         raise SceneError(
             f"packing.rows x packing.columns = {rows} x {columns}: must be at most {MOST_SPHERES} "
@@ -317,14 +322,31 @@ def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape
 
 def check_size(sphere: Sphere, shape: Shape, amplitude: float) -> None:
     """Check that the wave is above the rounding of positions."""
-    # Half the packing is farther from the origin than a quarter of its length, and must resolve the wave
-    length = max(shape.rows, shape.columns)
-    smallest = FEWEST_ROUNDINGS * EPSILON * length / 4 * sphere.lattice_constant / sphere.static_overlap
+    smallest, length = _smallest(sphere, shape)
     if amplitude < smallest:
         raise SceneError(
             f"wave.amplitude = {amplitude!r}: must be at least {smallest:.3g} with this sphere in {length} "
             f"rows or columns, or D0 is less than {FEWEST_ROUNDINGS:g} roundings of a position"
         )
+
+
+def check_motion(sphere: Sphere, shape: Shape, moved: float) -> None:
+    """Check that strikers, states and sources without a wave move spheres by more than positions are rounded."""
+    smallest, length = _smallest(sphere, shape)
+    if moved < smallest:
+        raise SceneError(
+            f"striker, start or source: would stretch contacts by {moved:.3g} Delta0; must be at least {smallest:.3g} "
+            f"with this sphere in {length} rows or columns, {FEWEST_ROUNDINGS:g} roundings of a position"
+        )
+
+
+def _smallest(sphere: Sphere, shape: Shape) -> tuple[float, int]:
+    """Return the smallest motion that positions resolve, Δ0, and the rows or columns of the packing.
+
+    Half the packing is farther from the origin than a quarter of its length.
+    """
+    length = max(shape.rows, shape.columns)
+    return FEWEST_ROUNDINGS * EPSILON * length / 4 * sphere.lattice_constant / sphere.static_overlap, length
 
 
 def check_time(time: Time, output: Output, shape: Shape, echo: float) -> None:

@@ -30,9 +30,10 @@ def shaken(sources: Sequence[Source], strikers: Sequence[Striker], start: Start,
     return " and ".join(said) + (" in units of " if wave.form == "none" else " beside ") if said else ""
 
 
-def across(wave: Wave, sources: Sequence[Source], start: Start) -> str:
+def across(wave: Wave | None, sources: Sequence[Source], start: Start) -> str:
     """Return the first key that moves spheres across y or turns them, with its value; "" if all moves along y."""
-    words = [] if wave.form == "none" or wave.mode == "L" else [f"wave.mode = {wave.mode!r}"]
+    plain = wave is None or wave.form == "none" or wave.mode == "L"
+    words = [] if plain or wave is None else [f"wave.mode = {wave.mode!r}"]
     for number, each in enumerate(sources, 1):
         kind = "motion" if each.motion else "force"
         words += [] if getattr(each, kind) == "y" else [f"source {number}: {kind} = {getattr(each, kind)!r}"]
@@ -41,19 +42,26 @@ def across(wave: Wave, sources: Sequence[Source], start: Start) -> str:
     return next(iter(words), "")
 
 
-def of_impact(scene: Declared) -> str:
-    """Return size and strikers of a scene without a wave: "a chain of 60 spheres that just touch, struck at 1 m/s"."""
+def of_strikes(scene: Declared) -> str:
+    """Return size and start of a scene without a wave: "a chain of 60 spheres that just touch, struck at 1 m/s"."""
     packing, shape = scene.packing, scene.shape
     size = (
         f"a chain of {shape.rows} spheres"
         if scene.lattice == CHAIN
         else f"a {packing.lattice} sheet of {shape.rows} rows x {shape.columns} columns"
     )
-    force, gaps = packing.contact_force, scene.lattice != CHAIN and scene.disorder.radius
-    rest = f"pressed together by {force:.6g} N" if force else "that just touch"
-    if gaps:
-        rest = f"with gaps (disorder.radius = {gaps:g})"
     struck = [f"struck at {fastest_striker(scene.striker):.6g} m/s"] if scene.striker else []
     begins = ["which begins in a given state"] if scene.start.state else []
     begins += [f"with random velocities of up to {scene.start.noise:.6g} m/s"] if scene.start.noise else []
-    return ", ".join([f"{size} {rest}", *struck, *begins])
+    count = len(scene.source)
+    shaken = [f"shaken by {count} source{'s' * (count > 1)}"] if count else []
+    return ", ".join([f"{size} {_rest(scene)}", *struck, *begins, *shaken])
+
+
+def _rest(scene: Declared) -> str:
+    """Return what holds the spheres of a scene without a wave together: "that adhere", "that just touch"."""
+    if scene.loose and scene.lattice != CHAIN and scene.disorder.radius:
+        return f"with gaps (disorder.radius = {scene.disorder.radius:g})"
+    pressed = [f"pressed together by {scene.packing.contact_force:.6g} N"] if scene.packing.contact_force else []
+    adhere = ["that adhere"] if scene.sphere.work_of_adhesion else []
+    return " and ".join([*adhere, *pressed]) or "that just touch"

@@ -14,6 +14,7 @@ Settings = Mapping[str, Any]
 FIXED = {"packing.ends": "fixed", "packing.rows": 37}  # fixed ends have an odd number of rows
 PRESSED = {"sphere.work_of_adhesion": 0.0, "packing.contact_force": 1e-7}  # N, about that of adhesion
 AT_REST = {"wave.form": "none"}
+ADHERE = {"sphere.work_of_adhesion": 0.1}
 
 
 def source(**how: Any) -> dict[str, Any]:
@@ -92,7 +93,7 @@ IMPACTS: dict[str, Settings] = {
     "wall": {"packing.last": "wall"},
     "periodic": {"packing.sides": "periodic"},
     "pressed": {"packing.contact_force": 10.0},
-    "another radius": {"inclusion": [{"spheres": [[3, 0]], "radius": 0.0051}]},
+    "another radius": {"inclusion": [{"spheres": [[3, 0]], "radius": 0.005000001}]},
     "another density": {"inclusion": [{"rows": [8, 9], "density": 4000.0}]},
     "vacancy": {"inclusion": [{"spheres": [[5, 0]], "vacancy": True}]},
     "radii": {"disorder.radius": 1e-4},
@@ -105,16 +106,23 @@ IMPACTS: dict[str, Settings] = {
         "wave.mode": "L",
         "wave.wavenumber": 1.0,
         "wave.amplitude": 0.02,
-        "sphere.work_of_adhesion": 0.1,
+        **ADHERE,
         "packing.first": "free",
         "time.allow_echo": True,
     },
-    "source": {"source": [{"spheres": [[7, 0]], "force": "y", "signal": "burst", "frequency": 1.0}]},
+    "source": ADHERE | {"source": [{"spheres": [[7, 0]], "force": "y", "signal": "burst", "frequency": 1.0}]},
     "monitor": {"monitor": [{"name": "motion", "rows": [6, 7]}]},
-    "quiet": {"packing.last": "quiet"},
-    "adhesion": {"sphere.work_of_adhesion": 0.1},
+    "quiet": ADHERE | {"absorb.rows": 3},
+    "adhesion": ADHERE,
     "viscosity": {"effects.viscosity": 1e-3},
     "rolling": {"effects.rolling_stiffness": 10.0, "effects.rolling_friction": 0.1},
+    # at rest under load
+    "pressed sheet": {
+        **{"packing.contact_force": 10.0, "packing.sides": "periodic"},
+        **{"packing.first": "held", "packing.last": "held", "striker.1.spheres": [[4, 0]], "effects.friction": 0.3},
+    },
+    "jkr": ADHERE | {"sphere.adhesion_law": "jkr"},
+    "cell": ADHERE | {"packing.ends": "periodic", "packing.sides": "periodic", "packing.rows": 14},
 }
 
 

@@ -111,10 +111,22 @@ def test_spheres_at_rest_have_their_own_scale() -> None:
     [
         (CHAIN_SCENE, "time.allow_echo", True, "time.allow_echo: must be left out"),
         (CHAIN_SCENE, "packing.contact_force", 1e6, "packing.contact_force = 1000000.0: two spheres would"),
-        (SHEET, "packing.contact_force", 1.0, "packing.contact_force = 1.0: must be 0 in a sheet"),
+        (SHEET, "packing.contact_force", 1.0, "packing.contact_force = 1.0: must be 0 with free faces"),
+        (
+            SHEET,
+            "packing.sides",
+            "held",
+            'packing.sides = "held": must be "free", "periodic" or "wall"; held',
+        ),
+        (
+            SHEET,
+            "packing.relax",
+            "fixed",
+            "packing.relax: is the way to rest under load; needs sphere.",
+        ),
+        (CHAIN_SCENE, "sphere.adhesion_law", "jkr", 'adhesion_law = "jkr": needs sphere.work_of_adhesion above 0'),
         (CHAIN_SCENE, "packing.ends", "fixed", "packing.ends: must be packing.first and packing.last"),
         (CHAIN_SCENE, "effects.adhesion", True, "effects.adhesion: must be left out beside [[striker]]"),
-        (CHAIN_SCENE, "sphere.work_of_adhesion", 0.05, "sphere.work_of_adhesion = 0.05: must be 0 or left out"),
         (CHAIN_SCENE, "packing.columns", 3, "packing.columns = 3 and packing.sides"),
         (CHAIN_SCENE, "effects.friction", 0.3, "effects.friction = 0.3: must be 0 in a chain"),
         (CHAIN_SCENE, "disorder.vacancies", 0.1, "disorder.vacancies = 0.1: must be 0 in a chain"),
@@ -145,9 +157,16 @@ def test_what_has_no_meaning_is_refused_by_name(scene: ImpactScene, key: str, va
         scene.with_values({**more, key: value})
 
 
-@pytest.mark.parametrize("table", ["envelope", "absorb", "source"])
-def test_tables_of_a_linear_wave_are_refused(table: str) -> None:
-    with pytest.raises(SceneError, match=rf"^{table}: is of the scene of a wave"):
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("envelope", "envelope: is of the scene of a wave"),
+        ("absorb", "absorb: absorbs linear waves, and contacts without load have none"),
+        ("source", "source: has no unit of time where nothing is at rest"),
+    ],
+)
+def test_tables_that_touching_spheres_give_no_meaning_are_refused(table: str, message: str) -> None:
+    with pytest.raises(SceneError, match=f"^{message}"):
         ImpactScene.from_dict(CHAIN_SCENE.to_dict() | {table: {}})
 
 

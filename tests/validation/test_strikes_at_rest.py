@@ -1,0 +1,210 @@
+"""Strikes alone in crystals at rest under load: scenes without [wave] whose spheres adhere or are pressed together."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis import compare
+from granular_lmp import Record, Scene, export, load, resume, run
+from granular_lmp.errors import ReadoutError, RunInterrupted, SceneError
+from granular_lmp.lammps.checkpoints import SPEED
+from granular_lmp.problem import prepare
+from granular_lmp.runs.readouts import drive_of
+from granular_lmp.scene.refusals import require_wave
+from granular_lmp.studies.sweep import sweep
+from tests.conftest import PAPER
+from tests.matrix import compared
+from tests.matrix.compared import outcome
+
+TABLES: dict[str, Any] = {
+    "name": "struck",
+    "sphere": PAPER.to_dict()["sphere"],
+    "packing": {"lattice": "hexagonal", "rows": 13, "columns": 9},
+    "time": {"duration": 8.0, "sample": 1.0},
+    "striker": [{"spheres": [[6, 4]], "velocity": 1e-3, "direction": 30.0}],
+}
+BASE = Scene.from_dict(TABLES)
+STILL = {"packing.first": "held", "packing.last": "held", "packing.sides": "periodic"}
+PUSH = {"spheres": [[6, 4]], "force": "y", "amplitude": 0.02}
+DISORDERED = {"disorder.radius": 5e-5, "disorder.density": 0.05, "disorder.vacancies": 0.03}
+# One scene for each part that a strike meets
+SCENES: dict[str, dict[str, Any]] = {
+    "free sheet": {},
+    "held sheet": STILL | {"packing.sides": "held"},
+    "even rows": {"packing.rows": 12},
+    "periodic cell": {"packing.rows": 12, "packing.ends": "periodic", "packing.sides": "periodic"},
+    "square": {"packing.lattice": "square"},
+    "chain": {
+        "packing.lattice": "chain",
+        "packing.columns": 1,
+        "striker.1.spheres": [[6, 0]],
+        "striker.1.direction": "y",
+    },
+    "disorder": DISORDERED,
+    "jkr": {"sphere.adhesion_law": "jkr"} | DISORDERED,
+    "inclusions": {"inclusion": [{"spheres": [[3, 2]], "density": 4e3}, {"spheres": [[4, 2]], "radius": 5.001e-7}]},
+    "state": {"striker": [], "start.state": [[5, 4, 1e-12, 2e-12, 1e-3, 0.0, 100.0]]},
+    "noise": {"start.noise": 1e-3},
+    "pressed": STILL | {"sphere.work_of_adhesion": 0.0, "packing.contact_force": 1e-7},
+    "source alone": {"striker": [], "source": [PUSH | {"signal": "burst", "frequency": 0.5}]},
+    "source": {"source": [PUSH | {"signal": "step"}], "monitor": [{"name": "m", "rows": [4, 5], "what": "flux"}]},
+    "quiet ends": STILL
+    | {"striker": [], "packing.rows": 37, "absorb.rows": 10, "absorb.reflection": 0.45}
+    | {"source": [{"rows": [18, 18], "force": "y", "amplitude": 0.02, "frequency": 0.5}]},
+    "opening": {"striker.1.velocity": 5.0, "effects.friction": 0.3, "time.duration": 4.0},
+    "viscosity": {"effects.viscosity": 1e-7},
+    "no shear": {"effects.shear": False},
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_strike_alone_moves_as_its_network(name: str, tmp_path: Path) -> None:
+    found = outcome(BASE.with_values(SCENES[name]), tmp_path)
+    assert not found.refused
+    # Dashpots and contacts that open leave an error of first order, or none that is a series
+    assert found.departure <= (found.bound if name in ("viscosity", "opening") else 1e-6), found
+
+
+def test_a_strike_beside_another_network_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = compared.first_snapshot
+
+    def heavier(record: Record) -> Any:
+        found = first(record)
+        return replace(found, network=replace(found.network, density=1.01 * found.network.density))
+
+    monkeypatch.setattr(compared, "first_snapshot", heavier)
+    assert not outcome(BASE, tmp_path).holds
+
+
+# --- what runs are made of --------------------------------------------------------------------------------------------
+
+
+WATCHED = BASE.with_values(DISORDERED | {"monitor": [{"name": "m", "rows": [4, 5], "what": "contacts"}]})
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory: pytest.TempPathFactory) -> Record:
+    return run(WATCHED, tmp_path_factory.mktemp("watched") / "run")
+
+
+def test_units_are_those_of_the_crystal_at_rest(watched: Record) -> None:
+    scene = watched.scene
+    assert not scene.loose
+    assert (scene.scale.length, scene.scale.time) == (scene.sphere.static_overlap, scene.sphere.time_scale)
+    first = np.linalg.norm(watched.velocity[0], axis=1)
+    assert first.max() * scene.scale.velocity == pytest.approx(1e-3, rel=1e-12)
+    assert np.count_nonzero(first) == 1
+    assert watched.info["Delta0_m"] == scene.scale.length
+    assert watched.to_xarray()["displacement"].attrs["units"] == "Delta0"
+
+
+def test_effects_follow_the_bound_of_the_strike(watched: Record) -> None:
+    effects = watched.info["effects"]
+    assert effects["shear"]["on"]
+    assert not effects["contact_opening"]["called_for"]
+    strong = BASE.with_values({"striker.1.velocity": 5.0, "effects.friction": 0.3})
+    found = {each.name: each for each in prepare(strong).effects}
+    assert found["contact_opening"].called_for
+    assert found["sliding"].called_for
+    with pytest.raises(SceneError, match="in a strike this strong, contacts slide before they open"):
+        prepare(BASE.with_values(STILL | SCENES["pressed"] | {"striker.1.velocity": 5.0}))
+
+
+@pytest.mark.parametrize(("launcher", "ranks"), [("lmp", 1), ("lmp", 2)])
+def test_routes_agree(watched: Record, launcher: Any, ranks: int, tmp_path: Path) -> None:
+    other = run(WATCHED, tmp_path / "run", launcher=launcher, ranks=ranks)
+    np.testing.assert_allclose(other.displacement, watched.displacement, rtol=0, atol=1e-12)
+    assert other.monitor("m").contacts.normal == pytest.approx(watched.monitor("m").contacts.normal, abs=1e-9)
+
+
+def test_a_stopped_run_is_continued_to_the_same_bytes(tmp_path: Path) -> None:
+    long = WATCHED.with_values({"time.duration": 200.0, "output.checkpoint": 117 * 200 / SPEED / 60})
+
+    def stop(step: int, steps: int) -> None:
+        if steps / 3 < step < steps:
+            raise KeyboardInterrupt
+
+    whole = run(long, tmp_path / "whole")
+    with pytest.raises(RunInterrupted):
+        run(long, tmp_path / "cut", progress=stop)
+    cut = resume(tmp_path / "cut")
+    assert whole.folder is not None
+    assert cut.folder is not None
+    for name in ("dump.particles", "monitor.m.bin", "monitor.m.contacts"):
+        assert (cut.folder / name).read_bytes() == (whole.folder / name).read_bytes(), name
+
+
+def test_monitors_have_the_unit_of_forces_of_the_crystal(watched: Record) -> None:
+    at_rest = watched.problem.contacts.contact_force / (WATCHED.sphere.normal_stiffness * WATCHED.scale.length)
+    of_monitor = watched.monitor("m").contacts.normal[0]
+    assert np.abs(of_monitor).max() <= np.abs(at_rest).max() * 1.01
+    assert np.abs(of_monitor).max() > 1e-3
+
+
+def test_tolerance_bounds_the_departure_from_the_network(tmp_path: Path) -> None:
+    scene = BASE.with_values({"time.tolerance": 1e-4} | DISORDERED)
+    found = outcome(scene, tmp_path)
+    assert found.departure < 1e-4
+    errors = load(tmp_path / "stepNone").info["error_estimate"]
+    assert max(errors.values()) <= 1e-4
+
+
+def test_sweeps_and_exports_take_such_scenes(watched: Record, tmp_path: Path) -> None:
+    rows = sweep(BASE, {"striker.1.velocity": [1e-3, 2e-3]}, tmp_path / "sweep").rows
+    assert [row["status"] for row in rows] == ["finished"] * 2
+    for suffix in ("csv", "nc", "xyz"):
+        assert export(watched, tmp_path / f"out.{suffix}") or (tmp_path / f"out.{suffix}").is_file()
+
+
+def test_compare_takes_the_network(watched: Record, capsys: pytest.CaptureFixture[str]) -> None:
+    assert compare.main([str(watched.folder)]) == 0
+    assert "network" in capsys.readouterr().out
+
+
+def test_a_tone_is_read_off_without_a_wave() -> None:
+    tone = BASE.with_values({"striker": [], "source": [PUSH | {"frequency": 0.5}]})
+    assert drive_of(tone) == (0.5, 20.0)
+    with pytest.raises(ReadoutError, match="wave: missing table: nothing drives the crystal at one frequency"):
+        drive_of(BASE)
+
+
+# --- what a file means ------------------------------------------------------------------------------------------------
+
+
+def test_a_scene_reads_back_as_it_was_written() -> None:
+    for changes in SCENES.values():
+        scene = BASE.with_values(changes)
+        assert Scene.loads(scene.to_toml()) == scene
+        assert Scene.loads(scene.to_toml(full=True)) == scene
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"striker": []}, "striker: missing; an impact has a table [[striker]], or a [start]"),
+        ({"packing.first": "wall"}, 'packing.first = "wall": must be "held" or "free" in a crystal under load at rest'),
+        ({"packing.ends": "periodic"}, "packing.rows = 13: must be even in a periodic cell"),
+        (
+            {"packing.rows": 12, "packing.ends": "periodic", "packing.last": "held"},
+            'packing.last = "held": must be "free"',
+        ),
+        ({"striker.1.velocity": 1e-9, "packing.rows": 10001}, "striker, start or source: would stretch contacts by"),
+        ({"source": [PUSH | {"signal": "burst"}]}, "source 1: frequency: missing; without [wave] it must be given"),
+        ({"absorb.rows": 3}, "absorb.rows = 3: must be 0 beside [[striker]] or [start]"),
+        ({"output.spheres": [[99, 0]]}, "output: sphere [99, 0]: must be [row, column]"),
+        ({"packing.contact_force": 1e-7}, "packing.contact_force = 1e-07: must be 0 with free faces"),
+        ({"sphere.work_of_adhesion": 0.0, "sphere.adhesion_law": "jkr"}, 'sphere.adhesion_law = "jkr": needs'),
+    ],
+)
+def test_what_a_crystal_at_rest_cannot_be_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=re.escape(message)):
+        BASE.with_values(changes)
+
+
+def test_what_needs_a_wave_says_so() -> None:
+    with pytest.raises(SceneError, match=r"wave: missing table; .* which modes, kick and scatter need"):
+        require_wave(BASE)
