@@ -12,7 +12,7 @@ from granular_lmp.crystal.contacts import law_between
 from granular_lmp.effects.guard import NEVER, Guard
 from granular_lmp.effects.reading import Reading, nearly_open
 from granular_lmp.effects.sliding import GUARD as SLIP
-from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
+from granular_lmp.lammps.outputs import CONTACTS, UNWAVED_CONTACTS, read_snapshots
 from granular_lmp.problem import Problem
 
 
@@ -65,7 +65,7 @@ def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Pr
     if triggered.any():
         first = float(np.min(at[triggered]))
         first = first if first < NEVER else float(table["v_tau"][np.argmax(triggered)])
-    contacts = folder / CONTACTS[problem.mode is None]
+    contacts = folder / (UNWAVED_CONTACTS if problem.mode is None else CONTACTS)
     if not (guard.per_contact(scene) and contacts.is_file()):
         return Measured(bound, first, bound)
     looks = judged_contacts(contacts, problem, float(table.get("v_mu", [np.nan])[0]))

@@ -18,7 +18,7 @@ from granular_lmp.effects.reading import Reading, contact_lines, nearly_open, ov
 from granular_lmp.effects.selection import guards as all_guards
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import sliding_force, slip_lines
-from granular_lmp.lammps.outputs import CONTACTS
+from granular_lmp.lammps.outputs import CONTACTS, UNWAVED_CONTACTS
 from granular_lmp.problem import Problem
 from granular_lmp.scene.at_rest import swiftness
 from granular_lmp.scene.linear import physics_of, unit_contacts, usual_frequency
@@ -261,7 +261,11 @@ def header(problem: Problem) -> list[str]:
     limits = [
         f"#   {guard.column} is above {guard.limit_in(problem.scene):.4g}: "
         + guard.meaning.rpartition(": ")[2]
-        + (f"; {CONTACTS[problem.mode is None]} then holds each contact" if guard is SLIP else "")
+        + (
+            f"; {UNWAVED_CONTACTS if problem.mode is None else CONTACTS} then holds each contact"
+            if guard is SLIP
+            else ""
+        )
         for guard in judged
     ]
     top = "# A line of the thermo table holds extremes since the one before. The run is invalid, from v_NAME_at on, if"

@@ -22,8 +22,8 @@ SCENE = "scene.toml"
 DUMP = "dump.centre"
 SNAPSHOTS = "dump.particles"
 PER_SAMPLE = "_per_sample"  # suffix of the folders that hold the runs of a tolerance
-# Single contacts at the looks where a guard needs them, beside the dump of a run with a wave or without
-CONTACTS = f"{DUMP}.contacts", f"{SNAPSHOTS}.contacts"
+CONTACTS = f"{DUMP}.contacts"  # single contacts at the looks where a guard needs them
+UNWAVED_CONTACTS = f"{SNAPSHOTS}.contacts"  # those of a run without a wave, which has no other dump
 MONITOR = "monitor.{}.bin"  # motion of the spheres of a monitor, binary
 MONITOR_CONTACTS = "monitor.{}.contacts"  # forces of their contacts, text: LAMMPS writes no others
 LOG = "log.lammps"

@@ -23,6 +23,7 @@ from granular_lmp.lammps.outputs import (
     SNAPSHOTS,
     STATUS,
     SWEEP,
+    UNWAVED_CONTACTS,
     writable,
 )
 from granular_lmp.scene.files import file_text, toml_tables
@@ -30,13 +31,13 @@ from granular_lmp.scene.schema import NAME_PATTERN, checked_name, shown
 
 # Files that a run, a kicked sheet, a collision, or a comparison with theory writes beside its deck
 _FILES = (
-    *(SCENE, STATUS, LOG, DUMP, SNAPSHOTS, *CONTACTS, "trajectory.csv", *CHECKPOINTS),
+    *(SCENE, STATUS, LOG, DUMP, SNAPSHOTS, CONTACTS, UNWAVED_CONTACTS, "trajectory.csv", *CHECKPOINTS),
     *("dump.everything", "dump.everything.bin"),
     *("in.sheet", "dump.sheet", "sheet.npz", "dump.collision", "collision.csv", "collision.json", "compare.png"),
 )
 _DECK = ("in.{}", "data.{}", "in.{}.resume")
 # Of these the ones that are written while the run lasts, or by what reads it
-_PASSING = {STATUS, *CONTACTS, "compare.png", *CHECKPOINTS}
+_PASSING = {STATUS, CONTACTS, UNWAVED_CONTACTS, "compare.png", *CHECKPOINTS}
 _STUDIES = {SWEEP: "a sweep", COST: "a cost study", SCATTER: "a study of scattering"}
 _BELOW = 300  # bytes of runs/HASH/N_per_sample/in.NAME.resume with the longest name of a scene
 

@@ -11,7 +11,17 @@ from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import EffectError, RunInterrupted
-from granular_lmp.lammps.outputs import CHECKPOINTS, CONTACTS, LOG, RunLog, mend_log, read_log, writable, write_files
+from granular_lmp.lammps.outputs import (
+    CHECKPOINTS,
+    CONTACTS,
+    LOG,
+    UNWAVED_CONTACTS,
+    RunLog,
+    mend_log,
+    read_log,
+    writable,
+    write_files,
+)
 from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, mark, read_start
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.manifest import triggered, wall_seconds
@@ -149,6 +159,6 @@ def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any]
     if failure is not None:
         raise failure
     job.report_step(simulation.steps)
-    for name in (*CHECKPOINTS, *CONTACTS):  # contacts are kept only if they failed the run
+    for name in (*CHECKPOINTS, CONTACTS, UNWAVED_CONTACTS):  # contacts are kept only if they failed the run
         (folder / name).unlink(missing_ok=True)
     return replace(record, info=info)

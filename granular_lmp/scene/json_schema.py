@@ -8,11 +8,12 @@ from collections.abc import Iterator
 from dataclasses import MISSING, dataclass
 from typing import Any
 
+from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import samples
 from granular_lmp.scene.document import Document, note
 from granular_lmp.scene.records import declared_keys
-from granular_lmp.scene.refusals import NEEDS_WAVE
+from granular_lmp.scene.refusals import NEEDS_REST, NEEDS_WAVE, UNWAVED
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import (
     LONGEST_DESCRIPTION,
@@ -50,12 +51,16 @@ class Key:
     required: bool
 
 
-def keys(document: type[Document] = Scene, *, bare: bool = False) -> Iterator[Key]:
-    """Yield every key of a kind of file, section by section; `bare` is true for a scene without ``[wave]``."""
+def keys(document: type[Document] = Scene, *, bare: bool = False, loose: bool = True) -> Iterator[Key]:
+    """Yield every key of a kind of file, section by section.
+
+    `bare` is true for a scene without ``[wave]``, and then `loose` for one whose spheres are not at rest under load.
+    """
+    absent = (document.lacking, *NEEDS_WAVE, *(NEEDS_REST if loose else ())) if bare else ()
     for section, kind in {**document.sections, **document.repeated}.items():
-        if bare and section in (document.lacking, *NEEDS_WAVE):
-            continue
-        for each in declared_keys(kind, document.rules.get(section), bare=bare):
+        own = bare and (loose or section in UNWAVED)
+        found = declared_keys(kind, document.rules.get(section), bare=own) if section not in absent else []
+        for each in (each for each in found if f"{section}.{each.name}" not in absent):
             required = each.default is MISSING or (
                 each.default not in _NOTHING and not _allowed(each.rule, each.default)
             )
@@ -73,24 +78,45 @@ def _allowed(rule: Rule, value: Any) -> bool:
 def json_schema(document: type[Document] = Scene) -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a kind of scene file.
 
-    A scene with ``[wave]`` and one without it have other keys: "then" holds the first, "else" the second.
+    A scene with ``[wave]`` and one without it have other keys: "then" holds the first, "else" the second. There "then"
+    holds those of a crystal at rest under load, "else" those of loose spheres.
     """
     head = {"$schema": DIALECT, "title": "A scene of granular-lmp"}
     if not document.lacking:
         return head | _tables(document, bare=False)
-    with_wave, without = (_tables(document, bare=bare) for bare in (False, True))
-    marked = {"anyOf": [{"required": [mark]} for mark in document.marks]}
-    return head | {"if": {"required": [document.lacking]}, "then": with_wave, "else": without | marked}
+    at_rest, loose = (_marked(_tables(document, bare=True, loose=loose), document) for loose in (False, True))
+    without = {"if": _AT_REST, "then": at_rest, "else": loose}
+    return head | {"if": {"required": [document.lacking]}, "then": _tables(document, bare=False), "else": without}
 
 
-def _tables(document: type[Document], *, bare: bool) -> dict[str, Any]:
+def _marked(tables: dict[str, Any], document: type[Document]) -> dict[str, Any]:
+    """Return the schema of a scene without a wave, which has one of the tables that move its spheres."""
+    return tables | {"anyOf": [{"required": [mark]} for mark in document.marks if mark in tables["properties"]]}
+
+
+def _having(table: str, **values: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of scenes whose table has these values."""
+    inner = {"type": "object", "properties": values, "required": [*values]}
+    return {"properties": {table: inner}, "required": [table]}
+
+
+# As `granular_lmp.scene.refusals.is_loose` has it, the other way round
+_AT_REST = {
+    "anyOf": [
+        _having("sphere", work_of_adhesion={"exclusiveMinimum": 0}),
+        _having("packing", contact_force={"exclusiveMinimum": 0}, lattice={"not": {"const": CHAIN.name}}),
+    ]
+}
+
+
+def _tables(document: type[Document], *, bare: bool, loose: bool = True) -> dict[str, Any]:
     properties: dict[str, Any] = {
         "name": {"type": "string", "pattern": f"^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$"},
         "description": {"type": "string", "maxLength": LONGEST_DESCRIPTION},
     }
     sections: dict[str, dict[str, Any]] = {}
     needed: dict[str, list[str]] = {}
-    for key in keys(document, bare=bare):
+    for key in keys(document, bare=bare, loose=loose):
         sections.setdefault(key.section, {})[key.name] = _value(key)
         needed.setdefault(key.section, []).extend([key.name] if key.required else [])
     for section, inner in sections.items():
