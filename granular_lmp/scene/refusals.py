@@ -35,6 +35,7 @@ NEEDS_REST: dict[str, str] = {
     "contact": f"has stiffnesses at rest under load; needs {_AT_REST}",
     "absorb": f"absorbs linear waves, and contacts without load have none; needs {_AT_REST}",
     "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
+    "sphere.adhesion_law": "is of spheres that adhere; needs sphere.work_of_adhesion above 0, J/m2",
     **dict.fromkeys(("packing.relax", "packing.relax_friction"), f"is the way to rest under load; needs {_AT_REST}"),
     "effects.adhesion": "must be left out beside [[striker]] or [start], as contacts of an impact do not adhere",
 }
@@ -98,8 +99,8 @@ def require_wave(scene: Declared) -> None:
     """Raise a SceneError if a scene without ``[wave]`` is given to what needs one."""
     if scene.bare:
         raise SceneError(
-            "wave: missing table; a file with [[striker]], [start] or [[source]] and without [wave] has no wave, which "
-            "modes, kick and scatter need"
+            "wave: missing table; a file with [[striker]] or [start] and without [wave] is an impact, which kick and "
+            "scatter do not take, nor the modes of a sheet"
         )
 
 

@@ -45,7 +45,6 @@ REFUSALS: dict[str, str] = {
     r'packing.(first|last) = "wall": must be "held" or "free" in a crystal under load': NOT_BUILT,
     r"effects.restitution = .*: LAMMPS has it for contacts without adhesion only": PHYSICS,
     r'packing.(first|last) = .*: must be "(auto|free)" with packing.ends = "periodic"': PHYSICS,
-    r"no two spheres touch at rest: all are too small for their places": PHYSICS,
     r'packing.sides = "periodic": must be 1 and "free" in a chain': PHYSICS,
     r"vacancy = true: .*in a chain": PHYSICS,
     r"effects.friction = .*in a chain": PHYSICS,

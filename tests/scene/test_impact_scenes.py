@@ -124,7 +124,7 @@ def test_spheres_at_rest_have_their_own_scale() -> None:
             "fixed",
             "packing.relax: is the way to rest under load; needs sphere.",
         ),
-        (CHAIN_SCENE, "sphere.adhesion_law", "jkr", 'adhesion_law = "jkr": needs sphere.work_of_adhesion above 0'),
+        (CHAIN_SCENE, "sphere.adhesion_law", "jkr", "sphere.adhesion_law: is of spheres that adhere; needs"),
         (CHAIN_SCENE, "packing.ends", "fixed", "packing.ends: must be packing.first and packing.last"),
         (CHAIN_SCENE, "effects.adhesion", True, "effects.adhesion: must be left out beside [[striker]]"),
         (CHAIN_SCENE, "packing.columns", 3, "packing.columns = 3 and packing.sides"),

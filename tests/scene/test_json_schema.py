@@ -16,7 +16,7 @@ from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import ArrayRule
 
 WHOLE = json_schema()
-SCHEMA, IMPACT = WHOLE["then"], WHOLE["else"]  # with [wave], and without
+SCHEMA, AT_REST, IMPACT = WHOLE["then"], WHOLE["else"]["then"], WHOLE["else"]["else"]  # with [wave], and without
 INPUTS = Path(__file__).parents[2] / "lammps_inputs"
 SCENES = sorted(INPUTS.glob("*/scene.toml"))
 IMPACTS = sorted(INPUTS.glob("impacts/*/scene.toml"))
@@ -40,7 +40,7 @@ def is_read(key: Key, value: Any) -> bool:
     return True
 
 
-@pytest.mark.parametrize("schema", [SCHEMA, IMPACT], ids=["wave", "impact"])
+@pytest.mark.parametrize("schema", [SCHEMA, AT_REST, IMPACT], ids=["wave", "at rest", "impact"])
 def test_the_schema_is_one(schema: dict[str, Any]) -> None:
     jsonschema.Draft202012Validator.check_schema(schema)
 
@@ -85,7 +85,20 @@ def test_defaults_are_allowed_and_a_key_without_one_must_be_given() -> None:
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.parent.name)
 def test_a_shipped_scene_fits_the_schema(path: Path) -> None:
-    jsonschema.validate(tomllib.loads(path.read_text(encoding="utf-8")), SCHEMA)
+    scene = tomllib.loads(path.read_text(encoding="utf-8"))
+    jsonschema.validate(scene, WHOLE)
+    jsonschema.validate(scene, SCHEMA if "wave" in scene else AT_REST)
+
+
+def test_a_crystal_at_rest_has_effects_and_sources_that_an_impact_has_not() -> None:
+    scene = tomllib.loads((INPUTS / "struck_crystal" / "scene.toml").read_text(encoding="utf-8"))
+    more = {"effects": {"viscosity": 1e-7}, "source": [{"rows": [3, 3], "force": "y", "frequency": 1.0}]}
+    jsonschema.validate(scene | more, WHOLE)
+    impact = scene | {"sphere": scene["sphere"] | {"work_of_adhesion": 0.0}}
+    jsonschema.validate(impact, WHOLE)
+    for each in more:
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(impact | {each: more[each]}, WHOLE)
 
 
 def test_a_scene_of_a_frequency_fits() -> None:

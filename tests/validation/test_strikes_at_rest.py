@@ -197,7 +197,10 @@ def test_a_scene_reads_back_as_it_was_written() -> None:
         ({"absorb.rows": 3}, "absorb.rows = 3: must be 0 beside [[striker]] or [start]"),
         ({"output.spheres": [[99, 0]]}, "output: sphere [99, 0]: must be [row, column]"),
         ({"packing.contact_force": 1e-7}, "packing.contact_force = 1e-07: must be 0 with free faces"),
-        ({"sphere.work_of_adhesion": 0.0, "sphere.adhesion_law": "jkr"}, 'sphere.adhesion_law = "jkr": needs'),
+        (
+            {"sphere.work_of_adhesion": 0.0, "sphere.adhesion_law": "jkr"},
+            "sphere.adhesion_law: is of spheres that adhere",
+        ),
     ],
 )
 def test_what_a_crystal_at_rest_cannot_be_is_refused(changes: dict[str, Any], message: str) -> None:
@@ -206,5 +209,5 @@ def test_what_a_crystal_at_rest_cannot_be_is_refused(changes: dict[str, Any], me
 
 
 def test_what_needs_a_wave_says_so() -> None:
-    with pytest.raises(SceneError, match=r"wave: missing table; .* which modes, kick and scatter need"):
+    with pytest.raises(SceneError, match=r"wave: missing table; .* which kick and scatter do not take"):
         require_wave(BASE)
