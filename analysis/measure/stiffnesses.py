@@ -37,13 +37,13 @@ def scaled(
     if normal is None and shear is None:
         return 1.0, 1.0
     one, other = (np.array([size]) for size in radii)
-    A, B, F, effective = mixed(materials, (np.array([0]), np.array([1])), (one, other))
+    A, B, F, _ = mixed(materials, (np.array([0]), np.array([1])), (one, other))
     size = float(((F[0] + load) / A[0]) ** (2 / 3))
     if not size:
         raise TheoryError("normal_stiffness, shear_stiffness: of a contact at rest that nothing presses or holds")
 
     def law(overlap: float) -> Law:
-        return dmt([overlap], A, B, F) if adhesion == "dmt" else jkr([overlap], A, B, F, effective)
+        return dmt([overlap], A, B, F) if adhesion == "dmt" else jkr([overlap], A, B, F)
 
     def factor(found: Law) -> float:
         return 1.0 if normal is None else float(normal / found.stiffness[0])

@@ -38,7 +38,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory import jkr as johnson
+from analysis.theory.network_laws import Jkr
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -74,25 +74,25 @@ def dmt(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLik
     return Law(*normal, B * root, 0.5 * B / root, -0.25 * B / cubed, delta, push + 2 * F)
 
 
-def jkr(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLike, radius: ArrayLike) -> Law:
-    """Return the law of Johnson, Kendall and Roberts at overlaps δ, from the coefficients of `dmt` and 1/R = Σ 1/R_i.
+def jkr(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLike) -> Law:
+    """Return the law of Johnson, Kendall and Roberts at overlaps δ, from the coefficients of `dmt`.
 
-    With E* = 3A/4√R, w = F/2πR and the radius a of the contact (`analysis.theory.jkr`),
+    With the radius r of the contact over that without force (`analysis.theory.network_laws`),
 
-        f = 4E*a³/3R − √(8πwE*a³),   δ = a²/R − √(2πwa/E*),   k = B a/√R
+        f = 3F(r³ − r^{3/2}),   δ = d(3r² − 2r^{1/2}),   k = B √(3d) r,   d = (3F/A)^{2/3}/3
+
+    Raises ValueError for contacts that do not adhere.
     """
-    deltas, A, B, F, R = np.broadcast_arrays(*np.atleast_1d(overlap, hertz, mindlin, pull, radius))
-    E, w = 0.75 * A / np.sqrt(R), F / (2 * np.pi * R)
-    contacts = [johnson.Contact(*each) for each in zip(R, E, w, strict=True)]
-    a = np.array([float(each.contact_radius(delta)) for each, delta in zip(contacts, deltas, strict=True)])
-    reach = deltas + [each.pull_off_distance("load") for each in contacts]
-    attraction, sinking = np.sqrt(8 * np.pi * w * E), np.sqrt(2 * np.pi * w / E)
-    pushes = [4 * E / (3 * R) * slope for slope in (a**3, 3 * a**2, 6 * a, 6.0)]
-    pulls = [attraction * slope for slope in (a**1.5, 1.5 * a**0.5, 0.75 / a**0.5, -0.375 / a**1.5)]
-    depths = [2 * a / R - 0.5 * sinking / a**0.5, 2 / R + 0.25 * sinking / a**1.5, -0.375 * sinking / a**2.5]
-    slopes = [push - pull for push, pull in zip(pushes, pulls, strict=True)]
-    largest = slopes[0] + 2 * np.array([each.pull_off_force for each in contacts])
-    return by_radius(slopes, depths, B / np.sqrt(R) * a, B / np.sqrt(R), reach, largest)
+    delta, A, B, F = np.broadcast_arrays(*np.atleast_1d(overlap, hertz, mindlin, pull))
+    if not np.all(F > 0):
+        raise ValueError(f"pull = {np.min(F)}: must be positive, as contacts of the JKR law adhere")
+    law = Jkr(A, F)
+    depth, widest = law.depth, np.sqrt(3 * law.depth)
+    r = law.radius(delta, np.ones(delta.shape, dtype=bool)) / widest
+    push = [3 * F * each for each in (r**3 - r**1.5, 3 * r**2 - 1.5 * r**0.5, 6 * r - 0.75 / r**0.5)]
+    push.append(3 * F * (6 + 0.375 / r**1.5))
+    depths = [depth * each for each in (6 * r - 1 / r**0.5, 6 + 0.5 / r**1.5, -0.75 / r**2.5)]
+    return by_radius(push, depths, B * widest * r, B * widest, delta - law.end, push[0] + 2 * law.pull * F)
 
 
 def by_radius(

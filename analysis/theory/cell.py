@@ -80,10 +80,7 @@ class Cell:
         touch = np.flatnonzero(pairs.overlap > pairs.normal.end)
         overlap, length, radii = pairs.overlap[touch], pairs.length[touch], pairs.radii[:, touch].T
         A, B, F = (each[touch] for each in (pairs.A, pairs.B, pairs.F))
-        if network.adhesion == "jkr":
-            law = jkr(overlap, A, B, F, 1 / np.sum(1 / radii, axis=1))
-        else:
-            law = dmt(overlap, A, B, F)
+        law = (jkr if network.adhesion == "jkr" else dmt)(overlap, A, B, F)
         apart = padded(pairs.apart[:, touch].T)
         bonds = Bonds(
             *(pairs.first[touch], pairs.second[touch], apart, apart / length[:, None], 1 / length),

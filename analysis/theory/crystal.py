@@ -254,12 +254,10 @@ class Crystal:
             (first, second, apart, apart / length[:, None], 1 / length, overlap, *coefficients)
         ]
         parts += [_touching(wall, place, R, kinds, materials) for wall in walls]
-        first, second, apart, normal, curving, overlap, A, B, F, effective = map(
-            np.concatenate, zip(*parts, strict=True)
-        )
+        first, second, apart, normal, curving, overlap, A, B, F, _ = map(np.concatenate, zip(*parts, strict=True))
         if not len(first):
             raise ValueError("no two spheres touch, and none touches a wall: radii add up to less than every distance")
-        law = dmt(overlap, A, B, F) if adhesion == "dmt" else jkr(overlap, A, B, F, effective)
+        law = dmt(overlap, A, B, F) if adhesion == "dmt" else jkr(overlap, A, B, F)
         if not shear:
             none = 0 * law.shear
             law = law._replace(shear=none, shear_growth=none, shear_curvature=none)

@@ -21,9 +21,9 @@ def test_a_contact_at_rest_has_its_measured_stiffnesses(load: float, adhesion: A
     normal, shear = 700.0, 300.0
     radii = RADIUS, other
     pressing, shearing = scaled((SILICA, STEEL), radii, adhesion, load, (normal, shear))
-    A, B, F, effective = mixed([SILICA, STEEL], (np.array([0]), np.array([1])), (np.array([RADIUS]), np.array([other])))
+    A, B, F, _ = mixed([SILICA, STEEL], (np.array([0]), np.array([1])), (np.array([RADIUS]), np.array([other])))
     overlaps = np.linspace(0.1, 20, 200_001) * ((F[0] + load) / A[0]) ** (2 / 3)
-    law = dmt(overlaps, A, B, F) if adhesion == "dmt" else jkr(overlaps[::100], A, B, F, effective)
+    law = dmt(overlaps, A, B, F) if adhesion == "dmt" else jkr(overlaps[::100], A, B, F)
     overlaps = overlaps if adhesion == "dmt" else overlaps[::100]
     rest = np.interp(load, pressing * law.push, overlaps)
     # Parabolas of a grid, whose steps are 1e-4 and 1e-2 of an overlap

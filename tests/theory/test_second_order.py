@@ -270,7 +270,7 @@ def test_the_derivatives_of_the_law_of_jkr_are_those_of_its_force() -> None:
     contact = jkr.Contact(radius, modulus, work)
     A, F = 4 / 3 * modulus * np.sqrt(radius), 2 * np.pi * work * radius
     rest, step = contact.rest_overlap, 1e-4 * contact.rest_overlap
-    at = [bonds.jkr(rest + n * step, A, B, F, radius) for n in (-1, 0, 1)]
+    at = [bonds.jkr(rest + n * step, A, B, F) for n in (-1, 0, 1)]
     assert abs(at[1].push[0]) < 1e-12 * F  # at rest
     assert at[1].shear[0] == pytest.approx(B * contact.rest_radius / np.sqrt(radius), rel=1e-12)
     for value, slope in ((0, 1), (1, 2), (2, 3), (4, 5), (5, 6)):
@@ -295,7 +295,7 @@ def test_a_crystal_of_spheres_is_that_of_its_constants(contact: Contact) -> None
         from scipy.optimize import brentq
 
         def miss(pull: float) -> float:
-            law = bonds.jkr(1.0, hertz, 1.0, pull, radius / 2)
+            law = bonds.jkr(1.0, hertz, 1.0, pull)
             return float(law.push[0] / (law.push[0] + 0.75 * pull)) - share  # (3/2)πwR parts it, F = 2πwR
 
         pull = brentq(miss, 1e-9, 10.0, xtol=1e-15)
