@@ -1,0 +1,177 @@
+"""Waves of a layer of spheres on an elastic half-space: surface waves that couple to the resonances of the contacts.
+
+The half-space z < 0 has the density ρ and the speeds c_l and c_t. Where its surface moves by u_s e^{i(k·r − ωt)}, it
+resists with tractions S u_s. With μ = ρc_t², p² = k² − ω²/c_l², q² = k² − ω²/c_t² and g = (pq + k²)/(k²(1 + c_t²/c_l²)
+− ω²/c_l²), along k, across, and up,
+
+    S = μ [[pg, 0, ik(2 − g)], [0, q, 0], [−ik(2 − g), 0, qg]]                                    (after Lamb 1904)
+
+Each sphere pulls at the surface with C(u_foot − u_s), C = diag(K_S, K_S, K_N), u_foot = u − φ × z. With N feet an area,
+D(k) the matrix of the layer on a rigid substrate, and B the motion of the foot,
+
+    [[D − ω²M, −BᵀC], [−CB, C + S/N]] (U, u_s) = 0
+
+For K_S = 0 and spheres that do not touch one another this is the formula of the vertical resonance alone. Below c_t k
+the matrix is Hermitian, and its eigenvalues fall with ω: as many are negative as there are *guided* waves below ω, so
+that none is missed. Faster waves *leak* into the half-space: their frequency has a negative imaginary part. At k = 0
+the vertical resonance has the quality factor ρc_l/(Nmω0), if that is large.
+
+When it breaks: where 2π/k is no more than a few distances of spheres, as the half-space answers to the mean of the
+forces. Torques have the arm R, a share η/2 of frequencies. Units are those of the crystal.
+"""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.theory.crystal import Crystal, padded
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+_HALVINGS = 60  # of an interval of frequencies, to the last bit
+_STEPS = 60  # of Newton's method
+_MET = 1e-12  # relative change of a frequency at which a root is found
+_NEAR = 1e-7  # relative step of a derivative
+
+
+class HalfSpace(NamedTuple):
+    """An isotropic solid, by its density and the speeds of longitudinal and transverse waves."""
+
+    density: float
+    longitudinal: float
+    transverse: float
+
+    @classmethod
+    def of(cls, youngs_modulus: float, poisson_ratio: float, density: float) -> "HalfSpace":
+        """Return the half-space of elastic constants."""
+        shear = youngs_modulus / (2 * (1 + poisson_ratio))
+        plane = shear * 2 * (1 - poisson_ratio) / (1 - 2 * poisson_ratio)
+        return cls(density, float(np.sqrt(plane / density)), float(np.sqrt(shear / density)))
+
+    def stiffness(self, wavenumber: ArrayLike, frequency: ArrayLike) -> Complexes:
+        """Return S (..., 3, 3), along k, across, and up, at k > 0 (...) and ω (...) that may be complex."""
+        k, omega = np.broadcast_arrays(*(np.asarray(each, dtype=complex) for each in (wavenumber, frequency)))
+        p, q = (_downward(k, omega / speed) for speed in (self.longitudinal, self.transverse))
+        slow = (self.transverse / self.longitudinal) ** 2
+        g = (p * q + k**2) / (k**2 * (1 + slow) - (omega / self.longitudinal) ** 2)
+        result = np.zeros((*k.shape, 3, 3), dtype=complex)
+        result[..., 0, 0], result[..., 1, 1], result[..., 2, 2] = p * g, q, q * g
+        result[..., 0, 2] = 1j * k * (2 - g)
+        result[..., 2, 0] = -result[..., 0, 2]
+        return np.asarray(self.density * self.transverse**2 * result)
+
+    def rayleigh(self) -> float:
+        """Return the speed of the surface wave of the bare half-space."""
+        slow = (self.transverse / self.longitudinal) ** 2
+        # x = (c/c_t)² of x³ − 8x² + (24 − 16s)x − 16(1 − s) = 0
+        roots = np.roots([1.0, -8.0, 24 - 16 * slow, -16 * (1 - slow)])
+        return float(self.transverse * np.sqrt(next(x.real for x in roots if abs(x.imag) < 1e-9 and 0 < x.real < 1)))
+
+
+def _downward(k: Complexes, slowness: Complexes) -> Complexes:
+    """Return √(k² − (ω/c)²) of waves that decay into the half-space or, faster ones, run into it."""
+    square = k**2 - slowness**2
+    return np.asarray(np.where(square.real > 0, np.sqrt(square), -1j * np.sqrt(-square)))
+
+
+@dataclass(frozen=True, eq=False)
+class Coupled:
+    """A layer on a half-space.
+
+    Attributes
+    ----------
+    crystal : the layer on a rigid wall below it, without its exact geometry (`true_geometry=False`), which would give
+        the torques of pairs and of walls different arms.
+    substrate : the half-space, in the units of the crystal.
+    """
+
+    crystal: Crystal
+    substrate: HalfSpace
+    feet: NDArray[np.intp] = field(init=False)
+
+    def __post_init__(self) -> None:
+        bonds, feet = self.crystal.bonds, np.flatnonzero(self.crystal.bonds.second < 0)
+        below = len(feet) and np.allclose(bonds.normal[feet], [0.0, 0.0, -1.0])
+        if not (below and len(self.crystal.vectors) == 2 and self.crystal.even):
+            raise ValueError(
+                "the crystal must be a film that repeats along x and y, on one wall below, with equal arms"
+            )
+        object.__setattr__(self, "feet", feet)
+
+    @property
+    def area(self) -> float:
+        """Return the area of a cell."""
+        return float(np.linalg.norm(np.cross(*self.crystal.vectors)))
+
+    def matrix(self, wavevector: ArrayLike, frequency: ArrayLike) -> Complexes:
+        """Return the matrix (..., F + 3, F + 3) of this module, at wave vectors (..., 2 or 3) and ω (...)."""
+        k, omega, crystal = padded(wavevector), np.asarray(frequency), self.crystal
+        size = np.linalg.norm(k, axis=-1)
+        along = k / size[..., None]
+        frame = np.stack([along, np.cross([0.0, 0.0, 1.0], along), np.broadcast_to([0.0, 0.0, 1.0], k.shape)], axis=-2)
+        inner = crystal.stiffness(k) - (omega**2)[..., None, None] * np.diag(crystal.moving(crystal.mass))
+        moved, springs = self._pulled()
+        surface = np.swapaxes(frame, -1, -2) @ self.substrate.stiffness(size, omega) @ frame
+        corner = np.broadcast_to(-moved, (*inner.shape[:-1], 3))
+        upper = np.concatenate([inner, corner], axis=-1)
+        lower = np.concatenate([np.swapaxes(corner, -1, -2), springs + self.area * surface], axis=-1)
+        return np.concatenate([upper, lower], axis=-2)
+
+    def _pulled(self) -> tuple[Floats, Floats]:
+        """Return BᵀC (F, 3) and C (3, 3), summed over the feet of a cell."""
+        law, crystal = self.crystal.bonds.law, self.crystal
+        pulls, springs = np.zeros((len(crystal), 6, 3)), np.zeros((3, 3))
+        # u_foot = u − φ × z, as columns of u and φ
+        foot = np.concatenate([np.eye(3), [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]])
+        for contact in self.feet:
+            stiffness = np.diag([law.shear[contact], law.shear[contact], law.stiffness[contact]])
+            pulls[crystal.bonds.first[contact]] += foot @ stiffness
+            springs += stiffness
+        return pulls[:, list(crystal.freedoms)].reshape(-1, 3), springs
+
+    def guided(self, wavevector: ArrayLike) -> Floats:
+        """Return ω (..., J) of the waves that are slower than c_t, ascending; nan where there are fewer than J.
+
+        J is that of the wave vector with the most.
+        """
+        k = padded(wavevector)
+        fastest = self.substrate.transverse * np.linalg.norm(k, axis=-1) * (1 - 1e-12)
+        counts = self._below(k, fastest)
+        numbers = np.arange(counts.max(initial=0))
+        low = np.zeros((*k.shape[:-1], len(numbers)))
+        high = np.broadcast_to(fastest[..., None], low.shape).copy()
+        every = np.broadcast_to(k[..., None, :], (*low.shape, 3))
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            passed = self._below(every, middle) > numbers
+            low, high = np.where(passed, low, middle), np.where(passed, middle, high)
+        return np.where(numbers < counts[..., None], (low + high) / 2, np.nan)
+
+    def _below(self, k: Floats, omega: Floats) -> NDArray[np.intp]:
+        """Return how many waves are below ω (...), of which the matrix has as many negative eigenvalues."""
+        matrix = self.matrix(k, omega)
+        values = np.linalg.eigvalsh(0.5 * (matrix + np.swapaxes(matrix, -1, -2).conj()))
+        return np.asarray(np.sum(values < 0, axis=-1))
+
+    def leaking(self, wavevector: ArrayLike, guess: complex) -> complex:
+        """Return ω of the wave next to a guess, Im ω < 0 if it leaks; nan if there is none.
+
+        wavevector : (2,) or (3,); guess : as a frequency on the rigid substrate
+        """
+        k, omega = padded(wavevector), complex(guess)
+        for _ in range(_STEPS):
+            here, near = (self.matrix(k, np.array(each)) for each in (omega, omega * (1 + _NEAR)))
+            # Newton's step of a determinant f is −f/f′ = −1/trace(K⁻¹K′)
+            step = -1 / np.trace(np.linalg.solve(here, near - here)) * omega * _NEAR
+            omega += step * min(1.0, 0.1 * abs(omega) / abs(step))
+            if abs(step) < _MET * abs(omega):
+                return omega
+        return complex(np.nan)
+
+    def shape(self, wavevector: ArrayLike, frequency: complex) -> tuple[Complexes, Complexes]:
+        """Return the motion of the spheres (B, 6) and of the surface (3,) in the wave of one frequency."""
+        _, _, rows = np.linalg.svd(self.matrix(wavevector, np.array(frequency)))
+        vector = rows[-1].conj()
+        return self.crystal.whole(vector[:-3]), vector[-3:]

@@ -1,0 +1,145 @@
+"""A layer of spheres on an elastic half-space, beside the limits that are known in closed form."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from analysis.theory.crystal import Crystal, Wall
+from analysis.theory.lattices import LATTICES
+from analysis.theory.network import Material
+from analysis.theory.surface_wave import Coupled, HalfSpace
+
+SILICA = Material(73e3, 0.17, 63.0)  # MPa, mJ/m²: lengths in nm, masses in ag, times in ns
+R, DENSITY, DEPTH = 500.0, 2.2e-3, 0.2498514361612
+APART = 2 * R - DEPTH
+GLASS = HalfSpace.of(73e3, 0.17, 2.2e-3)
+
+
+def layer(name: str = "hexagonal", density: float = DENSITY, *, apart: float = 0.0, shear: bool = True) -> Crystal:
+    """Return a layer on a rigid wall whose stiffness is that of silica; apart: gaps between the spheres."""
+    lattice = LATTICES[name, ""]
+    wall = Wall((0.0, 0.0, 2 ** (1 / 3) * DEPTH - R), (0.0, 0.0, -1.0), SILICA)
+    vectors = (APART + apart) * lattice.vectors
+    return Crystal.of(vectors, [[0.0, 0.0, 0.0]], R, density, [SILICA], walls=[wall], shear=shear, true_geometry=False)
+
+
+def along(angle: float, numbers: np.ndarray) -> np.ndarray:
+    return np.multiply.outer(numbers, [np.cos(angle), np.sin(angle), 0.0])
+
+
+# --- the half-space ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.17, 0.4])
+def test_a_slow_load_presses_the_half_space_as_boussinesq_says(ratio: float) -> None:
+    solid, k = HalfSpace.of(2.0, ratio, 1.3), 0.7
+    shear = 1.0 / (1 + ratio)
+    answer = np.linalg.inv(solid.stiffness(k, 1e-3 * k))
+    # Pressed by a wave of pressure: (1 − ν)/μk up and along, (1 − 2ν)/2μk across both; inertia is of the order ω²
+    known = np.array([[1 - ratio, 0, 0], [0, 1, 0], [0, 0, 1 - ratio]]) / (shear * k)
+    np.testing.assert_allclose(np.diag(answer), np.diag(known), rtol=1e-5)
+    assert abs(answer[0, 2]) == pytest.approx((1 - 2 * ratio) / (2 * shear * k), rel=1e-5, abs=1e-6)
+
+
+def test_the_bare_surface_wave_is_that_of_rayleigh() -> None:
+    # c_R/c_t of Poisson's solid is √(2 − 2/√3)
+    solid = HalfSpace.of(2.5, 0.25, 1.0)
+    assert solid.rayleigh() / solid.transverse == pytest.approx(np.sqrt(2 - 2 / np.sqrt(3)), rel=1e-12)
+    for ratio in (-0.3, 0.0, 0.17, 0.45):
+        solid = HalfSpace.of(1.0, ratio, 1.0)
+        assert abs(np.linalg.det(solid.stiffness(1.0, solid.rayleigh()))) < 1e-12
+
+
+def test_slow_motion_takes_no_energy_and_fast_motion_does() -> None:
+    for omega in (0.5, 0.9):
+        matrix = GLASS.stiffness(1.0, omega * GLASS.transverse)
+        np.testing.assert_allclose(matrix, matrix.conj().T, atol=1e-12 * np.abs(matrix).max())
+    for omega in (1.2, 1.9, 5.0):
+        # Power that goes down, ½ Re(−iω u†S u), is positive for every motion
+        matrix = GLASS.stiffness(1.0, omega * GLASS.transverse)
+        assert np.linalg.eigvalsh((matrix - matrix.conj().T) / 2j).max() < 1e-9 * np.abs(matrix).max()
+
+
+# --- limits of the coupled waves --------------------------------------------------------------------------------------
+
+
+def test_light_spheres_leave_the_wave_of_rayleigh() -> None:
+    for light in (1e-3, 1e-5):
+        # Without contacts between them: a layer that holds together is a stiff skin, however light
+        film, numbers = Coupled(layer(density=light * DENSITY, apart=1.0), GLASS), np.array([1e-4, 5e-4])
+        for k, found in zip(numbers, film.guided(along(np.pi / 2, numbers)), strict=True):
+            assert np.abs(found / k / GLASS.rayleigh() - 1).min() < light
+
+
+def test_without_shear_it_is_the_vertical_formula() -> None:
+    film = Coupled(layer(apart=1.0, shear=False), GLASS)
+    mass, stiffness = film.crystal.mass[0, 0], film.crystal.bonds.law.stiffness[0]
+    assert len(film.crystal.bonds.first) == 1  # spheres do not touch one another
+    own, loading = np.sqrt(stiffness / mass), mass / film.area / GLASS.density
+    c_l, c_t = GLASS.longitudinal, GLASS.transverse
+
+    def left(omega: float, k: float) -> float:
+        x, y = (omega / (k * c_t)) ** 2, (omega / (k * c_l)) ** 2
+        rayleigh = (2 - x) ** 2 - 4 * np.sqrt((1 - x) * (1 - y))
+        return float(((omega / own) ** 2 - 1) * rayleigh - loading * omega**4 / (k**3 * c_t**4) * np.sqrt(1 - y))
+
+    for k in np.linspace(0.5, 2.5, 9) * own / c_t:
+        grid = np.linspace(1e-3, 1 - 1e-9, 4001) * c_t * k
+        signs = np.sign([left(omega, k) for omega in grid])
+        roots = [brentq(left, grid[n], grid[n + 1], args=(k,), xtol=1e-14) for n in np.flatnonzero(np.diff(signs))]
+        found = film.guided(along(0.3, np.array([k])))[0]
+        found = found[found > 1e-6 * own]  # spheres that nothing holds sideways have the frequency 0
+        np.testing.assert_allclose(found, roots, rtol=1e-9)
+
+
+def test_a_stiff_substrate_leaves_the_branches_of_the_layer() -> None:
+    departures = []
+    for factor in (1e2, 1e4):
+        stiff = HalfSpace.of(73e3 * factor, 0.17, 2.2e-3 * factor)
+        film = Coupled(layer(), stiff)
+        # Where all six are slower than its waves
+        k = along(np.pi / 2, np.array([1.9 / APART]))
+        departures.append(np.abs(film.guided(k)[0, :6] / film.crystal.modes(k)[0][0] - 1).max())
+    assert departures[1] < 1e-5
+    assert departures[0] / departures[1] == pytest.approx(100, rel=0.05)
+
+
+def test_the_vertical_resonance_leaks_by_its_formula() -> None:
+    left = []
+    for density in (2.2e-2, 2.2):
+        solid = HalfSpace(density, GLASS.longitudinal, GLASS.transverse)
+        film = Coupled(layer(), solid)
+        own = np.sqrt(film.crystal.bonds.law.stiffness[-1] / film.crystal.mass[0, 0])
+        found = film.leaking([0.0, 1e-9 / APART], own)
+        assert found.imag < 0
+        quality = density * GLASS.longitudinal * film.area / (film.crystal.mass[0, 0] * own)
+        left.append(found.real / (2 * abs(found.imag)) / quality - 1)
+    # To the first order of 1/Q², which falls by 1e4
+    assert abs(left[0]) < 1e-3
+    assert abs(left[1]) < 1e-6
+
+
+def test_where_the_waves_cross_they_repel() -> None:
+    film = Coupled(layer(), GLASS)
+    own = np.sqrt(film.crystal.bonds.law.stiffness[-1] / film.crystal.mass[0, 0])
+    numbers = np.linspace(0.3, 2.0, 60) * own / GLASS.rayleigh()
+    found = film.guided(along(np.pi / 2, numbers))
+    # Sagittal: below the vertical resonance the surface wave bends away, at no k are two waves of one frequency
+    assert np.nanmin(np.diff(found, axis=1)[:, 0]) > 1e-3 * own
+    spheres, surface = film.shape(along(np.pi / 2, numbers)[5], found[5, 0])
+    matrix = film.matrix(along(np.pi / 2, numbers)[5], found[5, 0])
+    vector = np.concatenate([film.crystal.moving(spheres), surface])
+    assert np.linalg.norm(matrix @ vector) < 1e-9 * np.linalg.norm(matrix) * np.linalg.norm(vector)
+
+
+def test_every_direction_of_a_hexagonal_layer_has_the_same_slow_waves() -> None:
+    film, numbers = Coupled(layer(), GLASS), np.array([2e-5])
+    one, other = (film.guided(along(angle, numbers))[0] for angle in (0.3, 1.2))
+    np.testing.assert_allclose(one, other, rtol=1e-6)
+
+
+def test_a_film_that_has_no_wall_is_refused() -> None:
+    lattice = LATTICES["hexagonal", ""]
+    alone = Crystal.of(APART * lattice.vectors, [[0.0, 0.0, 0.0]], R, DENSITY, [SILICA], true_geometry=False)
+    with pytest.raises(ValueError, match="on one wall below"):
+        Coupled(alone, GLASS)
