@@ -25,7 +25,7 @@ def lmp(folder: Path, deck: str, *variables: str) -> None:
 
 
 def test_the_paper_s_cases_and_the_other_modes_are_shipped() -> None:
-    scenes = (each for each in map(Scene.load, FOLDERS) if each.wave)
+    scenes = [each for each in map(Scene.load, FOLDERS) if each.wave and each.space == 2]
     waves = {(s.wave.mode, s.wave.wavenumber, s.packing.ends) for s in scenes}
     assert {("TR", xi, "fixed") for xi in (0.802, 1.475, 2.127)} <= waves
     assert {mode for mode, *_ in waves} == {"L", "TR", "RT"}
