@@ -38,17 +38,11 @@ NOT_THERE = (
         "gravity g weight",
     ),
     NotThere(
-        "a third dimension: crystals of many layers, a substrate",
-        "spheres move in the plane",
-        "LAMMPS's `pair_style granular` itself; the contact commands of our decks are right there too",
-        "substrate 3d dimension dimensions layers layer depth z bilayer",
-    ),
-    NotThere(
-        "lattices other than hexagonal, square, honeycomb and chain",
+        "lattices other than hexagonal, square, honeycomb, chain, cubic, fcc and hcp",
         "a scene is made of rows that are alike",
-        "`packing.lattice` for those four, a deck of your own for others; `granular_lmp.crystal` has the contacts and "
+        "`packing.lattice` for those seven, a deck of your own for others; `granular_lmp.crystal` has the contacts and "
         "the modes of any crystal",
-        "square chain kagome cubic",
+        "square chain kagome cubic bcc",
     ),
     NotThere(
         "non-spherical grains",

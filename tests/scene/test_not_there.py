@@ -32,7 +32,7 @@ def test_no_word_stands_for_two_wishes() -> None:
     assert len(words) == len(set(words))
 
 
-@pytest.mark.parametrize("key", ["packing.Gravity", "substrate.youngs_modulus", "temperature"])
+@pytest.mark.parametrize("key", ["packing.Gravity", "packing.kagome", "temperature"])
 def test_a_wish_is_refused_with_the_reason_and_the_page(key: str) -> None:
     with pytest.raises(SceneError, match=rf"not supported: .+; instead: .+ \({PAGE}\)$"):
         Scene.load("tr_periodic").with_values({key: 1.0})
