@@ -27,7 +27,7 @@ from analysis.plotting import parser, save, start, write
 from analysis.theory.bloch import frame
 from analysis.theory.crystal import Crystal, padded
 from analysis.theory.phase_matching import COUNT, Match, matches, zone_edge
-from analysis.theory.scenes import NAMES, Setting, named_branch
+from analysis.theory.scenes import Setting, names_of
 from analysis.theory.validity import together, turned, validity
 from granular_lmp.runs.record import GranularError, Scene
 
@@ -62,10 +62,8 @@ def rows(setting: Setting, crystal: Crystal, degrees: float) -> list[Row]:
 
 def label(crystal: Crystal, wavevector: Floats, branch: int) -> str:
     """Return the name of a branch at a wave vector, or its number from 1."""
-    if len(crystal) > 1:
-        return str(branch + 1)
-    known = NAMES[: len(crystal.freedoms)]
-    return next((name for name in known if named_branch(crystal, wavevector, name) == branch), str(branch + 1))
+    known = names_of(crystal, wavevector)
+    return next((name for name, number in known.items() if number == branch), str(branch + 1))
 
 
 def table(found: Sequence[Row], several: bool) -> str:

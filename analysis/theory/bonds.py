@@ -63,6 +63,11 @@ class Law(NamedTuple):
     reach: Floats
     friction: Floats
 
+    def scaled(self, normal: Floats, shear: Floats) -> "Law":
+        """Return the law whose normal and shear forces are larger by factors (C,) at every overlap."""
+        larger = [normal] * 4 + [shear] * 3 + [np.ones_like(normal), normal]
+        return Law(*(factor * each for factor, each in zip(larger, self, strict=True)))
+
 
 def dmt(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLike = 0.0) -> Law:
     """Return f = A δ^{3/2} − F and k = B δ^{1/2} at overlaps δ > 0: Hertz's law, with the pull F of adhesion."""
@@ -112,6 +117,29 @@ def by_radius(
     bent = f2 * d1 - f1 * d2
     third = (f3 * d1 - f1 * d3) / d1**4 - 3 * d2 * bent / d1**5
     return Law(f, f1 / d1, bent / d1**3, third, shear, growth / d1, -growth * d2 / d1**3, reach, friction)
+
+
+class Measured(NamedTuple):
+    """Stiffnesses at rest of the contacts of two spheres, and with walls; None: what the law gives.
+
+    They scale the force of the law at every overlap, so that overlaps at rest stay.
+    """
+
+    normal: float | None = None
+    shear: float | None = None
+    wall_normal: float | None = None
+    wall_shear: float | None = None
+
+    def scale(self, law: Law, walls: NDArray[np.bool_]) -> Law:
+        """Return the law of contacts, some of them with walls, with these stiffnesses."""
+
+        def factor(pair: float | None, wall: float | None, computed: Floats) -> Floats:
+            known = [computed if each is None else np.full_like(computed, each) for each in (wall, pair)]
+            return np.where(walls, *known) / computed
+
+        return law.scaled(
+            factor(self.normal, self.wall_normal, law.stiffness), factor(self.shear, self.wall_shear, law.shear)
+        )
 
 
 class Strain(NamedTuple):

@@ -21,7 +21,7 @@ from typing import Any, Literal, NamedTuple, Self, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.bonds import Bonds, ShearLaw, dmt, jkr
+from analysis.theory.bonds import Bonds, Measured, ShearLaw, dmt, jkr
 from analysis.theory.mirror import images, mirrored
 from analysis.theory.network import Material, ShearMixing, mixed
 
@@ -37,6 +37,7 @@ _TOUCHES_TWICE = 1e-9
 _ASKEW = np.array([0.37, 0.23, 0.41])  # a wave vector that no symmetry of a lattice leaves alone
 _MIRRORED = 1e-9  # share of D by which a mirror may miss
 _ONE = 1e-9  # share by which equal squared frequencies may differ
+_STILL = 1e-9  # a motion that is no larger, of the largest, is none
 _SLOW = 1e-7  # frequencies below this share of the highest are those of a rigid motion, or unstable if squared < 0
 
 
@@ -54,8 +55,9 @@ class Wall(NamedTuple):
 class Modes(NamedTuple):
     """Modes at wave vectors (...): ω (..., J) ascending, U (..., J, B, 6), and duals (..., J, B, 6) of U.
 
-    Σ|U|² is B, so that amplitudes are the root mean square of (u, φ) over the spheres. The largest translation is
-    real and positive, as near along k as there is one; the largest rotation, of a mode that only turns, is −i times it.
+    Σ|U|² is B, so that amplitudes are the root mean square of (u, φ) over the spheres. The largest translation in the
+    plane is real and positive, as near along k as there is one; without one the largest u_z, and of a mode that only
+    turns the largest rotation, which is −i times a positive number.
     """
 
     frequencies: Floats
@@ -111,26 +113,39 @@ class Crystal:
         np.add.at(total, bonds.second[bonds.second >= 0], stiff[bonds.second >= 0])
         return float(np.sqrt(np.max(2 * total / self.mass[:, list(self.freedoms)].min(axis=1))))
 
-    @cached_property
-    def level(self) -> Floats | None:
-        """Return how the mirror z → −z acts on what moves (F, F); None in the plane, and without that mirror."""
-        if 2 not in self.freedoms:
-            return None
-        across, units = np.diag([1.0, 1.0, -1.0]), self.whole(np.eye(self.moving(self.mass).size))
-        matrix = self.stiffness(_ASKEW[: len(self.vectors)] @ self.reciprocal * [1.0, 1.0, 0.0])
+    def mirror(self, normal: ArrayLike) -> Floats | None:
+        """Return how the mirror across a unit vector (3,) acts on what moves (F, F), None if the crystal has none."""
+        across = np.asarray(normal, dtype=float)
+        reflection, units = np.eye(3) - 2 * np.outer(across, across), self.whole(np.eye(self.moving(self.mass).size))
+        askew = _ASKEW[: len(self.vectors)] @ self.reciprocal.real
+        matrix = self.stiffness(askew - (askew @ across) * across)
         for to in range(len(self)):
-            places = images(self.position, self.vectors, self.mass, across, to)
-            image = None if places is None else self.moving(mirrored(units, across, places)).T.real
+            places = images(self.position.real, self.vectors.real, self.mass.real, reflection, to)
+            image = None if places is None else self.moving(mirrored(units, reflection, places)).T.real
             if image is not None and np.abs(image @ matrix - matrix @ image).max() < _MIRRORED * np.abs(matrix).max():
                 return np.asarray(image)
         return None
 
-    def parity(self, shapes: Complexes) -> Floats:
-        """Return 1 for modes (..., B, 6) that are even under z → −z, −1 for odd ones; 0 without that mirror."""
+    @cached_property
+    def symmetry(self) -> tuple[Floats, Floats] | None:
+        """Return the mirror that tells modes of one frequency apart, its normal and its action; None in the plane.
+
+        It is z → −z, or else x → −x: waves along y have it in most lattices.
+        """
+        normals = np.eye(3)[[2, 0]] if 2 in self.freedoms else np.zeros((0, 3))
+        return next(((normal, image) for normal in normals if (image := self.mirror(normal)) is not None), None)
+
+    def parity(self, shapes: Complexes, wavevector: ArrayLike, mirror: tuple[Floats, Floats] | None = None) -> Floats:
+        """Return 1 for modes (..., B, 6) that are even under a mirror with k in it, by default `symmetry`.
+
+        −1 for odd ones, and 0 for others, or without a mirror.
+        """
+        normal, image = mirror or self.symmetry or (np.zeros(3), None)
         moved = self.moving(shapes)
-        if self.level is None:
+        if image is None or not _across(padded(wavevector), normal):
             return np.zeros(moved.shape[:-1])
-        return np.asarray(np.rint(np.sum(moved.conj() * (moved @ self.level.T), axis=-1).real / _square(moved)))
+        share = np.sum(moved.conj() * (moved @ image.T), axis=-1).real / np.sum(np.abs(moved) ** 2, axis=-1)
+        return np.asarray(np.where(np.abs(share) > 1 - _ONE_SIGN, np.sign(share), 0.0))
 
     def stiffness(self, wavevector: ArrayLike) -> Complexes:
         """Return D(k) (..., F, F) of the F = B·freedoms that move; k (..., 3)."""
@@ -166,15 +181,15 @@ class Crystal:
     def modes(self, wavevector: ArrayLike) -> Modes:
         """Return all modes at wave vectors (..., 3) or (..., 2).
 
-        Where the crystal has the mirror z → −z, and k lies in it, modes are even or odd, also those of one frequency,
-        of which the even one is first. Raises ValueError where one is unstable: a compressed contact that buckles.
+        Where k lies in the mirror of `symmetry`, modes are even or odd, also those of one frequency, of which the even
+        one is first. Raises ValueError where one is unstable: a compressed contact that buckles.
         """
         k = padded(wavevector)
         root = np.sqrt(self.moving(self.mass))
         matrix = self.stiffness(k) / (root[:, None] * root)
         if self.even:
-            if parted := self.level is not None and not np.any(k[..., 2]):
-                matrix = matrix - self.highest**2 * self.level  # even ones and odd ones, whatever their frequencies
+            if parted := self.symmetry is not None and _across(k, self.symmetry[0]):
+                matrix = matrix - self.highest**2 * self.symmetry[1]  # even and odd ones, whatever their frequencies
             _, vectors = np.linalg.eigh(0.5 * (matrix + np.swapaxes(matrix, -1, -2).conj()))
             inverse = np.swapaxes(vectors, -1, -2).conj()
         else:
@@ -186,7 +201,7 @@ class Crystal:
         if self.even:  # the energy keeps the digits of a low frequency, which eigh rounds to those of the highest
             squares = self.bonds.energy(self.bonds.strain(shapes, k[..., None, :]))
             if parted:
-                order = np.argsort(squares - _ONE * np.abs(squares) * self.parity(shapes), axis=-1)
+                order = np.argsort(squares - _ONE * np.abs(squares) * self.parity(shapes, k), axis=-1)
                 squares = np.take_along_axis(squares, order, axis=-1)
                 shapes, duals = (np.take_along_axis(each, order[..., None, None], axis=-3) for each in (shapes, duals))
         else:
@@ -223,6 +238,7 @@ class Crystal:
         shear: bool = True,
         rotation: bool = True,
         true_geometry: bool = True,
+        measured: Measured | None = None,
     ) -> Self:
         """Return the crystal of spheres at these places, with the contacts that it finds.
 
@@ -234,6 +250,7 @@ class Crystal:
         adhesion : "dmt" (Hertz's law without adhesion) or "jkr"
         shear, rotation : whether contacts resist shear, and whether spheres turn, which they do only then
         true_geometry : LAMMPS's, normals that turn and arms R − δ/2; False: the paper's
+        measured : stiffnesses in place of those that moduli give
 
         Raises
         ------
@@ -258,6 +275,7 @@ class Crystal:
         if not len(first):
             raise ValueError("no two spheres touch, and none touches a wall: radii add up to less than every distance")
         law = dmt(overlap, A, B, F) if adhesion == "dmt" else jkr(overlap, A, B, F)
+        law = law if measured is None else measured.scale(law, second < 0)
         if not shear:
             none = 0 * law.shear
             law = law._replace(shear=none, shear_growth=none, shear_curvature=none)
@@ -306,8 +324,9 @@ class Crystal:
             )
 
 
-def _square(vector: Complexes) -> Floats:
-    return np.asarray(np.sum(np.abs(vector) ** 2, axis=-1))
+def _across(wavevector: Floats, normal: Floats) -> bool:
+    """Return whether wave vectors (..., 3) lie in a mirror."""
+    return bool(np.all(np.abs(wavevector @ normal) <= 1e-12 * np.linalg.norm(wavevector, axis=-1)))
 
 
 def find_contacts(
@@ -358,12 +377,15 @@ def _phase(shapes: Complexes, wavevector: Floats) -> Complexes:
     size = np.linalg.norm(wavevector, axis=-1, keepdims=True)
     along = np.where(size > 0, wavevector / np.where(size > 0, size, 1.0), [0.0, 1.0, 0.0])
     across = np.stack([-along[..., 1], along[..., 0], 0 * along[..., 0]], axis=-1)
-    up = np.broadcast_to([0.0, 0.0, 1.0], along.shape)
-    frame = np.stack([along, across, up], axis=-2)[..., None, None, :, :]
-    ways = (frame @ shapes[..., :3, None])[..., 0]  # (..., J, B, 3)
-    ways, turns = (each.reshape(*each.shape[:-2], -1) for each in (ways, 1j * shapes[..., 3:]))
-    only_turns = np.abs(ways).max(axis=-1) < 1e-12 * np.abs(shapes).max(axis=(-2, -1))
-    parts = np.where(only_turns[..., None], turns, ways)
+    frame = np.stack([along, across], axis=-2)[..., None, None, :, :]
+    ways = (frame @ shapes[..., :3, None])[..., 0]  # (..., J, B, 2)
+    kinds = (ways, shapes[..., 2:3], 1j * shapes[..., 3:])
+    inside, up, turns = (each.reshape(*each.shape[:-2], -1) for each in kinds)
+    size = np.abs(shapes).max(axis=(-2, -1))[..., None]
+    still, level = (np.abs(each).max(axis=-1, keepdims=True) < _STILL * size for each in (inside, up))
+    # As many columns as turns have: what is repeated is no larger
+    inside, up = (np.concatenate([each] * 3, axis=-1)[..., : turns.shape[-1]] for each in (inside, up))
+    parts = np.where(still, np.where(level, turns, up), inside)
     large = np.abs(parts) > (1 - _ONE_SIGN) * np.abs(parts).max(axis=-1, keepdims=True)
     leading = np.take_along_axis(parts, np.argmax(large, axis=-1)[..., None], axis=-1)[..., 0]
     return leading / np.abs(leading)

@@ -8,7 +8,7 @@ lie in a layer. `row` is the distance of rows, in which wave numbers count.
 | hcp "c" | the hexagonal axis: rows are close-packed layers, AB | rectangular |
 | hcp "[1-100]" | between two contacts | close-packed |
 | fcc "[001]" | a fourfold axis: rows are square layers | rectangular, (110) |
-| fcc "[111]" | a threefold axis: rows are close-packed layers, ABC | oblique, (110) |
+| fcc "[111]" | a threefold axis: rows are close-packed layers, ABC | rectangular, (11-2) |
 | fcc "[110]" | a line of contacts | square, (001) |
 | fcc "[11-2]" | between two contacts | close-packed, (111) |
 | cubic "[001]" | a line of contacts | square |
@@ -24,11 +24,15 @@ _ROOT = {n: float(np.sqrt(n)) for n in (2, 3, 6)}
 
 
 class Lattice(NamedTuple):
-    """Primitive vectors (d, 3), the places of a cell (B, 3), and the distance of rows."""
+    """Primitive vectors (d, 3), the places of a cell (B, 3), and the distances of rows and of layers, 0 of one layer.
+
+    Rows of a layer may lie higher than others, by less than a layer.
+    """
 
     vectors: Floats
     basis: Floats
     row: float
+    layer: float
 
     @property
     def shift(self) -> float:
@@ -58,9 +62,12 @@ class Lattice(NamedTuple):
         return np.vstack([inside, period // risen * step]), places, np.rint(places[:, 1] / self.row).astype(np.intp)
 
     def film(self, layers: int) -> tuple[Floats, Floats]:
-        """Return the two vectors of a film of some layers, and the places in its cell."""
-        stacks, rest = np.divmod(np.arange(layers), len(self.basis))
-        return self.vectors[:2], self.basis[rest] + stacks[:, None] * self.vectors[2]
+        """Return the two vectors of a film of some layers, and the places in its cell, from below."""
+        height = layers * self.layer * (1 - 1e-9)
+        stacks = np.arange(np.ceil(height / self.vectors[2, 2]))
+        places = (stacks[:, None, None] * self.vectors[2] + self.basis).reshape(-1, 3)
+        inside = places[places[:, 2] < height]
+        return self.vectors[:2], inside[np.argsort(inside[:, 2], kind="stable")]
 
     def _step(self) -> Floats:
         """Return the vector that rises by the fewest rows."""
@@ -72,8 +79,10 @@ class Lattice(NamedTuple):
         return bool(np.abs(counts - np.rint(counts)).max() < 1e-9)
 
 
-def _lattice(row: float, vectors: Any, basis: Any = ((0.0, 0.0, 0.0),)) -> Lattice:
-    return Lattice(np.asarray(vectors, dtype=float), np.asarray(basis, dtype=float), row)
+def _lattice(row: float, vectors: Any, basis: Any = ((0.0, 0.0, 0.0),), layer: float | None = None) -> Lattice:
+    found = np.asarray(vectors, dtype=float)
+    height = float(found[2, 2]) if len(found) == 3 else 0.0
+    return Lattice(found, np.asarray(basis, dtype=float), row, height if layer is None else layer)
 
 
 _HIGH = _ROOT[6] / 3  # of two close-packed layers
@@ -85,14 +94,17 @@ LATTICES: dict[tuple[str, str], Lattice] = {
     ("hexagonal", ""): _lattice(_ROOT[3] / 2, [[1, 0, 0], _TRIANGLE]),
     ("honeycomb", ""): _lattice(1.5, [[_ROOT[3], 0, 0], [_ROOT[3] / 2, 1.5, 0]], [[0, 0, 0], [_ROOT[3] / 2, -0.5, 0]]),
     ("cubic", "[001]"): _lattice(1.0, np.eye(3)),
-    ("fcc", "[001]"): _lattice(_ROOT[2] / 2, [[1, 0, 0], [0, _ROOT[2], 0], [0.5, _ROOT[2] / 2, 0.5]]),
-    ("fcc", "[111]"): _lattice(_HIGH, [[_ROOT[3], 0, 0], [1 / _ROOT[3], _HIGH, 0], [_ROOT[3] / 2, 0, 0.5]]),
+    ("fcc", "[001]"): _lattice(_ROOT[2] / 2, [[1, 0, 0], [0, _ROOT[2], 0], [0.5, _ROOT[2] / 2, 0.5]], layer=1.0),
+    ("fcc", "[111]"): _lattice(_HIGH, [[1, 0, 0], [0, 3 * _HIGH, 0], [0.5, _HIGH, _ROOT[3] / 6]], layer=_ROOT[3] / 2),
     ("fcc", "[110]"): _lattice(1.0, [[1, 0, 0], [0, 1, 0], [0.5, 0.5, _ROOT[2] / 2]]),
-    ("fcc", "[11-2]"): _lattice(_ROOT[3] / 2, [[1, 0, 0], _TRIANGLE, [0, 1 / _ROOT[3], _HIGH]]),
+    ("fcc", "[11-2]"): _lattice(_ROOT[3] / 2, [[1, 0, 0], _TRIANGLE, [0.5, _ROOT[3] / 6, _HIGH]]),
     ("hcp", "c"): _lattice(
-        _HIGH, [[1, 0, 0], [0, 2 * _HIGH, 0], [0.5, 0, _ROOT[3] / 2]], [[0, 0, 0], [0, _HIGH, 1 / _ROOT[3]]]
+        _HIGH,
+        [[1, 0, 0], [0, 2 * _HIGH, 0], [0.5, 0, _ROOT[3] / 2]],
+        [[0, 0, 0], [0.5, _HIGH, _ROOT[3] / 6]],
+        layer=_ROOT[3] / 2,
     ),
     ("hcp", "[1-100]"): _lattice(
-        _ROOT[3] / 2, [[1, 0, 0], _TRIANGLE, [0, 0, 2 * _HIGH]], [[0, 0, 0], [0, 1 / _ROOT[3], _HIGH]]
+        _ROOT[3] / 2, [[1, 0, 0], _TRIANGLE, [0, 0, 2 * _HIGH]], [[0, 0, 0], [0.5, _ROOT[3] / 6, _HIGH]], layer=_HIGH
     ),
 }

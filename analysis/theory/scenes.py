@@ -17,8 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis import second_harmonic as closed
 from analysis.theory.bloch import frame
-from analysis.theory.crystal import PLANE, Crystal
+from analysis.theory.bonds import Measured
+from analysis.theory.crystal import PLANE, Crystal, Wall, padded
 from analysis.theory.lattices import LATTICES, Lattice
+from analysis.theory.network import mixed
 from analysis.theory.second_order import Mixed, Wave, second_order, started, wave
 from analysis.theory.validity import turned
 from analysis.theory.variation import Spot
@@ -34,7 +36,9 @@ CRYSTAL_KEYS = frozenset({"name", "inclusion", "monitor", "source", "disorder.se
     f"{section}.{key}"
     for section, keys in {
         "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density adhesion_law",
-        "packing": "lattice rows columns ends contact_force relax relax_friction",
+        "packing": "lattice rows columns ends contact_force relax relax_friction space layers depth orientation",
+        "contact": "normal_stiffness shear_stiffness",
+        "substrate": "youngs_modulus poisson_ratio work_of_adhesion normal_stiffness shear_stiffness sides",
         "wave": "mode wavenumber frequency amplitude phase form direction",
         "envelope": "length width offset ramp",
         "time": "duration timestep tolerance sample allow_echo",
@@ -49,6 +53,7 @@ MOTION = frozenset(
     {"source", "envelope.length", "envelope.width", "absorb.rows", "effects.sliding", "effects.contact_opening"}
 )
 FORMS = ("running", "standing")
+DEFAULT = {"cubic": "[001]", "fcc": "[001]", "hcp": "c"}  # orientations that a scene leaves out
 LONGEST = 6  # rows of a pattern: its modes meet in pairs, 10 s of processor time for six
 
 
@@ -100,12 +105,58 @@ class Setting:
     def number(self, key: str) -> Any:
         """Return the value of a key that is a number, as varied or as the scene has it."""
         section, _, name = key.partition(".")
-        return self.numbers[key] if key in self.numbers else getattr(getattr(self.scene, section), name)
+        if key in self.numbers:
+            return self.numbers[key]
+        if key == "sphere.work_of_adhesion" and self.scene.effects.adhesion is False:
+            return 0.0
+        return getattr(self.scene.material if section == "sphere" else getattr(self.scene, section), name)
 
     @property
     def lattice(self) -> Lattice:
         """Return the lattice, in distances of two spheres."""
-        return LATTICES[self.scene.packing.lattice, ""]
+        name, orientation = self.scene.packing.lattice, self.scene.packing.orientation
+        return LATTICES[name, orientation if orientation != "auto" else DEFAULT.get(name, "")]
+
+    @property
+    def stacked(self) -> bool:
+        """True for a crystal of layers that ends along z: a film, free or on a substrate."""
+        scene = self.scene
+        return self.lattice.layer > 0 and (scene.substrate is not None or scene.packing.depth == "free")
+
+    def places(self, rows: int) -> tuple[Floats, Floats, NDArray[np.intp]]:
+        """Return vectors (d, 3), places (B, 3) and rows (B,) of a cell in which a pattern of rows repeats.
+
+        In distances of two spheres. Raises ValueError for a pattern that the lattice does not have.
+        """
+        if rows > 1 and not self.stacked:
+            return self.lattice.rows(rows)
+        if rows > 1:
+            raise ValueError("inclusion: rows of other densities are known in one layer, and in crystals without faces")
+        layers = self.scene.packing.layers
+        film = self.lattice.film(1 if layers == "auto" else int(layers)) if self.stacked else self.lattice[:2]
+        return *film, np.zeros(len(film[1]), dtype=np.intp)
+
+    def walls(self, place: Floats, material: Elastic) -> list[Wall]:
+        """Return the half-spaces on which spheres of a material at some places (B, 3) lie, in m."""
+        substrate = self.scene.substrate
+        if substrate is None:
+            return []
+        half_space = Elastic(substrate.youngs_modulus, substrate.poisson_ratio, substrate.work_of_adhesion)
+        radius, ends = self.number("sphere.radius"), (np.array([0]), np.array([1]))
+        hertz, _, pull, _ = mixed([material, half_space], ends, (np.array([radius]), np.array([np.inf])))  # type: ignore[list-item]  # the same three numbers
+        # Without force: A δ^{3/2} = F by the DMT law, and by the JKR law A (3δ)^{3/2} = 3F
+        overlap = (pull[0] / hertz[0]) ** (2 / 3) / (1 if self.scene.sphere.adhesion_law == "dmt" else 3 ** (1 / 3))
+        away, floor, ceiling = radius - overlap, place[:, 2].min(), place[:, 2].max()
+        below = Wall((0.0, 0.0, floor - away), (0.0, 0.0, -1.0), half_space)  # type: ignore[arg-type]
+        above = Wall((0.0, 0.0, ceiling + away), (0.0, 0.0, 1.0), half_space)  # type: ignore[arg-type]
+        return [below, above] if substrate.sides == "both" else [below]
+
+    @property
+    def measured(self) -> Measured:
+        """Return the stiffnesses that the scene declares as measured."""
+        pair, wall = self.scene.contact, self.scene.substrate
+        of_wall = (None, None) if wall is None else (wall.normal_stiffness, wall.shear_stiffness)
+        return Measured(pair.normal_stiffness, pair.shear_stiffness, *of_wall)
 
     @cached_property
     def densities(self) -> NDArray[Any]:
@@ -160,7 +211,7 @@ class Setting:
         pull = np.pi * adhesion * radius  # 2πw Rc, Rc = R/2
         return ((pull + pressed) / (2 / 3 * modulus / (1 - ratio**2) * np.sqrt(radius / 2))) ** (2 / 3)
 
-    def crystal(self, *, layers: bool = True) -> Crystal:
+    def crystal(self, *, layers: bool = True, true_geometry: bool = True) -> Crystal:
         """Return the crystal, one cell a row of the pattern; without `layers` the lattice of the wave's mode.
 
         Raises ValueError for layers in a scene that declares what is not held: dashpots, rolling resistance, disorder,
@@ -170,20 +221,24 @@ class Setting:
             self.refuse(CRYSTAL_KEYS)
         sphere, effects = self.scene.sphere, self.scene.effects
         density = self.densities if layers else np.array([sphere.density])
-        vectors, place, row = self.lattice.rows(len(density))
+        vectors, place, row = self.places(len(density))
         material = Elastic(
             *(self.number(f"sphere.{name}") for name in ("youngs_modulus", "poisson_ratio", "work_of_adhesion"))
         )
+        place, components = self.spacing * place, 3 if self.scene.space == 3 else 2
         return Crystal.of(
-            self.spacing * vectors[:, :2],
-            self.spacing * place[:, :2],
+            self.spacing * vectors[:, :components],
+            place[:, :components],
             self.number("sphere.radius"),
             density[row],
             [material],  # type: ignore[list-item]  # the same three numbers
+            walls=self.walls(place, material),
             adhesion=sphere.adhesion_law,  # type: ignore[arg-type]  # checked by the scene
             shear_law=effects.shear_law,  # type: ignore[arg-type]  # checked by the scene
             shear=effects.shear is not False,
             rotation=effects.rotation is not False,
+            true_geometry=true_geometry,
+            measured=self.measured,
         )
 
     @property
@@ -296,21 +351,36 @@ def signals(scene: Scene, tau: ArrayLike) -> Signals:
 
 
 def named_branch(crystal: Crystal, wavevector: ArrayLike, name: str) -> int:
-    """Return which branch of a lattice is L, TR or RT: L moves along k; of the others TR is the lower.
+    """Return which branch has a name: L, TR, RT, S1, H1, or its number from 1.
 
-    In a cell of several spheres a branch has its number, "1" for the lowest.
+    L moves along k; of TR and RT the former is lower. In space they are the waves that stay in the plane, where that is
+    a mirror, of one sphere a cell. S and H are even and odd across the plane of k and z. In the plane a branch has its
+    number in a cell of several spheres alone.
 
     Raises ValueError for another name, and one that the lattice does not have.
     """
-    if len(crystal) > 1:
-        numbers = [str(branch + 1) for branch in range(len(crystal) * len(crystal.freedoms))]
-        if name not in numbers:
-            raise ValueError(f"mode = {name!r} is none of this crystal; allowed: {', '.join(numbers)}")
-        return numbers.index(name)
-    shapes = crystal.modes(wavevector).shapes[:, 0, :2]
+    known = names_of(crystal, wavevector)
+    if name in known:
+        return known[name]
+    raise ValueError(f"mode = {name!r} is none of this crystal; allowed: {', '.join(known)}")
+
+
+def names_of(crystal: Crystal, wavevector: ArrayLike) -> dict[str, int]:
+    """Return the branches by name, at a wave vector (2,) or (3,); those that symmetry names before their numbers."""
     k = np.asarray(wavevector, dtype=float)
-    longitudinal = int(np.argmax(np.abs(shapes @ (k / np.linalg.norm(k)))))
-    order = [longitudinal, *(branch for branch in range(len(shapes)) if branch != longitudinal)]
-    if name not in NAMES[: len(order)]:
-        raise ValueError(f"mode = {name!r} is none of this crystal; allowed: {', '.join(NAMES[: len(order)])}")
-    return order[NAMES.index(name)]
+    shapes, solid, along = crystal.modes(k).shapes, 2 in crystal.freedoms, padded(k) / np.linalg.norm(k)
+    found: dict[str, Any] = {}
+    flat = solid and crystal.symmetry is not None and crystal.symmetry[0][2] != 0
+    level = crystal.parity(shapes, k) if flat else np.zeros(len(shapes))
+    inside = np.flatnonzero(level > 0) if solid else np.arange(len(shapes))
+    if len(crystal) == 1 and len(inside):
+        longitudinal = inside[np.argmax(np.abs(shapes[inside, 0, :3] @ along))]
+        found |= dict(zip(NAMES, [longitudinal, *inside[inside != longitudinal]], strict=False))
+    across = np.cross([0.0, 0.0, 1.0], along)
+    if solid and (image := crystal.mirror(across)) is not None:
+        sides = crystal.parity(shapes, k, (across, image))
+        for letter, side in (("S", 1), ("H", -1)):
+            found |= {f"{letter}{n + 1}": branch for n, branch in enumerate(np.flatnonzero(sides == side))}
+    if solid or len(crystal) > 1:
+        found |= {str(n + 1): n for n in range(len(shapes))}
+    return {name: int(branch) for name, branch in found.items()}

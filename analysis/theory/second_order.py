@@ -97,7 +97,7 @@ def wave(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike, *, along: A
     plain = chosen(modes, wavevector, branch)
     same = np.abs(modes.frequencies - plain.frequency[..., None]) < _DEGENERATE * crystal.highest
     if along is None:
-        alike = crystal.parity(modes.shapes) == crystal.parity(plain.shape)[..., None]
+        alike = crystal.parity(modes.shapes, padded(wavevector)) == crystal.parity(plain.shape, wavevector)[..., None]
         if np.any((same & alike).sum(axis=-1) > 1):
             raise ValueError(f"branch {branch!r} has the frequency of another one here: give `along`, its polarisation")
         return plain

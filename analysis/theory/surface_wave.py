@@ -21,7 +21,7 @@ forces. Torques have the arm R, a share η/2 of frequencies. Units are those of 
 """
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,7 +70,7 @@ class HalfSpace(NamedTuple):
         return float(self.transverse * np.sqrt(next(x.real for x in roots if abs(x.imag) < 1e-9 and 0 < x.real < 1)))
 
 
-def _downward(k: Complexes, slowness: Complexes) -> Complexes:
+def _downward(k: NDArray[Any], slowness: NDArray[Any]) -> Complexes:
     """Return √(k² − (ω/c)²) of waves that decay into the half-space or, faster ones, run into it."""
     square = k**2 - slowness**2
     return np.asarray(np.where(square.real > 0, np.sqrt(square), -1j * np.sqrt(-square)))

@@ -27,11 +27,11 @@ def test_modes_along_y_are_even_or_odd_whatever_their_frequencies(name: tuple[st
     solid, k = crystal(*name), np.array([0.0, 0.9 / APART, 0.0])
     modes = solid.modes(k)
     moved = solid.moving(modes.shapes)
-    images = moved @ solid.level.T
-    np.testing.assert_allclose(images, solid.parity(modes.shapes)[:, None] * moved, atol=1e-10)
+    images = moved @ solid.symmetry[1].T
+    np.testing.assert_allclose(images, solid.parity(modes.shapes, k)[:, None] * moved, atol=1e-10)
     assert np.all(np.diff(modes.frequencies) > -1e-9 * modes.frequencies[-1])
-    # Half of the modes move within the plane and turn about z
-    assert sorted(solid.parity(modes.shapes)) == [-1] * (3 * len(solid)) + [1] * (3 * len(solid))
+    # Half of the modes move within the mirror and turn about its normal
+    assert sorted(solid.parity(modes.shapes, k)) == [-1] * (3 * len(solid)) + [1] * (3 * len(solid))
     answers = np.einsum("jbc,lbc->jl", modes.duals, modes.shapes)
     np.testing.assert_allclose(answers, np.eye(len(answers)), atol=1e-10)
 
@@ -46,17 +46,24 @@ def test_a_shear_wave_in_the_plane_needs_no_polarisation() -> None:
         wave(solid, [0.0, 0.0, 0.9 / APART], 0)
 
 
-def test_a_layer_on_a_wall_and_a_crystal_in_the_plane_have_no_such_mirror() -> None:
+def test_a_layer_on_a_wall_is_its_own_image_across_x_alone() -> None:
     lattice = LATTICES["hexagonal", ""]
-    wall = Wall((0.0, 0.0, 0.1 - R), (0.0, 0.0, -1.0), SILICA)
     vectors = APART * lattice.vectors
     flat = Crystal.of(vectors[:, :2], [[0.0, 0.0]], R, 2.2e-3, [SILICA])
-    assert flat.level is None
+    assert flat.symmetry is None
     alone = Crystal.of(vectors, [[0.0, 0.0, 0.0]], R, 2.2e-3, [SILICA])
-    assert alone.level is not None
+    assert list(alone.symmetry[0]) == [0, 0, 1]
     deep = 2 ** (1 / 3) * DEPTH  # at which nothing is left of the force of the wall
-    wall = wall._replace(point=(0.0, 0.0, deep - R))
-    assert Crystal.of(vectors, [[0.0, 0.0, 0.0]], R, 2.2e-3, [SILICA], walls=[wall]).level is None
+    wall = Wall((0.0, 0.0, deep - R), (0.0, 0.0, -1.0), SILICA)
+    layer = Crystal.of(vectors, [[0.0, 0.0, 0.0]], R, 2.2e-3, [SILICA], walls=[wall])
+    assert layer.mirror([0.0, 0.0, 1.0]) is None
+    assert list(layer.symmetry[0]) == [1, 0, 0]
+    # Sagittal modes are even under it: they move along y and z, and turn about x
+    k = np.array([0.0, 0.9 / APART, 0.0])
+    even = layer.parity(layer.modes(k).shapes, k) > 0
+    assert np.abs(layer.modes(k).shapes[even][:, 0, [0, 4, 5]]).max() < 1e-9
+    assert even.sum() == 3
+    assert np.all(layer.parity(layer.modes([0.3 / APART, 0.5 / APART]).shapes, [0.3 / APART, 0.5 / APART]) == 0)
 
 
 KNOWN = {  # rad per row of silica, and branches from 0
