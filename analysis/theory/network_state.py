@@ -9,6 +9,7 @@ turns by 1e-9 of the way of that one, relative to R.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -76,8 +77,7 @@ class State:
     begun: Bools
 
 
-@dataclass(frozen=True, eq=False)
-class Contacts:
+class Contacts(NamedTuple):
     """State of the pairs at one moment, by the terms at the top of this module; forces and slip rates are 0 where open.
 
     Attributes
@@ -209,7 +209,7 @@ def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats, beg
         repulsion = repulsion - dashpot * dot(normal, rate)
         shear = spring + network.shear * dashpot * slip_rate
         limit = limit if network.adheres else np.abs(repulsion)
-    if np.isfinite(network.friction):
+    if network.friction < np.inf:
         wanted, limit = shear, network.friction * limit
         size = np.sqrt(dot(wanted, wanted))
         slides = size > limit
@@ -229,7 +229,8 @@ def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats, beg
 
 def resultants(pairs: Pairs, now: Contacts, spheres: int) -> Floats:
     """Return forces and torques on the spheres, (f, N)."""
-    forces = combined(now.shear, now.tangents.along) - now.repulsion * now.normal
+    both = zip(now.tangents.along, now.normal, strict=True)
+    forces = [dot(now.shear, along) - now.repulsion * normal for along, normal in both]
     levers = pairs.radii - pairs.shortened * now.overlap
 
     def summed(on_first: Floats, on_second: Floats) -> Floats:

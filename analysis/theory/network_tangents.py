@@ -29,8 +29,8 @@ class Tangents(NamedTuple):
 
     Attributes
     ----------
-    along : (d − 1, d, M) t_a.
-    about : (d − 1, 1 or 3, M or 1) n × t_a, in the turns that spheres have.
+    along : (d, d − 1, M) t_a.
+    about : (1 or 3, d − 1, M or 1) n × t_a, in the turns that spheres have.
     lean : (d − 1, M) α_a/(1 + c); None in the plane, where ω is 0.
     """
 
@@ -53,12 +53,11 @@ def frames(normal: Floats) -> Floats:
 def tangents(frame: Floats, normal: Floats) -> Tangents:
     """Return the tangents of contacts with the normals (d, M), in the frames of their search."""
     if not len(frame):
-        return Tangents((normal[::-1] * _ACROSS)[None], _ABOUT_Z, None)
-    before = frame[2]
-    lean = dot(frame[:2], normal) / (1 + dot(before, normal))
-    middle = normal + before
-    along = frame[:2] - lean[:, None] * middle
-    return Tangents(along, np.stack([along[1], -along[0]]), lean)
+        return Tangents((normal[::-1] * _ACROSS)[:, None], _ABOUT_Z, None)
+    *both, before = frame
+    lean = np.stack([dot(each, normal) for each in both]) / (1 + dot(before, normal))
+    along = np.stack(both, axis=1) - lean * (normal + before)[:, None]
+    return Tangents(along, np.stack([along[:, 1], -along[:, 0]], axis=1), lean)
 
 
 def turned(shear: Floats, across: Floats, lean: Floats) -> Floats:
@@ -82,23 +81,20 @@ def swerved(rate: Floats, shear: Floats, beyond: Floats) -> Floats:
 
 
 def rebased(shear: Floats, along: Floats, frame: Floats) -> Floats:
-    """Return the parts (d − 1, M) of slips, known along tangents (d − 1, d, M), in new frames of the same normals."""
+    """Return the parts (d − 1, M) of slips, known along tangents (d, d − 1, M), in new frames of the same normals."""
     if not len(frame):
         return shear  # the normal alone says the tangent
-    return np.einsum("am,adm,bdm->bm", shear, along, frame[:2])
+    return np.einsum("am,dam,bdm->bm", shear, along, frame[:2])
 
 
 def dot(one: Floats, other: Floats) -> Floats:
-    """Return the scalar products (..., M) of vectors (..., d, M)."""
-    total = one[..., 0, :] * other[..., 0, :]
-    for way in range(1, one.shape[-2]):
-        total += one[..., way, :] * other[..., way, :]
-    return np.asarray(total)
+    """Return the scalar products (...) of vectors (d, ...)."""
+    total = one[0] * other[0]
+    for way in range(1, len(one)):
+        total += one[way] * other[way]
+    return total
 
 
 def combined(parts: Floats, vectors: Floats) -> Floats:
-    """Return Σ parts·vectors (d, M) of parts (T, M) along vectors (T, d, M)."""
-    total = parts[0] * vectors[0]
-    for part, vector in zip(parts[1:], vectors[1:], strict=True):
-        total += part * vector
-    return np.asarray(total)
+    """Return Σ parts·vectors (d, M) of parts (T, M) along vectors (d, T, M)."""
+    return np.array([dot(parts, each) for each in vectors])

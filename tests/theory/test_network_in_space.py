@@ -134,7 +134,7 @@ def test_a_slip_carried_around_a_cone_turns_by_its_solid_angle(lean) -> None:
         normal = np.array([[sin(lean) * cos(angle)], [sin(lean) * sin(angle)], [cos(lean)]])
         onward = sin(lean) * np.array([[-sin(angle)], [cos(angle)], [0.0]])
         here = tangents(frame, normal)
-        np.testing.assert_allclose(np.cross(here.along[0].T, here.along[1].T), normal.T, atol=1e-15)
+        np.testing.assert_allclose(np.cross(here.along[:, 0].T, here.along[:, 1].T), normal.T, atol=1e-15)
         return turned(shear, dot(here.along, onward), here.lean)
 
     h = 2 * pi / steps
@@ -154,7 +154,7 @@ def test_spheres_that_turn_about_their_line_leave_the_slip_where_it_was() -> Non
     state = start(network, [[0, 0, 0], [0.1, 0, 0]], 0.0, 0.0, 1e-3 * line / np.linalg.norm(line))
     spun = integrate(network, state, [1000.0]).final
     now = present(network, spun)
-    vector = np.einsum("am,adm->d", now.shear, now.tangents.along)
+    vector = np.einsum("am,dam->d", now.shear, now.tangents.along)
     assert vector[0] > 0
     assert abs(vector[1]) < 1e-9 * vector[0]
 
@@ -166,7 +166,7 @@ def test_contacts_keep_their_shear_in_space_when_pairs_are_searched_again() -> N
     leaning = frames(leaning / np.sqrt(dot(leaning, leaning)))
     other = replace(state, pairs=replace(state.pairs, frame=leaning))
     before, after = (present(network, each) for each in (other, searched_again(network, other)))
-    vectors = [np.einsum("am,adm->dm", each.spring, each.tangents.along) for each in (before, after)]
+    vectors = [np.einsum("am,dam->dm", each.spring, each.tangents.along) for each in (before, after)]
     assert np.abs(before.spring - after.spring).max() > 0.1 * np.abs(before.spring).max()
     np.testing.assert_allclose(vectors[1], vectors[0], rtol=0, atol=1e-12 * np.abs(vectors[0]).max())
 
