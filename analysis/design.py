@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.plotting import start, write
+from analysis.theory.contact import Contact
 from analysis.theory.objectives import (
     POINTS,
     Found,
@@ -43,7 +44,7 @@ from analysis.theory.objectives import (
     grid,
     independent,
 )
-from analysis.theory.partners import LARGEST, SILICA, contact_of, design, table
+from analysis.theory.partners import LARGEST, SILICA, design, table
 from analysis.theory.partners import Resonance as Resonance
 from analysis.theory.partners import compressed as compressed
 from analysis.theory.rows import Rows, heavy_rows
@@ -152,7 +153,7 @@ class Question:
             first, last = each.rows
             owners[first : last + 1 : each.every] = number
         owners = np.trim_zeros(owners)
-        contact = contact_of(scene.sphere)
+        contact = Contact.of(scene.sphere)
         names = ["sphere.density", *(f"inclusion.{n}.density" for n in range(1, len(scene.inclusion) + 1))]
         given = dict(zip(names, [scene.sphere.density, *(each.density for each in scene.inclusion)], strict=True))
 

@@ -101,7 +101,7 @@ def by_theory(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 def on_lattice(scene: Scene, rtol: float) -> tuple[np.ndarray, np.ndarray]:
     """Return p and q on the exact lattice."""
     sphere = scene.sphere
-    contact = Contact(sphere.poisson_ratio, overlap_ratio=sphere.overlap_ratio)
+    contact = Contact.of(sphere)
     p, q, _ = lattice.torus(
         Wave.of_mode("TR", scene.wavenumber, scene.wave.amplitude, contact), times(scene), rtol=rtol
     )

@@ -1,13 +1,14 @@
 """Runs that LAMMPS has not made: what a script reads of a record whose rows move as given."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from granular_lmp import Record, Scene
 from granular_lmp.effects.selection import switches
@@ -114,3 +115,10 @@ def run_of_rows(
         shape=SimpleNamespace(rows=rows, columns=COLUMNS, ends=ends, centre_row=(rows - 1) // 2),
     )
     return SimpleNamespace(scene=scene, info=info or {}, snapshots=read)
+
+
+def refused_in_one_line(main: Callable[[Sequence[str]], int], message: str) -> None:
+    """Assert that a script exits with a message of one line on a run."""
+    with pytest.raises(SystemExit, match=message) as refusal:
+        main(["run"])
+    assert "\n" not in str(refusal.value)

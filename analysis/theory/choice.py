@@ -67,16 +67,13 @@ def contact_of(record: Record) -> Contact:
     """
     sphere, declared, on = record.scene.sphere, record.scene.effects, switched(record)
     damped = on.get("damping", True)
-    return Contact(
-        sphere.poisson_ratio,
-        law=declared.shear_law,  # type: ignore[arg-type]  # checked there
-        overlap_ratio=sphere.overlap_ratio,
-        prestress=sphere.contact_force / sphere.holding_force,
+    return Contact.of(
+        sphere,
+        law=declared.shear_law,
         shear=on.get("shear", True),
         rotation=on.get("rotation", True),
         viscosity=declared.viscosity * sphere.time_scale / sphere.mass if damped else 0.0,
         restitution=declared.restitution if damped and declared.restitution < 1 else None,
-        adhesion_law=sphere.adhesion_law,  # type: ignore[arg-type]  # checked there
     )
 
 

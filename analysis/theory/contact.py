@@ -7,7 +7,7 @@ takes all of it, and `analysis.second_harmonic` the paper's alone (`Contact.clos
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,23 @@ class Contact:
         if self.prestress != 1:
             raise ValueError(f"{said} needs prestress = 1, not {self.prestress}: it knows no adhesion")
         restitution_viscosity(self.restitution, self.kappa)  # checks its range
+
+    @classmethod
+    def of(cls, sphere: Any, **others: Any) -> Self:
+        """Return the contact of spheres under their compressive force, in LAMMPS's geometry.
+
+        Parameters
+        ----------
+        sphere : with ν, overlap ratio, forces and adhesion, as `granular_lmp.crystal.sphere.Sphere` has them
+        others : attributes that no sphere has
+        """
+        return cls(
+            sphere.poisson_ratio,
+            overlap_ratio=sphere.overlap_ratio,
+            prestress=sphere.contact_force / sphere.holding_force,
+            adhesion_law=sphere.adhesion_law,
+            **others,
+        )
 
     @cached_property
     def kappa(self) -> float:

@@ -30,7 +30,7 @@ class Tableau(NamedTuple):
     dense: Array
 
 
-STAGES, ROWS = 12, 16  # of a step, and with its result and interpolation
+STAGES, ROWS = 12, 16  # A step has 12 stages, and 16 with its result and interpolation
 
 
 @cache

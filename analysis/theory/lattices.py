@@ -85,7 +85,7 @@ def _lattice(row: float, vectors: Any, basis: Any = ((0.0, 0.0, 0.0),), layer: f
     return Lattice(found, np.asarray(basis, dtype=float), row, height if layer is None else layer)
 
 
-_HIGH = _ROOT[6] / 3  # of two close-packed layers
+_HIGH = _ROOT[6] / 3  # between two close-packed layers
 _TRIANGLE = [0.5, _ROOT[3] / 2, 0.0]
 # By name and orientation; a lattice of one layer has none
 LATTICES: dict[tuple[str, str], Lattice] = {

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
-INERTIA = 0.4  # of a sphere, over mR²
+INERTIA = 0.4  # I/mR² of a solid sphere
 
 
 class Resonances(NamedTuple):

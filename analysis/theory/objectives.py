@@ -75,7 +75,7 @@ class Growth:
 
 @dataclass(frozen=True, eq=False)
 class Tuned:
-    """How near the frequency of a resonance is to one that is wanted, in rad per unit of time."""
+    """Distance of the frequency of a resonance from one that is wanted, in rad per unit of time."""
 
     resonant: Growth
     wanted: float

@@ -111,15 +111,6 @@ class Resonance:
         return f"{one} {'+' if self.pair.sign == 1 else '-'} {other} -> {third}"
 
 
-def contact_of(sphere: Sphere) -> Contact:
-    """Return the contact of spheres under their compressive force, in LAMMPS's geometry."""
-    return Contact(
-        sphere.poisson_ratio,
-        overlap_ratio=sphere.overlap_ratio,
-        prestress=sphere.contact_force / sphere.holding_force,
-    )
-
-
 def compressed(sphere: Sphere, time_scale: float) -> Sphere:
     """Return the spheres under the F0 that gives them the unit of time t0, in s; a negative one is a pull."""
     root_of_overlap = sphere.mass / (3 * (sphere.stiffness_ratio + 3) * sphere.normal_coefficient * time_scale**2)
@@ -167,7 +158,7 @@ def design(
     ]
     found: list[Resonance] = []
     for guess in guesses:
-        pair = _root(guess, ratio, lambda omega: contact_of(under_pressure(omega)))
+        pair = _root(guess, ratio, lambda omega: Contact.of(under_pressure(omega)))
         if pair is None or forbidden(pair)[guess.target]:
             continue
         omega = float(pair.tones[0][0])
@@ -176,7 +167,7 @@ def design(
         if agrees and not any(each.mirrors(other) for other in found):
             found.append(each)
     if not found and sphere.work_of_adhesion:
-        held = contact_of(resting)
+        held = Contact.of(resting)
         pairs = [(guess, _root(guess, ratio, lambda _: held)) for guess in guesses]
         omegas = [float(pair.tones[0][0]) for guess, pair in pairs if pair and not forbidden(pair)[guess.target]]
         lowest = min(omegas, default=0.0) / (2 * np.pi * resting.time_scale)

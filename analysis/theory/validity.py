@@ -42,7 +42,7 @@ class Validity(NamedTuple):
 
 
 class Reached(NamedTuple):
-    """How far contacts are deformed in a field, or in several.
+    """Deformation of the contacts in a field, or in several.
 
     Attributes
     ----------

@@ -14,7 +14,7 @@ from analysis import second_harmonic
 from analysis.cases.mixing import case as mixing_map
 from analysis.cases.mixing.case import partners, width
 from analysis.cli import main as analysis_main
-from analysis.design import SILICA, Resonance, compressed, contact_of, design, main, table
+from analysis.design import SILICA, Resonance, compressed, design, main, table
 from analysis.theory import lattice
 from analysis.theory.bloch import BONDS
 from analysis.theory.contact import Contact
@@ -56,7 +56,7 @@ def test_a_design_is_phase_matched_in_the_crystal_that_it_asks_for(second: float
     resonances = found(HERTZ, second)
     assert len(resonances) > 2
     for each in resonances:
-        contact = contact_of(replace(SILICA, contact_force=each.sphere.contact_force))
+        contact = Contact.of(replace(SILICA, contact_force=each.sphere.contact_force))
         for tone, hertz in ((each.pair.first, HERTZ), (each.pair.second, second or HERTZ)):
             omega = modes(tone.wavevector, contact)[0][int(tone.branch)]  # type: ignore[call-overload]
             assert omega == pytest.approx(2 * np.pi * hertz * each.sphere.time_scale, rel=1e-8)  # `CLOSE` and rounding

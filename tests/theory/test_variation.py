@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from analysis import cli
 from analysis.design import Question
+from analysis.theory.bloch import mode
 from analysis.theory.contact import Contact
 from analysis.theory.crystal import Crystal
 from analysis.theory.network import Material
@@ -219,6 +220,16 @@ def test_the_command_tells_what_passes_rows() -> None:
     with_host = Question(scene, ("sphere.density", *keys), ((2000.0, 2400.0), *bounds), "passing").passing()
     agree(with_host, np.array([2200.0, *values]))
     assert with_host(np.array([2200.0, *values])).value == passing(values).value
+
+
+def test_what_passes_rows_knows_their_adhesion() -> None:
+    rows = [{"rows": [30, 30], "density": 4400.0}]
+    scene = Scene.load("tr_periodic").with_values({"packing.rows": 64, "inclusion": rows, "sphere.adhesion_law": "jkr"})
+    passing = Question(scene, ("inclusion.1.density",), ((2500.0, 6000.0),), "passing").passing()
+    contact = Contact(0.17, overlap_ratio=scene.sphere.overlap_ratio, adhesion_law="jkr")
+    whole = scattering(heavy_rows(contact, [2.0]), passing.frequency, "TR")
+    assert passing(np.array([4400.0])).value == pytest.approx(sum(whole.transmitted.values()), rel=1e-12)
+    assert passing.frequency == pytest.approx(mode("TR", scene.wavenumber, 90.0, contact).frequency, rel=1e-9)
 
 
 def test_the_least_share_passes_where_rows_are_heaviest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
