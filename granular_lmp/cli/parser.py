@@ -3,7 +3,14 @@
 import argparse
 
 from granular_lmp import __version__
-from granular_lmp.cli import machine_commands, run_commands, scene_commands, study_commands, view_commands
+from granular_lmp.cli import (
+    machine_commands,
+    modes_command,
+    run_commands,
+    scene_commands,
+    study_commands,
+    view_commands,
+)
 from granular_lmp.cli.arguments import Commands
 
 
@@ -19,7 +26,7 @@ def parsers() -> "tuple[argparse.ArgumentParser, Commands[argparse.ArgumentParse
         "--profile", action="store_true", help="before COMMAND: say on standard error where its time went, by phase"
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for group in (scene_commands, run_commands, study_commands, view_commands, machine_commands):
+    for group in (scene_commands, modes_command, run_commands, study_commands, view_commands, machine_commands):
         group.add_to(commands)
     return parser, commands
 

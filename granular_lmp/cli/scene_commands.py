@@ -1,9 +1,8 @@
-"""Commands about a scene, before it is run: init, list, schema, check, build, effects, modes."""
+"""Commands about a scene, before it is run: init, list, schema, check, build, effects."""
 
 import argparse
 import json
-from collections.abc import Callable, Iterator
-from math import pi
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from granular_lmp.cli.arguments import (
@@ -18,8 +17,6 @@ from granular_lmp.cli.arguments import (
 from granular_lmp.cli.output import say, say_json
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from granular_lmp.problem import Problem
     from granular_lmp.scene.scene import Scene
     from granular_lmp.studies.forecast import Forecast
@@ -56,11 +53,6 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     effects = add(commands, "effects", _effects, "say which physics the deck of a scene carries, and why")
     scene_arguments(effects)
     json_argument(effects)
-
-    modes = add(commands, "modes", _modes, "frequencies and shapes of the Bloch modes at the scene's wave vector")
-    scene_arguments(modes)
-    json_argument(modes)
-    modes.add_argument("--plot", metavar="FILE", help="draw the dispersion in its direction, as PNG, PDF or SVG")
 
 
 def _init(options: Options) -> int:
@@ -253,94 +245,3 @@ def _effects(options: Options) -> int:
         say("A source takes the time of as many more spheres.")
     say("A guard fails the run when an effect that is off, and was not called for, is there after all.")
     return 0
-
-
-def _modes(options: Options) -> int:
-    scene = scene_of(options)
-    figure = _bands_of(scene, options) if scene.wave is None else _modes_of(scene, options)
-    if options.plot:
-        from granular_lmp.plot.signals import save
-
-        save(figure(), options.plot)
-        if not options.json:
-            say(options.plot)
-    return 0
-
-
-def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
-    """Say in which bands of frequencies waves run along a chain that is pressed together, and where none does."""
-    from granular_lmp.cli.bands import as_json, as_text, ranges
-    from granular_lmp.problem import prepare
-    from granular_lmp.scene.refusals import require_wave
-
-    if not scene.loose:
-        require_wave(scene)
-
-    problem = prepare(scene)
-    assert problem.mode is None
-    t0 = problem.scale.time
-    found, count = ranges(problem.collisions.cell), len(problem.collisions.cell[0])
-    if options.json:
-        say_json({"cell": count, "t0_s": t0, "sound_m_s": problem.collisions.sound} | as_json(found, t0))
-    else:
-        many = f"{count} sphere{'s' * (count > 1)}"
-        say(f"{problem.scene.name}: {many} to a cell; sound {problem.collisions.sound:.6g} m/s; t0 = {t0:.6g} s")
-        for line in as_text(found, t0):
-            say(line)
-
-    def figure() -> "Figure":
-        from granular_lmp.plot.motion import bands_figure
-
-        return bands_figure(problem)
-
-    return figure
-
-
-def _modes_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
-    """Say the Bloch modes at the scene's wave vector, and of a chain its bands."""
-    from granular_lmp.cli.bands import as_json, as_text, ranges
-    from granular_lmp.crystal.modes import modes_at
-    from granular_lmp.scene.at_rest import chain_cell
-    from granular_lmp.scene.linear import physics_of, unit_contacts
-
-    lattice, physics = unit_contacts(scene), physics_of(scene)
-    found = modes_at(lattice, scene.sphere, scene.vector, physics)
-    hertz = 1 / scene.sphere.time_scale / (2 * pi)
-    cell, t0 = chain_cell(scene), scene.sphere.time_scale
-    bands = ranges(cell) if cell else []
-    if options.json:
-        say_json(
-            {"wavenumber": scene.wavenumber, "direction": scene.direction, "t0_s": scene.sphere.time_scale}
-            | ({} if scene.perfect else {"left_out": scene.imperfections})
-            | (as_json(bands, t0) if bands else {})
-            | {
-                "modes": {
-                    mode.name: {"frequency": mode.frequency, "frequency_Hz": mode.frequency * hertz}
-                    | {"p": mode.p, "q": mode.q, "f": mode.f}
-                    for mode in found
-                }
-            }
-        )
-    else:
-        along = "" if scene.along == "y" else f" along {scene.along}"
-        say(
-            f"xi = {scene.wavenumber!r} rad per row{along}; t0 = {scene.sphere.time_scale:.6g} s; "
-            "shapes with p2 + q2 + f2 = 1" + (", roots of sums over the cell" if found[0].cell else "")
-        )
-        if not scene.perfect:
-            say(f"of the perfect lattice, as which the wave starts; left out: {scene.imperfections}")
-        say(f"{'mode':5}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{'p':>12}{'q':>12}{'f':>12}")
-        for mode in found:
-            shape = f"{mode.p + 0.0:12.8f}{mode.q + 0.0:12.8f}{mode.f:12.8f}"
-            say(f"{mode.name:5}{mode.frequency:18.12f}{mode.frequency * hertz:18.6g}{shape}")
-        if cell:
-            say(f"longitudinal waves along the chain as it is, which repeats after {len(cell[0])} rows:")
-            for line in as_text(bands, t0):
-                say(line)
-
-    def figure() -> "Figure":
-        from granular_lmp.plot.signals import dispersion_figure
-
-        return dispersion_figure(scene)
-
-    return figure

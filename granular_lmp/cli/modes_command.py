@@ -1,0 +1,283 @@
+"""The command ``modes``: branches of a scene's crystal at its wave vector, through the zone, and their density."""
+
+from collections.abc import Callable, Mapping
+from math import pi
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from granular_lmp.cli.arguments import Commands, Options, add, json_argument, scene_arguments, scene_of
+from granular_lmp.cli.output import say, say_json
+from granular_lmp.errors import OutputError
+
+if TYPE_CHECKING:
+    import argparse
+
+    import numpy as np
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from granular_lmp.scene.scene import Scene
+
+Table = list[dict[str, Any]]  # a row is column → value
+
+
+def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
+    """Add the command to the parser."""
+    modes = add(commands, "modes", _modes, "frequencies and shapes of the Bloch modes at the scene's wave vector")
+    scene_arguments(modes)
+    json_argument(modes)
+    modes.add_argument("--plot", metavar="FILE", help="draw the dispersion in its direction, as PNG, PDF or SVG")
+    modes.add_argument("--csv", metavar="FILE", help="write the table into a file")
+    where = modes.add_mutually_exclusive_group()
+    where.add_argument(
+        "--path",
+        metavar="CORNERS",
+        nargs="?",
+        const="",
+        help="all branches through the Brillouin zone, such as G-M-K-G (default: all corners)",
+    )
+    where.add_argument(
+        "--dos",
+        metavar="POINTS",
+        nargs="?",
+        const=30,
+        type=int,
+        help="density of states, from as many wave vectors along each axis of the zone (default: %(const)s)",
+    )
+
+
+def _modes(options: Options) -> int:
+    scene = scene_of(options)
+    if options.path is not None or options.dos is not None:
+        figure = _branches_of(scene, options)
+    else:
+        figure = _bands_of(scene, options) if scene.wave is None else _modes_of(scene, options)
+    if options.plot:
+        from granular_lmp.plot.signals import save
+
+        save(figure(), options.plot)
+        if not options.json:
+            say(options.plot)
+    return 0
+
+
+def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
+    """Say in which bands of frequencies waves run along a chain that is pressed together, and where none does."""
+    from granular_lmp.cli.bands import as_json, as_text, ranges
+    from granular_lmp.problem import prepare
+    from granular_lmp.scene.refusals import require_wave
+
+    if not scene.loose:
+        require_wave(scene)
+    problem = prepare(scene)
+    assert problem.mode is None
+    t0 = problem.scale.time
+    found, count = ranges(problem.collisions.cell), len(problem.collisions.cell[0])
+    if options.json:
+        say_json({"cell": count, "t0_s": t0, "sound_m_s": problem.collisions.sound} | as_json(found, t0))
+    else:
+        many = f"{count} sphere{'s' * (count > 1)}"
+        say(f"{problem.scene.name}: {many} to a cell; sound {problem.collisions.sound:.6g} m/s; t0 = {t0:.6g} s")
+        for line in as_text(found, t0):
+            say(line)
+
+    def figure() -> "Figure":
+        from granular_lmp.plot.motion import bands_figure
+
+        return bands_figure(problem)
+
+    return figure
+
+
+def _modes_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
+    """Say the Bloch modes at the scene's wave vector, and of a chain its bands."""
+    from granular_lmp.cli.bands import as_json, as_text, ranges
+    from granular_lmp.scene.at_rest import chain_cell
+
+    cell, t0 = chain_cell(scene), scene.sphere.time_scale
+    bands, table = ranges(cell) if cell else [], _at_wavevector(scene)
+    _write(table, options)
+    if options.json:
+        say_json(
+            {"wavenumber": scene.wavenumber, "direction": scene.direction, "t0_s": t0}
+            | ({} if scene.perfect else {"left_out": scene.imperfections})
+            | (as_json(bands, t0) if bands else {})
+            | {"modes": {row["mode"]: {key: row[key] for key in row if key != "mode"} for row in table}}
+        )
+    else:
+        _say_modes(scene, table)
+        if cell:
+            say(f"longitudinal waves along the chain as it is, which repeats after {len(cell[0])} rows:")
+            for line in as_text(bands, t0):
+                say(line)
+
+    def figure() -> "Figure":
+        from granular_lmp.plot.signals import dispersion_figure
+
+        return dispersion_figure(scene)
+
+    return figure
+
+
+def _at_wavevector(scene: "Scene") -> Table:
+    """Return a row for each mode at the scene's wave vector."""
+    import numpy as np
+
+    from granular_lmp.crystal.lattices import lattice_constant
+    from granular_lmp.crystal.modes import modes_at
+    from granular_lmp.crystal.zone import group_velocities
+    from granular_lmp.scene.linear import physics_of, unit_contacts
+
+    crystal, sphere, physics = unit_contacts(scene), scene.sphere, physics_of(scene)
+    k = np.array(scene.vector.components) / lattice_constant(sphere)
+    if physics.space:
+        found = _in_space(scene, k)
+    else:
+        modes = modes_at(crystal, sphere, scene.vector, physics)
+        found = [(m.frequency, {"mode": m.name, "p": m.p, "q": m.q, "f": m.f}) for m in modes]
+    velocities = group_velocities(crystal, sphere, k, physics) * sphere.radius / sphere.time_scale
+    velocities = velocities[len(velocities) - len(found) :]  # motions that no contact resists are the lowest
+    order = np.argsort(np.argsort([frequency for frequency, _ in found], kind="stable"), kind="stable")
+    hertz = 1 / sphere.time_scale / (2 * pi)
+    return [
+        row
+        | {"frequency": frequency, "frequency_Hz": frequency * hertz, "group_velocity_m_s": velocities[place].tolist()}
+        for (frequency, row), place in zip(found, order, strict=True)
+    ]
+
+
+def _in_space(scene: "Scene", k: "NDArray[np.float64]") -> list[tuple[float, dict[str, Any]]]:
+    """Return frequency and number, names and shares of each mode, lowest first.
+
+    Where mirrors part the modes in sagittal and shear-horizontal ones, modes of one frequency have the shapes of both.
+    """
+    from granular_lmp.crystal.bloch import bloch_modes
+    from granular_lmp.crystal.modes import MODES, named_in_space
+    from granular_lmp.crystal.zone import CHARACTERS, characters
+    from granular_lmp.scene.linear import physics_of, unit_contacts
+
+    crystal, sphere, physics = unit_contacts(scene), scene.sphere, physics_of(scene)
+    named = named_in_space(crystal, sphere, scene.vector, physics)
+    plane = {name: named.pop(name)[0] for name in MODES if name in named}
+    if named:
+        modes = sorted(((*mode, name) for name, mode in named.items()), key=lambda mode: mode[0])
+    else:
+        modes = [(*each, "") for each in zip(*bloch_modes(crystal, sphere, k, physics), strict=True)]
+    rows = []
+    for number, (frequency, shape, name) in enumerate(modes, 1):
+        half = ("L",) if name[:1] == "S" else ("TR", "RT")  # of a mode that stays in the plane, k and z
+        share = characters(shape[None, None], k[None], crystal.mass)[0, 0]
+        stays = share[2] + share[3] < 1e-9
+        also = [each for each in half if stays and each in plane and abs(plane[each] - frequency) < 1e-9]
+        shares = dict(zip(CHARACTERS, share.tolist(), strict=True))
+        rows.append((float(frequency), {"mode": str(number), "name": " ".join([name, *also]).strip()} | shares))
+    return rows
+
+
+def _say_modes(scene: "Scene", table: Table) -> None:
+    """Print the modes at the scene's wave vector."""
+    along = "" if scene.along == "y" else f" along {scene.along}"
+    shapes = "shapes with p2 + q2 + f2 = 1" + (", roots of sums over the cell" if scene.lattice.cell_size > 1 else "")
+    if scene.space == 3:
+        shapes = "shares of the kinetic energy"
+    say(f"xi = {scene.wavenumber!r} rad per row{along}; t0 = {scene.sphere.time_scale:.6g} s; {shapes}")
+    if not scene.perfect:
+        say(f"of the perfect lattice, as which the wave starts; left out: {scene.imperfections}")
+    columns = [key for key, value in table[0].items() if isinstance(value, float) and "frequency" not in key]
+    width = 10 if scene.space == 3 else 12
+    head = "".join(f"{column:>{width}}" for column in columns)
+    named = f"{'name':8}" if scene.space == 3 else ""
+    say(f"{'mode':5}{named}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{head}")
+    for row in table:
+        shape = "".join(f"{row[column] + 0.0:{width}.{width - 4}f}" for column in columns)
+        name = f"{row['name']:8}" if named else ""
+        say(f"{row['mode']:5}{name}{row['frequency']:18.12f}{row['frequency_Hz']:18.6g}{shape}")
+
+
+def _branches_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
+    """Say the branches along a path through the zone, or their density."""
+    from granular_lmp.crystal.zone import CHARACTERS, along_path, density_of_states
+    from granular_lmp.errors import SceneError
+    from granular_lmp.scene.linear import physics_of, unit_contacts
+
+    if scene.wave is None:
+        raise SceneError("modes --path and --dos: need a scene with [wave], whose spheres are held together at rest")
+    crystal, sphere, physics = unit_contacts(scene), scene.sphere, physics_of(scene)
+    hertz = 1 / sphere.time_scale / (2 * pi)
+    if options.path is None:
+        if options.dos < 2:
+            raise SceneError(f"--dos {options.dos}: must be at least 2")
+        middle, density = density_of_states(crystal, sphere, physics, scene.lattice, options.dos)
+        table: Table = [
+            {"frequency": x, "frequency_Hz": x * hertz, "density_per_Hz": y / hertz}
+            for x, y in zip(middle.tolist(), density.tolist(), strict=True)
+        ]
+        said: dict[str, Any] = {"points": options.dos}
+    else:
+        branches = along_path(crystal, sphere, physics, scene.lattice, options.path)
+        said = {"corners": [{"way": way, "name": name} for way, name in branches.corners]}
+        table = [
+            {"way": float(branches.way[at]), "kx": k[0], "ky": k[1], "kz": k[2], "branch": branch + 1}
+            | {"frequency": float(frequency), "frequency_Hz": float(frequency) * hertz}
+            | dict(zip(CHARACTERS, branches.character[at, branch].tolist(), strict=True))
+            for at, k in enumerate(branches.wavevector.tolist())
+            for branch, frequency in enumerate(branches.frequency[at])
+        ]
+    _write(table, options)
+    if options.json:
+        say_json({"t0_s": sphere.time_scale, "R_m": sphere.radius} | said | {"table": table})
+    elif options.path is None:
+        _say_density(table)
+    else:
+        _say_corners(table, branches.corners)
+
+    def figure() -> "Figure":
+        from granular_lmp.plot.branches import density_figure, path_figure
+
+        if options.path is None:
+            return density_figure(middle, density, scene)
+        return path_figure(branches, scene)
+
+    return figure
+
+
+def _say_corners(table: Table, corners: tuple[tuple[float, str], ...]) -> None:
+    """Print the frequencies at the corners of a path."""
+    ways = sorted({row["way"] for row in table})
+    for way, name in corners:
+        at = min(ways, key=lambda each: abs(each - way))
+        rows = {row["branch"]: row["frequency_Hz"] for row in table if row["way"] == at}
+        say(f"{name:2} (Hz) " + " ".join(f"{frequency:.6g}" for frequency in rows.values()))
+    say("--json, --csv FILE and --plot FILE have all wave vectors")
+
+
+def _say_density(table: Table) -> None:
+    """Print the range of frequencies and the bin that holds most modes."""
+    there = [row for row in table if row["density_per_Hz"] > 0]
+    most = max(there, key=lambda row: float(row["density_per_Hz"]))
+    say(f"modes from {there[0]['frequency_Hz']:.6g} to {there[-1]['frequency_Hz']:.6g} Hz")
+    say(f"most at {most['frequency_Hz']:.6g} Hz: {most['density_per_Hz']:.6g} of all, per Hz")
+    say("--json, --csv FILE and --plot FILE have the whole density")
+
+
+def _write(table: Table, options: Options) -> None:
+    """Write a table as CSV, a list of numbers as several columns."""
+    import csv
+
+    if not options.csv:
+        return
+    rows = [_flat(row) for row in table]
+    try:
+        with Path(options.csv).open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, rows[0], lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+    except OSError as error:
+        raise OutputError(f"{options.csv}: cannot be written: {error.strerror}") from error
+
+
+def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row whose lists are columns NAME_x, NAME_y."""
+    lists = {key: value for key, value in row.items() if isinstance(value, list)}
+    flat = {f"{key}_{axis}": each for key, value in lists.items() for axis, each in zip("xyz", value, strict=False)}
+    return {key: value for key, value in row.items() if key not in lists} | flat

@@ -1,0 +1,172 @@
+"""The branches of any crystal through its Brillouin zone: paths between corners, group velocity, density of states.
+
+A corner has the name of the field: Γ ("G"), M and K of a hexagonal zone, X and M of a square one, X, L, W, K and U of
+fcc, X, M and R of cubic, A of hcp. A film has the zone of its plane. Wave vectors are in 1/R.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.bloch import bloch_modes
+from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.lattice import Lattice
+from granular_lmp.crystal.lattices import lattice_constant
+from granular_lmp.crystal.mode import FX, UX, UZ, F, Physics
+from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
+from granular_lmp.errors import SceneError
+
+Floats = NDArray[np.float64]
+CHARACTERS = ("along", "across", "vertical", "rocking", "torsion")  # shares of the kinetic energy of a mode
+_STEP = 1e-4  # 1/R, of central differences: 1e-8 of a frequency of rounding, 1e-8 of curvature
+_HEXAGON = {"M": (0.0, 2 * pi / sqrt(3)), "K": (4 * pi / 3, 0.0)}
+_FCC = {"X": (0, 0, 1), "L": (0.5, 0.5, 0.5), "W": (0.5, 0, 1), "K": (0.75, 0.75, 0), "U": (0.25, 0.25, 1)}
+_CUBIC = {"X": (0, 1, 0), "M": (1, 1, 0), "R": (1, 1, 1)}
+# Cubic axes of fcc in the box, as columns, by the orientation along y
+_AXES = {
+    "[001]": np.array([[1, 1, 0], [0, 0, sqrt(2)], [1, -1, 0]]) / sqrt(2),
+    "[110]": np.array([[1, -1, 0], [1, 1, 0], [0, 0, sqrt(2)]]) / sqrt(2),
+    "[111]": np.array([[sqrt(3), -sqrt(3), 0], [sqrt(2), sqrt(2), sqrt(2)], [-1, -1, 2]]) / sqrt(6),
+}
+_AXES["[11-2]"] = _AXES["[111]"][[0, 2, 1]]
+
+
+@dataclass(frozen=True, eq=False)
+class Branches:
+    """Branches along wave vectors.
+
+    Attributes
+    ----------
+    wavevector : (K, 3) array
+        1/R.
+    way : (K,) array
+        Way through the zone, 1/R.
+    frequency : (K, B) array
+        rad/t0, ascending.
+    character : (K, B, 5) array
+        Shares of `CHARACTERS`.
+    corners : tuple of (way, name)
+    """
+
+    wavevector: Floats
+    way: Floats
+    frequency: Floats
+    character: Floats
+    corners: tuple[tuple[float, str], ...] = ()
+
+
+def corners_of(lattice: Lattice) -> dict[str, Floats]:
+    """Return the corners of the zone in the order of the default path, over the distance of spheres that touch."""
+    name, _, orientation = lattice.name.partition(" ")
+    found: dict[str, Sequence[float]] = {"G": (0.0, 0.0, 0.0)}
+    if lattice.solid and not lattice.film:
+        if name == "fcc":
+            side = 2 * pi / sqrt(2)
+            return {"G": np.zeros(3)} | {key: side * _AXES[orientation] @ place for key, place in _FCC.items()}
+        if name == "cubic":
+            return {"G": np.zeros(3)} | {key: pi * np.array(place) for key, place in _CUBIC.items()}
+        height = np.eye(3)[1 if orientation == "c" else 2] * pi / (2 * sqrt(2 / 3))
+        second = 2 if orientation == "c" else 1
+        layer = {key: x * np.eye(3)[0] + y * np.eye(3)[second] for key, (x, y) in _HEXAGON.items()}
+        return {"G": np.zeros(3)} | layer | {"A": height}
+    across, along = (float(np.linalg.norm(each)) / 2 for each in lattice.reciprocal())
+    if not lattice.sheet:
+        found |= {"X": (0.0, along, 0.0)}
+    elif lattice.name == "honeycomb":
+        found |= {key: (x / sqrt(3), y / sqrt(3), 0.0) for key, (x, y) in _HEXAGON.items()}
+        found["M"] = (0.0, found["M"][1], 0.0)
+    elif lattice.row_period == 2 and not lattice.highest_shift(2):
+        found |= {key: (x, y, 0.0) for key, (x, y) in _HEXAGON.items()}
+    else:
+        found |= {"X": (0.0, along, 0.0), "M": (across, along, 0.0)}
+    return {key: np.array(place) for key, place in found.items()}
+
+
+def path_of(lattice: Lattice, names: str = "") -> tuple[Floats, tuple[str, ...]]:
+    """Return the corners of a path, "G-M-K-G", and their names; by default through all of them and back to Γ.
+
+    Raises
+    ------
+    SceneError
+        If the zone has no corner of a name.
+    """
+    corners = corners_of(lattice)
+    asked = tuple(names.upper().split("-")) if names else (*corners, "G")
+    for name in asked:
+        if name not in corners:
+            raise SceneError(f"path = {names!r}: {name!r}: must be corners of the zone, {', '.join(corners)}, with '-'")
+    if len(asked) < 2:
+        raise SceneError(f"path = {names!r}: must be two corners at least, of {', '.join(corners)}")
+    return np.array([corners[name] for name in asked]), asked
+
+
+def along_path(
+    crystal: Contacts, sphere: Sphere, physics: Physics, lattice: Lattice, names: str = "", points: int = 60
+) -> Branches:
+    """Return the branches along a path through the zone, `points` from corner to corner."""
+    places, asked = path_of(lattice, names)
+    places = places / lattice_constant(sphere)
+    share = np.linspace(0, 1, points)[:, None]
+    wavevector = np.vstack([start + share * (end - start) for start, end in pairwise(places)])
+    edges = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    ends = np.concatenate([[0.0], np.cumsum(edges)])
+    way = np.concatenate([before + share[:, 0] * edge for before, edge in zip(ends, edges, strict=False)])
+    frequency, shapes = bloch_modes(crystal, sphere, wavevector, physics)
+    corners = tuple(zip(ends.tolist(), asked, strict=True))
+    return Branches(wavevector, way, frequency, characters(shapes, wavevector, crystal.mass), corners)
+
+
+def characters(shapes: NDArray[Any], wavevector: Floats, mass: Floats) -> Floats:
+    """Return the shares of `CHARACTERS` of modes (K, B, 6N) at wave vectors (K, 3); at Γ "along" is along y.
+
+    Shares of the kinetic energy: displacement along k in the plane, across k, along z; rotation about axes in the
+    plane, and about z.
+    """
+    plane = wavevector[:, :2]
+    size = np.linalg.norm(plane, axis=1, keepdims=True)
+    unit = np.divide(plane, size, out=np.tile([0.0, 1.0], (len(plane), 1)), where=size > 0)[:, None, None]
+    each = shapes.reshape(*shapes.shape[:2], -1, 6) * np.sqrt(mass)[:, None]
+    u, f = each[..., UX:FX], each[..., FX:]
+    along = u[..., 0] * unit[..., 0] + u[..., 1] * unit[..., 1]
+    across = u[..., 1] * unit[..., 0] - u[..., 0] * unit[..., 1]
+    squares = [np.abs(along) ** 2, np.abs(across) ** 2, np.abs(u[..., UZ]) ** 2]
+    turned = INERTIA_RATIO * np.abs(f) ** 2
+    squares += [turned[..., 0] + turned[..., 1], turned[..., F - FX]]
+    energy = np.stack([np.sum(square, axis=-1) for square in squares], axis=-1)
+    return np.asarray(energy / energy.sum(axis=-1, keepdims=True))
+
+
+def group_velocities(crystal: Contacts, sphere: Sphere, wavevector: Floats, physics: Physics) -> Floats:
+    """Return ∂Ω/∂k of each branch at a wave vector (2 or 3), (B, 2 or 3), R/t0, by central differences.
+
+    Where two branches cross within 1e-4/R each keeps its place in the order of frequencies, not its shape.
+    """
+    steps = _STEP * np.eye(len(wavevector))
+    ahead, behind = (bloch_modes(crystal, sphere, wavevector + way * steps, physics)[0] for way in (1, -1))
+    return np.asarray((ahead - behind).T / (2 * _STEP))
+
+
+def density_of_states(
+    crystal: Contacts, sphere: Sphere, physics: Physics, lattice: Lattice, points: int, bins: int = 200
+) -> tuple[Floats, Floats]:
+    """Return the middles of bins, rad/t0, and the share of all modes in each over its width, whose integral is 1.
+
+    `points` is the number of wave vectors along each primitive vector of the reciprocal lattice, of a grid that is
+    shifted off Γ (Monkhorst & Pack, Phys. Rev. B 13, 5188 (1976)). Good values: 60 in a layer, 20 in a bulk crystal.
+    """
+    vectors = lattice.reciprocal() / lattice_constant(sphere)
+    share = (np.arange(points) + 0.5) / points
+    if not lattice.sheet:
+        vectors = vectors[1:]
+    shares = np.array(list(product(share, repeat=len(vectors))))
+    found = [
+        bloch_modes(crystal, sphere, part @ vectors, physics)[0].ravel()
+        for part in np.array_split(shares, max(1, len(shares) // 512))
+    ]
+    count, edges = np.histogram(np.concatenate(found), bins=bins, density=True)
+    return (edges[1:] + edges[:-1]) / 2, np.asarray(count)

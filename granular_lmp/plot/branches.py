@@ -1,0 +1,52 @@
+"""Figures of the branches of a crystal: along a path through the zone, with polarisation as colour; their density."""
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.zone import CHARACTERS, Branches
+from granular_lmp.plot.signals import frequency_axis
+from granular_lmp.scene.scene import Scene
+
+# Of the shares of the kinetic energy; a line is their mixture
+COLOURS = np.array([[0.12, 0.35, 0.80], [0.85, 0.20, 0.15], [0.10, 0.60, 0.25], [0.95, 0.65, 0.05], [0.50, 0.20, 0.60]])
+
+
+def path_figure(branches: Branches, scene: Scene) -> Figure:
+    """Return a figure of all branches along a path, coloured by the shares of their kinetic energy."""
+    figure = Figure(figsize=(6.5, 4.5), layout="constrained")
+    axes = figure.subplots()
+    for branch in range(branches.frequency.shape[1]):
+        points = np.column_stack([branches.way, branches.frequency[:, branch]])
+        lines = np.stack([points[:-1], points[1:]], axis=1)
+        colours = branches.character[:-1, branch] @ COLOURS
+        axes.add_collection(LineCollection(list(lines), colors=colours, linewidths=1.6))
+    ways = [way for way, _ in branches.corners]
+    axes.set_xticks(ways, [{"G": "Γ"}.get(name, name) for _, name in branches.corners])
+    for way in ways:
+        axes.axvline(way, color="0.85", linewidth=0.8, zorder=0)
+    axes.set(xlim=(ways[0], ways[-1]), ylabel=r"frequency $\Omega$ (rad per $t_0$)")
+    axes.set_ylim(0, 1.05 * branches.frequency.max())
+    frequency_axis(axes, 2 * np.pi * scene.sphere.time_scale)
+    present = branches.character.max(axis=(0, 1)) > 1e-6
+    handles = [
+        Line2D([], [], color=colour, label=name)
+        for name, colour, there in zip(CHARACTERS, COLOURS, present, strict=True)
+        if there
+    ]
+    axes.legend(handles=handles, title=scene.name, fontsize="small", loc="upper right")
+    return figure
+
+
+def density_figure(middle: NDArray[np.float64], density: NDArray[np.float64], scene: Scene) -> Figure:
+    """Return a figure of the density of states over the frequency."""
+    figure = Figure(figsize=(5.5, 4.0), layout="constrained")
+    axes = figure.subplots()
+    axes.fill_between(middle, density, step="mid", color="0.6")
+    hertz = 2 * np.pi * scene.sphere.time_scale
+    axes.set(xlabel=r"frequency $\Omega$ (rad per $t_0$)", ylabel=r"share of the modes ($t_0$ per rad)")
+    axes.set(xlim=(0, middle[-1]), title=f"{scene.name}: 1 rad per $t_0$ is {1 / hertz:.4g} Hz")
+    axes.set_ylim(bottom=0)
+    return figure
