@@ -13,7 +13,6 @@ from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.resolution import farthest_rounding, position_rounding
 from granular_lmp.scene.scene import Scene
-from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 
 # Share of the largest signal below which a signal counts as zero; one that vanishes by symmetry is rounding, 1e-9 of it
 _STILL = 1e-7
@@ -152,7 +151,7 @@ def grain(scene: Scene) -> float:
 def _spacing(scene: Scene) -> float:
     """Return the root mean square, in D0, of the spacing of doubles at the places that reach the centre."""
     # Noise that arrives at the centre left its row, on average, half-way through the run
-    reach = max(FASTEST_ROWS_PER_TAU * scene.time.duration / 2, 1)
+    reach = max(scene.lattice.fastest * scene.time.duration / 2, 1)
     # The spacing jumps by factors of two, so it depends on the units of the deck
     units = scene.units
     row = scene.lattice.row_distance(units.number(scene.sphere.lattice_constant, length=1))

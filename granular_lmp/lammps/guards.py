@@ -119,7 +119,7 @@ def _inside(problem: Problem) -> list[str]:
 
 
 def _farthest_row(scene: Scene) -> int:
-    return (quiet_rows(scene.time.duration * swiftness(scene)) - 1) // 2
+    return (quiet_rows(scene.time.duration * swiftness(scene), scene.lattice.fastest) - 1) // 2
 
 
 def _group_interval(scene: Scene) -> int:

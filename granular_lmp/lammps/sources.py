@@ -159,7 +159,7 @@ def driven_row(problem: Problem) -> list[str]:
         "r = 0 to 1.",
         "#     Contacts see the velocities that spheres had half a step ago: that of the row is its last way over the "
         "step",
-        f"group        driven id 1:{problem.scene.shape.columns}",
+        f"group        driven id 1:{problem.scene.shape.spheres // problem.scene.shape.rows}",
         _line("Omega", repr(problem.mode.frequency), "rad per tau"),
         *_Signal("tone", "", "v_D0", "v_ramp", repr(wave.phase), "", "tau", "before").moved("v_step/v_t0"),
         "variable     swing_x atom v_swing*d_ux",

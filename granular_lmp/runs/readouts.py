@@ -28,7 +28,6 @@ from granular_lmp.scene.at_rest import echo_at
 from granular_lmp.scene.linear import usual_frequency
 from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.scene import Scene
-from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 
 Floats = NDArray[np.float64]
 
@@ -74,7 +73,7 @@ def steady_part(scene: Scene, monitor: Monitor) -> tuple[float, float, float]:
     rows = [(each.rows_of()[0], each.rows_of()[-1]) for each in scene.source]
     rows += [(0, 0)] if scene.form == "driven" else []
     far = max(abs(row - place) for ends in rows for row in ends for place in (first, last))
-    arrived = risen + far / FASTEST_ROWS_PER_TAU
+    arrived = risen + far / scene.lattice.fastest
     recorded = scene.time.samples * scene.time.sample
     echoes = scene.time.allow_echo or scene.wave is None  # and every echo belongs to the answer
     end = recorded if echoes else min(recorded, echo_at(scene, monitor))

@@ -27,7 +27,7 @@ from granular_lmp.scene.sections import (
     Time,
     Wave,
 )
-from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, Room, decide, declared_shape
+from granular_lmp.scene.shape import Room, decide, declared_shape
 from granular_lmp.scene.sources import Source, echo_at
 from granular_lmp.scene.space import lattice_of, measured, space_of, wall_of
 from granular_lmp.scene.start import Start
@@ -145,7 +145,7 @@ class Derived(Document):
         """Room for the envelope: with its offset between walls, with the distance it travels in a periodic cell."""
         envelope, (x, y) = self.envelope, self.declared_vector.unit
         rows, columns = (DEVIATIONS * deviation for deviation in envelope.spread(self.declared_vector))
-        way = FASTEST_ROWS_PER_TAU * self.time.duration if envelope.length else 0.0
+        way = self.lattice.fastest * self.time.duration if envelope.length else 0.0
         way *= 2 if self.wave.form == "standing" else 1  # its two halves run apart and must not meet again
         return Room(
             strip=rows + 2 * abs(envelope.offset),

@@ -80,6 +80,8 @@ def place_troubles(rows: Rows, spheres: Spheres, shape: Shape) -> Iterator[str]:
         yield f"{' and '.join(given) or 'neither'} given: must be either rows or spheres"
     if rows and not 0 <= rows[0] <= rows[1] < shape.rows:
         yield f"rows = {list(rows)}: must be [first, last], from 0 to {shape.rows - 1}"
+    if spheres and shape.layers > 1:
+        yield f"{in_words(rows, spheres)}: must be rows in a crystal of several layers, where a place is many spheres"
     for row, column in spheres:
         if row >= shape.rows or column >= shape.columns:
             yield (

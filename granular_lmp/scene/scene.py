@@ -295,7 +295,15 @@ class Scene(HasCard, Derived):
         if self.loose:
             check_monitors(self.monitor, self.packing, self.shape)
             return
-        check_space(self.packing, self.substrate, self.effects, self.lattice, self.space, perfect=self.perfect)
+        check_space(
+            self.packing,
+            self.substrate,
+            self.effects,
+            self.absorb,
+            self.lattice,
+            self.space,
+            perfect=self.perfect,
+        )
         wave, shape, _ = self.wave, self.shape, self.wall
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude if wave else 0.0)
         check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike)

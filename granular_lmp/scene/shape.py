@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from math import ceil, floor
 from typing import Any, Literal
 
+from granular_lmp.crystal.lattice import FASTEST_IN_PLANE
 from granular_lmp.crystal.lattices import HELD, HEXAGONAL, PERIODIC, Lattice, Shape
 from granular_lmp.crystal.wavevector import WaveVector, snapped
 from granular_lmp.scene.schema import AUTO
 
-# A long wave of the L mode runs ½ row per τ in the hexagonal lattice (Ω = sin(ξ/2)), and no branch of it is faster. In
-# the square lattice and in the chain none runs more than 0.41 rows per τ
-FASTEST_ROWS_PER_TAU = 0.5
+# Of the lattices of one layer: `Lattice.fastest`
+FASTEST_ROWS_PER_TAU = FASTEST_IN_PLANE
 # An "auto" periodic cell is the smallest with a 2πk/N this close to the phase advance, rad.
 SNAP = 1e-3
 LARGEST_CELL = 200  # rows or columns, in addition to those of an envelope
@@ -90,7 +90,7 @@ def decide(
     """
     fewest_rows, fewest_columns = ceil(room.rows), max(lattice.fewest_columns, ceil(room.columns))
     fewest_columns += -fewest_columns % lattice.column_period
-    quiet = max(quiet_rows(duration, driven=driven), 2 * ceil((room.strip - 1) / 2) + 1)
+    quiet = max(quiet_rows(duration, lattice.fastest, driven=driven), 2 * ceil((room.strip - 1) / 2) + 1)
     period = lattice.row_period
     least = max(4, fewest_rows)
     cells = range(least + -least % period, fewest_rows + LARGEST_CELL + 1, period)
@@ -120,40 +120,45 @@ def decide(
             vector.per_column, SNAP, range(fewest_columns, fewest_columns + LARGEST_CELL + 1, lattice.column_period)
         )
     first, last = (HELD if face == AUTO else face for face in (first, last))
-    if layers == AUTO:
-        layers = lattice.fewest_layers if lattice.solid and not lattice.film else 1
-    return Shape(int(rows), int(columns), ends, lattice, first, last, sides, int(layers))
+    return Shape(int(rows), int(columns), ends, lattice, first, last, sides, _layers(layers, lattice))
+
+
+def _layers(layers: int | Auto, lattice: Lattice) -> int:
+    """Return the layers of a packing: "auto" is 1, in a crystal that is periodic along z the fewest."""
+    if layers != AUTO:
+        return int(layers)
+    return lattice.fewest_layers if lattice.solid and not lattice.film else 1
 
 
 def declared_shape(packing: Any, lattice: Lattice) -> Shape:
     """Return the shape of a packing without a wave, in which nothing is "auto"."""
     size, faces = (int(packing.rows), int(packing.columns)), (packing.first, packing.last, packing.sides)
-    return Shape(*size, packing.ends, lattice, *faces)
+    return Shape(*size, packing.ends, lattice, *faces, _layers(packing.layers, lattice))
 
 
-def echo_time(rows: int, *, driven: bool = False) -> float:
+def echo_time(rows: int, fastest: float = FASTEST_ROWS_PER_TAU, *, driven: bool = False) -> float:
     """Return the time τ at which the echo of the walls reaches the centre of a strip of this many rows.
 
-    A wall disturbs the wave from τ = 0 on, and the disturbance runs at most ½ row per τ. Ahead of that front the
-    lattice response falls like an Airy function of width d^{1/3} rows after d rows; 3.5 widths ahead it is below 1e-6
-    of the wave. If the first row drives the wave, the echo comes from the other end, which the wave reaches first.
+    A wall disturbs the wave from τ = 0 on, and the disturbance runs at most `fastest` rows per τ. Ahead of that front
+    the lattice response falls like an Airy function of width d^{1/3} rows after d rows; 3.5 widths ahead it is below
+    1e-6 of the wave. If the first row drives the wave, the echo comes from the other end, which it reaches first.
     """
     distance = (rows - 1) // 2 + (rows - 1 if driven else 0)
-    return arrival_time(distance)
+    return arrival_time(distance, fastest)
 
 
-def arrival_time(distance: float) -> float:
+def arrival_time(distance: float, fastest: float = FASTEST_ROWS_PER_TAU) -> float:
     """Return the time τ after which a disturbance is felt at a distance in rows, by the rule of `echo_time`."""
-    return max(0.0, distance - 3.5 * distance ** (1 / 3)) / FASTEST_ROWS_PER_TAU
+    return max(0.0, distance - 3.5 * distance ** (1 / 3)) / fastest
 
 
-def quiet_rows(duration: float, *, driven: bool = False) -> int:
+def quiet_rows(duration: float, fastest: float = FASTEST_ROWS_PER_TAU, *, driven: bool = False) -> int:
     """Return the fewest rows, an odd number, whose `echo_time` is at least the duration (τ)."""
     share = 3 if driven else 1
-    rows = 2 * ceil(FASTEST_ROWS_PER_TAU * duration / share) + 1
-    while echo_time(rows, driven=driven) < duration:
+    rows = 2 * ceil(fastest * duration / share) + 1
+    while echo_time(rows, fastest, driven=driven) < duration:
         # A part of the added distance is lost to the wider front, hence the loop
-        rows += 2 * max(1, floor(FASTEST_ROWS_PER_TAU * (duration - echo_time(rows, driven=driven)) / share))
+        rows += 2 * max(1, floor(fastest * (duration - echo_time(rows, fastest, driven=driven)) / share))
     return max(rows, 5)
 
 

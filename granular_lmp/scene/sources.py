@@ -330,7 +330,7 @@ def echo_at(
     ways: list[float] = [*_from_sides(*block, pushed, shape, form)]
     if not shape.along_y:
         ways += _from_ends(block[0], pushed, shape, form, quiet)
-    return arrival_time(min(ways)) if ways else inf
+    return arrival_time(min(ways), shape.lattice.fastest) if ways else inf
 
 
 def _from_ends(rows: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, form: str, quiet: bool) -> list[int]:

@@ -8,7 +8,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import BOTH, Wall
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import AUTO, shown
-from granular_lmp.scene.sections import Contact, Effects, Packing, Substrate
+from granular_lmp.scene.sections import Absorb, Contact, Effects, Packing, Substrate
 
 _ROUNDS = 60  # of a scale that each round brings nearer by a third of its error at least
 
@@ -131,7 +131,14 @@ def wall_of(material: Sphere, substrate: Substrate | None, effects: Effects) -> 
 
 
 def check_space(
-    packing: Packing, substrate: Substrate | None, effects: Effects, lattice: Lattice, space: int, *, perfect: bool
+    packing: Packing,
+    substrate: Substrate | None,
+    effects: Effects,
+    absorb: Absorb,
+    lattice: Lattice,
+    space: int,
+    *,
+    perfect: bool,
 ) -> None:
     """Check what is asked of a crystal in space."""
     if space == 2:
@@ -140,6 +147,10 @@ def check_space(
         raise SceneError(
             "effects.rolling and effects.twisting: must be off where packing.space is 3; the modes of a crystal in "
             "space do not know them"
+        )
+    if absorb.rows:
+        raise SceneError(
+            f"absorb.rows = {shown(absorb.rows)}: must be 0 where packing.space is 3; quiet ends are for the plane"
         )
     if packing.contact_force and (substrate is not None and substrate.sides == BOTH or lattice.film):
         raise SceneError(

@@ -117,7 +117,8 @@ def check_lattice(shape: Shape, packing: Packing, effects: Effects, sphere: Sphe
             f'packing.lattice = "{lattice.name}"'
         )
     if shape.along_y and shape.rows % lattice.row_period:
-        raise SceneError(f"packing.rows = {shape.rows}: must be even in a periodic cell, where rows alternate")
+        multiple = "even" if lattice.row_period == 2 else f"a multiple of {lattice.row_period}"
+        raise SceneError(f"packing.rows = {shape.rows}: must be {multiple} in a periodic cell, where rows alternate")
     shear = effects.physics.shear
     straight = lattice == CHAIN and shear  # along its line: `check_straight`
     if packing.contact_force and not straight and not bears_compression(unit_lattice(sphere, lattice), shear=shear):
@@ -292,9 +293,10 @@ def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape
             )
     if not shape.along_y and rows % 2 == 0:
         raise SceneError(f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row")
-    if rows * columns > MOST_SPHERES:
+    if shape.spheres > MOST_SPHERES:
+        key, layers = (" x packing.layers", f" x {shape.layers}") if shape.layers > 1 else ("", "")
         raise SceneError(
-            f"packing.rows x packing.columns = {rows} x {columns}: must be at most {MOST_SPHERES} "
+            f"packing.rows x packing.columns{key} = {rows} x {columns}{layers}: must be at most {MOST_SPHERES} "
             "spheres (LAMMPS takes 690 MB for each million)"
         )
     spread = [FEWEST_DEVIATIONS * deviation for deviation in envelope.spread(declared)]

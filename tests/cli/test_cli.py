@@ -194,7 +194,7 @@ def test_effects_and_modes_in_json_say_what_the_table_says(capsys: pytest.Captur
     assert said["effects"]["rotation"]["without_it"].startswith("the frequency is 0.3809 per tau instead of 0.2769")
     modes = json.loads(cli(capsys, "modes", "tr_nonresonant", "--json")[1])
     assert f"{modes['modes']['TR']['frequency']:.12f}" == "0.276934569162"
-    assert set(modes["modes"]["TR"]) == {"frequency", "frequency_Hz", "p", "q", "f"}
+    assert set(modes["modes"]["TR"]) == {"frequency", "frequency_Hz", "p", "q", "f", "group_velocity_m_s"}
 
 
 def completed(script: str, *words: str) -> list[str]:
