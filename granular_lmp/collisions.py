@@ -129,9 +129,15 @@ class Collisions:
 
     @cached_property
     def first_depth(self) -> float:
-        """Deepest overlap at the beginning, in ℓ; of contacts of unlike spheres that of the softest at their force."""
+        """Deepest overlap at the beginning, in ℓ; of contacts of unlike spheres that of the softest at their force.
+
+        Contacts that adhere are pulled to their overlap without a force as they close.
+        """
+        pulled = 0.0
+        if self.scene.start.touching:
+            pulled = max(each.unpressed_overlap for each in self.materials) / self.scale.length
         if not self.scene.start.state:
-            return float(self.rest_force.max(initial=0.0) / self.coefficients.min(initial=1.0)) ** (2 / 3)
+            return max(pulled, float(self.rest_force.max(initial=0.0) / self.coefficients.min(initial=1.0)) ** (2 / 3))
         radius, places, softest = self.crystal.arrays["radius"], self.started.positions, self.softest
         i, j, vector = overlapping(self.started)
         law = law_between(self.crystal, self.materials, i, j)
@@ -141,7 +147,7 @@ class Collisions:
             for name, plane in self.planes.items()
         ]
         depth = np.concatenate([relative * (radius[i] + radius[j] - np.linalg.norm(vector, axis=1)), *in_walls])
-        return float(depth.max(initial=0.0)) * self.scene.sphere.radius / self.scale.length
+        return max(pulled, float(depth.max(initial=0.0)) * self.scene.sphere.radius / self.scale.length)
 
     @property
     def step_rules(self) -> list[StepRule]:

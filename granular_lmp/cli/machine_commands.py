@@ -48,6 +48,6 @@ def _completion(options: Options) -> int:
     from granular_lmp.scene.shipped import shipped
 
     scenes, collisions, impacts = map(shipped, ("*/scene.toml", "collisions/*.toml", "impacts/*/scene.toml"))
-    names = {"collide": collisions} | dict.fromkeys(("run", "build", "check", "effects"), scenes | impacts)
+    names = {"collide": collisions} | dict.fromkeys(("run", "build", "check", "effects"), scenes | impacts | collisions)
     say(bash(options.parsers, names, scenes))
     return 0

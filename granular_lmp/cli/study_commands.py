@@ -169,8 +169,8 @@ def _kick(options: Options) -> int:
 
 
 def _collide(options: Options) -> int:
+    from granular_lmp.scene.collision import Collision
     from granular_lmp.studies.collide import run, write_numbers
-    from granular_lmp.studies.collision import Collision
 
     collision = Collision.load(options.scene).with_values(changes_of(options))
     with interruptible():

@@ -12,7 +12,7 @@ law, whose adhesion acts beyond contact, can take its place (`granular_lmp.cryst
 in SI units.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log, pi, sqrt
 
@@ -75,6 +75,11 @@ class Sphere:
         return ADHESION_LAWS[self.adhesion_law].between(
             self.effective_modulus, self.effective_shear_modulus, self.effective_radius, self.work_of_adhesion
         )
+
+    @property
+    def unloaded(self) -> "Sphere":
+        """Sphere without adhesion and outer force, whose contacts at rest just touch."""
+        return replace(self, work_of_adhesion=0.0, contact_force=0.0, adhesion_law="dmt")
 
     @property
     def mass(self) -> float:

@@ -58,7 +58,7 @@ def touching(
     Parameters
     ----------
     sphere : Sphere
-        Without adhesion or compression.
+        As its contacts are once they close, with adhesion or without.
     lattice : Lattice
     rows, columns : int
     held : (bool, bool)
@@ -83,7 +83,7 @@ def touching(
     CrystalError
         If imperfections do not fit into the lattice.
     """
-    crystal = packed(sphere, Shape(rows, columns, "fixed", lattice))
+    crystal = packed(sphere.unloaded, Shape(rows, columns, "fixed", lattice))
     crystal.arrays["fixed"] = (crystal.arrays["row"] == 0) & held[0] | (crystal.arrays["row"] == rows - 1) & held[1]
     crystal.pbc = (periodic, False, False)
     centre_row = (rows - 1) // 2
@@ -100,7 +100,8 @@ def touching(
         unit = grain(float(2 * radius.sum()))
         crystal.arrays["radius"] = radius = np.round(radius / unit) * unit
         lower = np.arange(len(crystal) - 1)
-        overlap = law_between(crystal, materials, lower, lower + 1).overlap_under(force) / sphere.radius
+        law = law_between(crystal, materials, lower, lower + 1)
+        overlap = law.overlap_under(force) / sphere.radius if force else np.zeros(len(lower))
         y = np.concatenate([[0.0], np.cumsum(radius[:-1] + radius[1:] - np.round(overlap / unit) * unit)])
         crystal.positions[:, 1] = y - y[centre_row]
         crystal.info["reach"] = _REACH

@@ -23,7 +23,8 @@ def called_for(case: Case) -> Finding:
 
 
 def loose(case: Case) -> Finding:
-    return Finding(False, inf, "spheres part without a pull")
+    pull = case.scene.material.pull_off_force
+    return Finding(True, pull, "N part two spheres") if pull else Finding(False, inf, "spheres part without a pull")
 
 
 def loss(case: Case) -> str:
@@ -34,7 +35,7 @@ def loss(case: Case) -> str:
 
 
 def law(scene: Scene, on: bool) -> Mapping[str, Any]:
-    return {"normal": scene.sphere.adhesion_law if on else "hertz"}
+    return {"normal": scene.material.adhesion_law if on else "hertz"}
 
 
 ADHESION = Effect("adhesion", called_for, cost="1 or 2", loss=loss, loose=loose, law=law, in_all=False)

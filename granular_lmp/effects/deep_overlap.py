@@ -16,11 +16,12 @@ from granular_lmp.step_rules import LONGEST_STEP
 def deepest(problem: Prepared) -> list[str]:
     """Return the lines of v_deepest, the deepest overlap of spheres and walls in units of the scene."""
     softest, walls = float(problem.collisions.coefficients.min(initial=1.0)), problem.planes
+    pushes = hertz_force("(c_largest>0)*c_largest", problem)
     length = problem.units.number(problem.scale.length, length=1)  # ℓ, and m ℓ/t0² too
     lines = [
         "compute      contact all pair/local force",
         "compute      largest all reduce max c_contact inputs local",
-        f"variable     depth equal ((c_largest>0)*c_largest/{softest * length!r})^(2/3)  # of spheres, in l",
+        f"variable     depth equal ({pushes}/{softest * length!r})^(2/3)  # of spheres, in l",
     ]
     for name, place in walls.items():
         beyond = f"{place!r}-{name[0]}+radius" if name.endswith("lo") else f"{name[0]}+radius-({place!r})"
@@ -32,6 +33,18 @@ def deepest(problem: Prepared) -> list[str]:
     for name in walls:
         depth = f"ternary(c_in_{name}>{depth},c_in_{name},{depth})"
     return [*lines, f"variable     deepest equal {depth}"]
+
+
+def hertz_force(force: str, problem: Prepared) -> str:
+    """Return the force without adhesion whose overlap is that of a force, or a bound of it: f + F, by JKR's law more.
+
+    By JKR's law it is that of the contact radius, f + 2F + 2√(F(f + F)), as δ ≤ a²/Rc.
+    """
+    strongest = max(problem.materials, key=lambda each: each.pull_off_force)
+    if not (pull := problem.units.number(strongest.pull_off_force, mass=1, length=1, time=-2)):
+        return force
+    more = f"+{pull!r}+2*sqrt({pull!r}*({force}+{pull!r}))" if strongest.adhesion_law == "jkr" else ""
+    return f"({force}+{pull!r}{more})"
 
 
 def overlap(problem: Prepared) -> list[str]:

@@ -69,7 +69,7 @@ def monitors(problem: Problem, checkpoint: str = "") -> list[str]:
 
 def _monitor(number: int, placed: PlacedMonitor, problem: Problem, checkpoint: str) -> list[str]:
     # With the cutoff "type" pairs that LAMMPS has no contact of are among them: their vector is 0
-    cutoff, scene = FORMULAS[problem.scene.sphere.adhesion_law].cutoff, problem.scene
+    cutoff, scene = FORMULAS[problem.scene.material.adhesion_law].cutoff, problem.scene
     name, tag = f"monitor{number}", str(number)
     file = MONITOR.format(placed.monitor.name + (CONTINUED if checkpoint else ""))
     lines = [

@@ -37,7 +37,7 @@ def energies(record: Any) -> Floats:
         walls, or spheres of a sheet touch that were no neighbours at rest.
     """
     scene = record.scene
-    if scene.wave is not None or scene.sphere.work_of_adhesion:
+    if scene.wave is not None or scene.material.work_of_adhesion:
         raise RunFolderError(f"{record!r}: the stored energy is known of spheres that do not adhere, without [wave]")
     problem = record.problem
     sides = scene.lattice != CHAIN and WALL in (scene.packing.first, scene.packing.last, scene.packing.sides)

@@ -33,7 +33,16 @@ from granular_lmp.scene.schema import NAME_PATTERN, checked_name, shown
 _FILES = (
     *(SCENE, STATUS, LOG, DUMP, SNAPSHOTS, CONTACTS, UNWAVED_CONTACTS, "trajectory.csv", *CHECKPOINTS),
     *("dump.everything", "dump.everything.bin"),
-    *("in.sheet", "dump.sheet", "sheet.npz", "dump.collision", "collision.csv", "collision.json", "compare.png"),
+    *(
+        "in.sheet",
+        "dump.sheet",
+        "sheet.npz",
+        "dump.collision",
+        "collision.toml",
+        "collision.csv",
+        "collision.json",
+        "compare.png",
+    ),
 )
 _DECK = ("in.{}", "data.{}", "in.{}.resume")
 # Of these the ones that are written while the run lasts, or by what reads it

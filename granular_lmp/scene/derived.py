@@ -60,7 +60,8 @@ class Derived(Document):
     @cached_property
     def sphere(self) -> Sphere:
         """The spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
-        return at_rest(self.material, self.packing, self.effects, self.contact)
+        material = self.material.unloaded if self.start.touching else self.material
+        return at_rest(material, self.packing, self.effects, self.contact)
 
     @cached_property
     def scale(self) -> Scale:

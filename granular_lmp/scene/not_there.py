@@ -93,8 +93,6 @@ NOT_THERE = (
 # Keys that somebody would try in another place than where they are
 ELSEWHERE = {
     "[[striker]] and [start] give spheres velocities and displacements": "strikers impact projectile state",
-    "a file with [contact] or [collision] is a collision of two bodies: granular-lmp collide runs it": "contact "
-    "collision",
     "[disorder] and [[inclusion]] declare spheres that differ or are missing": "vacancy vacancies defect defects "
     "random polydispersity dispersity spread seed impurity impurities interface alloy",
     "[[monitor]] declares what is recorded beside the centre sphere": "monitors flux probe probes detector receiver",

@@ -20,6 +20,7 @@ Because = Literal["physics", "not built"]
 # ℓ is at least as many roundings of the farthest position; velocities then err by 1e-4 of a striker's
 ROUNDINGS_IN_OVERLAP = 1e4
 LARGEST_RATIO = 10.0  # Radii of a chain differ by this factor at most
+SKIN = 0.1  # radii beyond contact, within the list of neighbours of a deck: a contact that adheres ends there
 LOOSEST = 0.04  # disorder.radius of a sheet: gaps of neighbours are then below a quarter of the radius
 # Tables whose keys are declared otherwise in every scene without [wave]
 UNWAVED = ("sphere", "packing", "time", "output")
@@ -35,7 +36,6 @@ NEEDS_REST: dict[str, str] = {
     "contact": f"has stiffnesses at rest under load; needs {_AT_REST}",
     "absorb": f"absorbs linear waves, and contacts without load have none; needs {_AT_REST}",
     "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
-    "sphere.adhesion_law": "is of spheres that adhere; needs sphere.work_of_adhesion above 0, J/m2",
     **dict.fromkeys(("packing.relax", "packing.relax_friction"), f"is the way to rest under load; needs {_AT_REST}"),
     "effects.adhesion": "must be left out beside [[striker]] or [start], as contacts of an impact do not adhere",
 }
@@ -81,9 +81,10 @@ def refuse(scene: Declared, lines: Iterable[Refusal] = REFUSALS) -> None:
 
 def is_loose(tables: Mapping[str, Any]) -> bool:
     """Return whether tables without a wave are of loose spheres, as `Scene.loose` says it of a scene."""
-    sphere, packing = (each if isinstance(each := tables.get(key), Mapping) else {} for key in ("sphere", "packing"))
+    names = ("sphere", "packing", "start")
+    sphere, packing, start = (each if isinstance(each := tables.get(key), Mapping) else {} for key in names)
     pressed_sheet = packing.get("contact_force") and packing.get("lattice", CHAIN.name) != CHAIN.name
-    return not (sphere.get("work_of_adhesion") or pressed_sheet)
+    return start.get("touching") is True or not (sphere.get("work_of_adhesion") or pressed_sheet)
 
 
 def refuse_tables(tables: Mapping[str, Any], *, loose: bool) -> None:
@@ -134,6 +135,38 @@ def striker_is_nowhere(scene: Declared) -> str:
 
 
 @_line("physics")
+def touching_without_adhesion(scene: Declared) -> str:
+    if not scene.start.touching or scene.material.work_of_adhesion and not scene.packing.contact_force:
+        return ""
+    return (
+        "start.touching = true: needs sphere.work_of_adhesion above 0 and packing.contact_force = 0; spheres without "
+        "adhesion just touch anyway, and those that are pressed together do not"
+    )
+
+
+@_line("physics")
+def restitution_of_adhesion(scene: Declared) -> str:
+    restitution = scene.effects.restitution
+    if restitution == 1 or not scene.material.work_of_adhesion:
+        return ""
+    return (
+        f"effects.restitution = {restitution!r}: must be 1 with sphere.work_of_adhesion above 0; LAMMPS has it for "
+        "contacts without adhesion only"
+    )
+
+
+@_line("physics")
+def adhesion_beyond_the_list(scene: Declared) -> str:
+    reach = scene.material.pull_off_distance / scene.material.radius
+    if reach <= SKIN:
+        return ""
+    return (
+        f"sphere.work_of_adhesion = {scene.material.work_of_adhesion!r}: the contact would hold until {reach:.3g} "
+        f"radii beyond overlap 0; at most {SKIN} is allowed, where the neighbour list of LAMMPS ends"
+    )
+
+
+@_line("physics")
 def friction_in_a_chain(scene: Declared) -> str:
     if scene.lattice != CHAIN or not scene.effects.friction:
         return ""
@@ -142,6 +175,8 @@ def friction_in_a_chain(scene: Declared) -> str:
 
 @_line("not built")
 def inclusion_that_adheres(scene: Declared) -> str:
+    if scene.start.touching:
+        return ""
     found = (
         f"inclusion {number}: work_of_adhesion = {each.work_of_adhesion!r}: must be left out"
         for number, each in enumerate(scene.inclusion, 1)
@@ -268,15 +303,28 @@ def _fastest(scene: Declared) -> str:
     return f"{'striker' if strikes else begins}: velocity = {scene.scale.velocity:.6g}"
 
 
+def _closing(scene: Declared) -> float:
+    """Return the velocity with which spheres may meet over that of the fastest; of two bodies it is along y."""
+    if scene.shape.spheres > 2 or scene.start.noise:
+        return 1.0
+    along = [each.components[1] for each in scene.striker] + list(scene.start.motion[:, 3])
+    bodies = [*along, 0.0] if len(along) < 2 else along
+    closing = (max(bodies) - min(bodies)) / min(len(along), 2)
+    return float(closing) / scene.scale.velocity
+
+
 @_line("physics")
 def too_deep(scene: Declared) -> str:
-    rest, length = scene.sphere.static_overlap, scene.scale.length
-    deepest = (rest + DEEPEST * length) / (2 * scene.sphere.radius)  # the force of both is that of one at most
+    rest, length = max(scene.sphere.static_overlap, scene.material.unpressed_overlap), scene.scale.length
+    meets = DEEPEST * length * _closing(scene) ** 0.8
+    deepest = (rest + meets) / (2 * scene.sphere.radius)  # the force of both is that of one at most
     if deepest <= LARGEST_OVERLAP_RATIO:
         return ""
     pressed = f"packing.contact_force = {scene.packing.contact_force!r}"
+    if scene.start.touching:
+        pressed = f"sphere.work_of_adhesion = {scene.material.work_of_adhesion!r}"
     return (
-        f"{_fastest(scene) if rest < DEEPEST * length else pressed}: two spheres would overlap by {deepest:.3g} of the "
+        f"{_fastest(scene) if rest < meets else pressed}: two spheres would overlap by {deepest:.3g} of the "
         f"diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
     )
 

@@ -24,6 +24,7 @@ from granular_lmp.crystal.lattices import FREE
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation, words
+from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.derived import Derived, at_rest, physics_of, wavenumbers_of
 from granular_lmp.scene.files import assignment as assignment
 from granular_lmp.scene.files import first_file
@@ -180,8 +181,8 @@ class Scene(HasCard, Derived):
         Parameters
         ----------
         source : path
-            File, folder, or name of a folder of ``lammps_inputs``. A scene that declares no name takes the stem of the
-            file, or the name of the folder of its ``scene.toml``.
+            File, folder, or name of a folder or a collision of ``lammps_inputs``. A scene that declares no name takes
+            the stem of the file, or the name of the folder of its ``scene.toml``.
 
         Raises
         ------
@@ -190,17 +191,24 @@ class Scene(HasCard, Derived):
         """
         path = Path(source)
         folders = (path, SHIPPED / path, SHIPPED / "impacts" / path)
-        found = first_file(source, (path, *(folder / "scene.toml" for folder in folders)))
+        places = (path, *(folder / "scene.toml" for folder in folders), SHIPPED / "collisions" / f"{source}.toml")
+        found = first_file(source, places)
         if found is None:
-            if str(source) in {each.stem for each in SHIPPED.glob("collisions/*.toml")}:
-                raise SceneError(f"{source}: is a collision, not a scene: granular-lmp collide {source} runs it")
             shipped = sorted(folder.parent.name for folder in SHIPPED.glob("*/scene.toml"))
             impacts = sorted(folder.parent.name for folder in SHIPPED.glob("impacts/*/scene.toml"))
+            collisions = sorted(each.stem for each in SHIPPED.glob("collisions/*.toml"))
             raise SceneError(
                 f"{source}: no such scene file; shipped scenes: {', '.join(shipped) or 'none'}; "
-                f"impacts: {', '.join(impacts) or 'none'}"
+                f"impacts: {', '.join(impacts) or 'none'}; collisions: {', '.join(collisions) or 'none'}"
             )
         return cls.read(found)
+
+    @classmethod
+    def from_dict(cls, tables: Mapping[str, Any], default: str | None = None) -> Self:
+        """Return the scene of nested mappings, as `to_dict` gives them, or of those of a `Collision`."""
+        if "collision" in tables:
+            return super().from_dict(Collision.from_dict(tables, default).scene_tables())
+        return super().from_dict(tables, default)
 
     @classmethod
     def located(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:

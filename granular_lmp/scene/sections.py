@@ -37,6 +37,7 @@ from granular_lmp.scene.shape import Auto
 ENDS = ("fixed", "periodic", AUTO)
 FACES = (HELD, FREE, AUTO)
 SHEAR_LAWS = ("secant", "incremental")
+RESCALED = "rescaled"  # "secant" with a shear displacement that shrinks as the contact does; no theory holds it
 NOT_BARE = Bare(None, None)  # of a key that a scene without [wave] does not have
 _OR_AUTO: dict[str, Any] = {"words": (AUTO,), "default": AUTO, "bare": NOT_BARE}
 FORMS = ("running", "standing", "driven", "none")
@@ -368,7 +369,7 @@ class Effects(Remembering):
         "of the shear force",
         SHEAR_LAWS,
         default="secant",
-        bare=choice("of the shear force", (*SHEAR_LAWS, "rescaled"), default="incremental"),
+        bare=choice("of the shear force", (*SHEAR_LAWS, RESCALED), default="incremental"),
     )
     friction: float | Auto = number(
         "",

@@ -23,7 +23,7 @@ from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import SceneError, one_line
 from granular_lmp.scene.files import LARGEST_TABLE, file_text
 from granular_lmp.scene.places import AtPlaces, place_of, spheres_at
-from granular_lmp.scene.schema import Rule, count, number, shown
+from granular_lmp.scene.schema import Rule, count, flag, number, shown
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 State = Sequence[tuple[float, ...]]  # for each sphere the numbers of COLUMNS, the first two whole
@@ -31,7 +31,7 @@ COLUMNS = ("row", "column", "ux_m", "uy_m", "vx_m_s", "vy_m_s", "spin_rad_s")
 TIME = "t_s"  # A file may have it too, as it names each sphere once
 MOST = 5000  # spheres: a scene file below `granular_lmp.scene.files.LARGEST_FILE`
 FARTHEST = 1e6  # radii that a state displaces a sphere at most; LAMMPS sorts the whole box into bins of a sphere each
-SMALLEST, LARGEST = 1e-30, 1e9  # any number but 0, in SI: no power of it overflows, or is lost
+SMALLEST, LARGEST = 1e-30, 1e12  # any number but 0, in SI: no power of it overflows, or is lost
 
 
 @dataclass(frozen=True)
@@ -83,11 +83,15 @@ class Start:
 
     With ``noise`` v every sphere that is free to move has a random velocity on top: along x, along y, and of its
     surface where it turns, each uniform in ±v less their mean: they have no momentum. In a chain it is along y alone.
+
+    With ``touching`` spheres that adhere do not begin at rest under their adhesion, but with contacts of no overlap, as
+    bodies that meet: their contacts snap in as soon as they close.
     """
 
     state: State = field(default=(), metadata={"rule": StateRule(str, "SI units", "of single spheres; others rest")})
     noise: float = number("m/s", "largest random velocity along each axis, of all spheres", 0, 1e4, default=0.0)
     seed: int = count("of the random velocities", 0, 2**32 - 1, default=0)
+    touching: bool = flag("spheres that adhere just touch, and are not yet pulled to their overlap", default=False)
 
     @property
     def places(self) -> list[tuple[int, int]]:

@@ -1,7 +1,7 @@
 """Strikers: spheres of the crystal that have a velocity at the beginning, beside that of a wave or of a state."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import cos, radians, sin, sqrt
 
 import ase
@@ -76,7 +76,7 @@ def scale_of(strikers: Sequence[Striker], start: Start, sphere: Sphere) -> Scale
     Where all are let go from rest, the largest displacement is ℓ, which gives v = √(A/m) ℓ^{5/4}. Adhesion and
     compression of the spheres are not theirs.
     """
-    bare = replace(sphere, work_of_adhesion=0.0, contact_force=0.0, adhesion_law="dmt")
+    bare = sphere.unloaded
     fastest = max(fastest_striker(strikers), start.fastest(sphere.radius))
     let_go = sqrt(bare.normal_coefficient / bare.mass) * start.farthest**1.25
     return Scale.of(bare, fastest or let_go)
@@ -103,6 +103,8 @@ def check_strikes(
 ) -> None:
     """Check that strikers and the state of a crystal at rest have places, and that they are not too strong."""
     pushed = (*strikers, *start.at())
+    if start.touching:
+        raise SceneError("start.touching = true: must be false beside [wave], whose crystal is at rest")
     if not pushed and not start.noise:
         return
     places = (trouble for at in start.at() for trouble in place_troubles((), at.spheres, shape))

@@ -1,6 +1,5 @@
-"""The run of a collision and its results: overlap, force, contact time and restitution."""
+"""The run of a collision as a scene, and what it tells of the contact: overlap, force, contact time, restitution."""
 
-import csv
 import json
 import tempfile
 from collections.abc import Mapping
@@ -12,13 +11,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.errors import LammpsError, SceneError
-from granular_lmp.lammps.outputs import SCENE, read_dump, writable
+from granular_lmp.accuracy.tolerance import run as run_scene
+from granular_lmp.errors import SceneError
+from granular_lmp.lammps.outputs import csv_text, writable
 from granular_lmp.runs.directory import absolute
-from granular_lmp.runs.launch import run_files
-from granular_lmp.studies.collision import COLLISION_COLUMNS, COLLISION_DUMP, Collision, deck_text
-from granular_lmp.units import units_for
+from granular_lmp.runs.record import Record
+from granular_lmp.scene.collision import Collision
+from granular_lmp.scene.scene import Scene
 
+DECLARED = "collision.toml"
 COURSE = "collision.csv"
 RESULT = "collision.json"
 FEWEST_RECORDS = 4  # records of a contact that the cubic of `Result.contact_time` needs
@@ -148,10 +149,18 @@ def _peak(values: NDArray[np.float64]) -> float:
     return float(here + (after - before) ** 2 / (8 * (2 * here - before - after)))
 
 
-def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Result:
-    """Run a collision in `folder`, which is created, and return its course.
+def scene_of(collision: Collision) -> Scene:
+    """Return the scene in which the bodies of a collision meet."""
+    try:
+        return Scene.from_dict(collision.scene_tables())
+    except SceneError as error:
+        raise SceneError(f"collision: as a scene, {error}") from error
 
-    The folder holds ``scene.toml``, ``in.NAME``, ``log.lammps``, ``dump.collision`` and ``collision.csv``.
+
+def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Result:
+    """Run the scene of a collision in `folder`, which is created, and return its course.
+
+    The folder is a run folder as any other, and holds ``collision.toml`` and ``collision.csv`` too.
 
     Raises
     ------
@@ -159,16 +168,15 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
         If the folder exists (without `force`) or cannot be written.
     SceneError
         If the bodies have not parted by the end of the run, or touch for too few steps; the folder is kept.
-    LammpsMissingError, LammpsError
+    LammpsMissingError, LammpsError, EffectError
         As in `granular_lmp.run`.
     """
     folder = absolute(folder)
-    name = f"in.{collision.name}"
-    run_files(folder, {SCENE: [collision.to_toml(full=True)], name: [deck_text(collision)]}, name, force=force)
+    record = run_scene(scene_of(collision), folder, force=force)
+    result = course(collision, record, folder)
     with writable(folder):
-        result = _course(collision, folder)
-        _write_csv(result, folder / COURSE)
-    _refuse_defects(result, name)
+        (folder / DECLARED).write_text(collision.to_toml(full=True), encoding="utf-8")
+        (folder / COURSE).write_text(_table(result), encoding="utf-8")
     if result.touching == len(result.overlap) and not (collision.contact.normal == "jkr" and result.sticks):
         times = collision.collision.duration
         raise SceneError(f"collision.duration = {times!r}: the bodies still touch; take more elastic contact times")
@@ -181,17 +189,6 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
     return result
 
 
-def _refuse_defects(result: Result, input_name: str) -> None:
-    """Raise LammpsError if the course is incomplete or not finite although LAMMPS reported success."""
-    signals = (result.overlap, result.normal_force, result.tangential_force, result.velocity, result.spin)
-    if not all(np.isfinite(x).all() for x in signals):
-        raise LammpsError("the course holds numbers that are not finite", input_name, "")
-    end = result.collision.collision.duration * result.collision.elastic_contact_time
-    reached = float(np.max(result.time, initial=0.0))
-    if reached < end * (1 - 1e-9):
-        raise LammpsError(f"the course ends at {reached:.3g} s instead of {end:.3g} s", input_name, "")
-
-
 def write_numbers(result: Result, errors: Mapping[str, float]) -> None:
     """Write `Result.numbers` and their errors into ``collision.json`` of the run folder."""
     table = {name: {"value": value, "error": errors[name]} for name, value in result.numbers().items()}
@@ -199,39 +196,40 @@ def write_numbers(result: Result, errors: Mapping[str, float]) -> None:
         (result.folder / RESULT).write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
 
 
-def _course(collision: Collision, folder: Path) -> Result:
-    """Return the course of a collision from its dump, in SI units."""
-    units = units_for(collision.sphere.radius)
-    metre, second, newton = 10.0**units.length, 10.0**units.time, 10.0 ** (units.mass + units.length - 2 * units.time)
-    bodies = 1 if collision.on_plane else 2
-    at = read_dump(folder / COLLISION_DUMP, bodies, COLLISION_COLUMNS)
-    position = np.stack([at["x"], at["y"]], axis=-1)
+def course(collision: Collision, record: Record, folder: Path) -> Result:
+    """Return the course of a collision from the record of its scene, in SI units."""
+    scale, radius = record.scale, collision.sphere.radius
+    displacement, velocity = (
+        _turned(values) * unit
+        for values, unit in ((record.displacement, scale.length), (record.velocity, scale.velocity))
+    )
+    push = _turned(record.signals["force"])[:, 0] * (scale.mass * scale.length / scale.time**2)
     if collision.on_plane:
-        normal = np.broadcast_to([1.0, 0.0], position[:, 0].shape)
-        overlap = units.number(collision.sphere.radius, length=1) + at["x"][:, 0]
+        normal = np.broadcast_to([1.0, 0.0], push.shape)
+        overlap = displacement[:, 0, 0]
     else:
-        apart = position[:, 1] - position[:, 0]
+        apart = [2 * radius, 0.0] + displacement[:, 1] - displacement[:, 0]
         distance = np.hypot(*apart.T)
         normal = apart / distance[:, None]
-        overlap = 2 * units.number(collision.sphere.radius, length=1) - distance
-    push = np.stack([at["fx"][:, 0], at["fy"][:, 0]], axis=-1)
-    velocity = np.stack([at["vx"], at["vy"]], axis=-1)
-    step = collision.elastic_contact_time / collision.collision.steps
+        overlap = 2 * radius - distance
+    declared = [collision.collision.spin, collision.collision.partner_spin][: velocity.shape[1]]
     return Result(
         collision=collision,
-        time=at["step"] * step,
-        overlap=overlap * metre,
-        normal_force=-np.einsum("ti,ti->t", push, normal) * newton,
-        tangential_force=(normal[:, 0] * push[:, 1] - normal[:, 1] * push[:, 0]) * newton,
-        velocity=velocity * metre / second,
-        spin=at["omegaz"] / second,
+        time=record.tau * scale.time,
+        overlap=overlap,
+        normal_force=-np.einsum("ti,ti->t", push, normal),
+        tangential_force=normal[:, 0] * push[:, 1] - normal[:, 1] * push[:, 0],
+        velocity=velocity,
+        spin=record.spin * (scale.velocity / radius) if collision.rubs else np.tile(declared, (len(push), 1)),
         folder=folder,
     )
 
 
-def _write_csv(result: Result, path: Path) -> None:
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["time_s", "overlap_m", "normal_force_N", "tangential_force_N"])
-        rows = np.column_stack([result.time, result.overlap, result.normal_force, result.tangential_force])
-        writer.writerows(rows.tolist())
+def _turned(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return vectors of the scene, (..., 2), along the normal and the tangent of the collision: y and −x."""
+    return np.stack([vectors[..., 1], -vectors[..., 0] + 0.0], axis=-1)
+
+
+def _table(result: Result) -> str:
+    rows = np.column_stack([result.time, result.overlap, result.normal_force, result.tangential_force])
+    return csv_text(["time_s", "overlap_m", "normal_force_N", "tangential_force_N"], rows.tolist())

@@ -67,14 +67,6 @@ def test_a_perfect_crystal_is_run_without_scipy(small_toml: Path, tmp_path: Path
     [
         (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: corner_source, l_beam, "),
         (["run", "solitary_chin"], "two_tones; impacts: breather, compressed_chain, dimer_chain, "),
-        (
-            ["run", "jkr_pull_off"],
-            "jkr_pull_off: is a collision, not a scene: granular-lmp collide jkr_pull_off runs it",
-        ),
-        (
-            ["run", str(SHIPPED / "collisions" / "jkr_pull_off.toml")],
-            "a file with [contact] or [collision] is a collision of two bodies: granular-lmp collide runs it",
-        ),
         (["run", "tr_periodic", "--set", "wave.wavenumer=1"], "wavenumer: unknown key; did you mean 'wavenumber'?"),
         (["run", "tr_periodic", "--set", "wave.mode=S"], 'wave.mode = \'S\': must be one of "L", "TR", "RT"'),
         (["build", "tr_periodic", "--set", "time.timestep"], "'time.timestep': must be KEY=VALUE"),

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from analysis.measure.norms import slope
+from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import Result
-from granular_lmp.studies.collision import Collision
 from tests.hard.case import Case, Cases, Edits
 from tests.validation.test_pull_off import SNAP, kick, sticking_speed, theory, with_deck
 

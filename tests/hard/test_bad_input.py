@@ -20,9 +20,10 @@ from granular_lmp.errors import CrystalError, GranularError, SceneError
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.problem import prepare
 from granular_lmp.runs.manifest import description
+from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.files import assignment
 from granular_lmp.scene.shipped import SHIPPED
-from granular_lmp.studies.collision import Collision, deck_text
+from granular_lmp.studies.collide import scene_of
 from granular_lmp.studies.sweep_points import axes, points
 from tests.conftest import PAPER
 
@@ -119,7 +120,7 @@ COLLISION_KEYS = {key for part in ("sphere", "contact", "collision") for key in 
 @given(mutated(COLLISIONS))
 def test_a_bad_collision_is_one_line_that_names_a_key(tables: dict[str, Any]) -> None:
     try:
-        text = deck_text(Collision.from_dict(tables))
+        text = deck_of(prepare(scene_of(Collision.from_dict(tables)))).input_text
         assert is_finite(text)
     except SceneError as error:
         is_one_line(error, named(tables) | COLLISION_KEYS)

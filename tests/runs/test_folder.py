@@ -13,9 +13,9 @@ from granular_lmp.lammps.outputs import COST, SWEEP
 from granular_lmp.runs.folder import clear, is_held, locked
 from granular_lmp.runs.record import Record, read_status, write_status
 from granular_lmp.runs.seal import files_of
+from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.schema import LONGEST_NAME
 from granular_lmp.studies.collide import run as collide
-from granular_lmp.studies.collision import Collision
 from granular_lmp.studies.kick import run_kicked
 from granular_lmp.studies.sweep import sweep
 

@@ -10,8 +10,8 @@ import pytest
 from granular_lmp import ImpactRecord, ImpactScene, Record, Scene, run, run_impact
 from granular_lmp.runs import directory
 from granular_lmp.runs.options import Options
+from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import run as collide
-from granular_lmp.studies.collision import Collision
 from granular_lmp.studies.kick import run_kicked
 
 LONG = 4000.0  # τ of the run beside which the others begin: 80,000 steps of 24 spheres, half a second

@@ -114,7 +114,7 @@ def test_a_file_with_a_state_is_an_impact(tmp_path: Path, capsys: pytest.Capture
         (["row,column,uy", "1,0,1e-6"], "column 'uy': must be one of row, column, ux_m"),
         (["row,column,uy_m,uy_m", "1,0,1,1"], "column 'uy_m': must be one of"),
         (["row,column,uy_m", "1,0,1e-6", "2,0"], "line 3: 2 values: must be 3, one for each column"),
-        (["row,column,uy_m", "1,0,much"], "line 2: uy_m = 'much': must be 0, or from 1e-30 to 1e+09 in size"),
+        (["row,column,uy_m", "1,0,much"], "line 2: uy_m = 'much': must be 0, or from 1e-30 to 1e+12 in size"),
         (["row,column,uy_m", "1,0,nan"], "line 2: uy_m = nan: must be 0, or"),
         (["row,column,uy_m", "1.5,0,1e-6"], "line 2: row = 1.5: must be a whole number, counted from 0"),
         (["row,column,uy_m", "-1,0,1e-6"], "line 2: row = -1.0: must be a whole number"),

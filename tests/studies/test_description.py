@@ -4,8 +4,8 @@ import pytest
 
 from granular_lmp import ImpactScene, Scene
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.shipped import SHIPPED, shipped
-from granular_lmp.studies.collision import Collision
 from granular_lmp.studies.sweep_points import points, scene_hash
 
 PAPER = Scene.load("tr_nonresonant")

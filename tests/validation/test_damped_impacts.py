@@ -18,8 +18,8 @@ from analysis.theory.chain_damping import decay
 from analysis.theory.chain_motion import integrate, march, peak
 from analysis.theory.integrator import dop853
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
+from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import run as collide
-from granular_lmp.studies.collision import Collision
 from tests.validation.test_pull_off import with_deck
 
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.last": "free"})

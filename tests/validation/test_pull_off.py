@@ -17,13 +17,15 @@ import pytest
 from analysis.cases.pull_off import case as pull_off
 from analysis.theory.integrator import dop853
 from analysis.theory.jkr import Contact
+from granular_lmp import run as run_scene
 from granular_lmp.cli import main
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps import contact
-from granular_lmp.runs.folder import locked
-from granular_lmp.runs.routes import run_input
-from granular_lmp.studies.collide import Result, _course, run
-from granular_lmp.studies.collision import SKIN, Collision, deck_text
+from granular_lmp.lammps.deck import deck_of
+from granular_lmp.problem import prepare
+from granular_lmp.scene.collision import Collision
+from granular_lmp.scene.refusals import SKIN
+from granular_lmp.studies.collide import Result, course, run, scene_of
 from granular_lmp.units import NANO
 from tests.validation.test_contact_law import FRICTION, SILICA, SILICA_AT, same, touch
 
@@ -213,14 +215,12 @@ def test_dmt_loses_nothing_where_jkr_sticks(collide: Collide) -> None:
 
 
 def with_deck(collision: Collision, folder: Path, *edits: tuple[str, str]) -> Result:
-    text = deck_text(collision)
+    deck = deck_of(prepare(scene_of(collision)))
+    text = deck.input_text
     for old, new in edits:
         assert old in text
         text = text.replace(old, new)
-    (folder / "in.edited").write_text(text)
-    with locked(folder) as lock:
-        run_input(folder, "in.edited", lock)
-    return _course(collision, folder)
+    return course(collision, run_scene(replace(deck, input_text=text), folder / "run"), folder)
 
 
 def test_a_list_that_is_made_anew_at_each_step_loses_no_contact(tmp_path: Path, collide: Collide) -> None:
@@ -230,8 +230,8 @@ def test_a_list_that_is_made_anew_at_each_step_loses_no_contact(tmp_path: Path, 
 
 def test_a_list_that_ends_before_the_contact_may_lose_it(tmp_path: Path, collide: Collide) -> None:
     """Why `SKIN` is a bound: the first release of 22Jul2025 leaves pairs out of a new list that later ones hold."""
-    nanometres = NANO.number(SNAP.pull_off_distance, length=1)
-    thin = with_deck(SNAP, tmp_path, ("neighbor     100.0 bin", f"neighbor     {nanometres / 5!r} bin"))
+    radii = SNAP.pull_off_distance / SNAP.sphere.radius
+    thin = with_deck(SNAP, tmp_path, ("neighbor     0.2 bin", f"neighbor     {radii / 5!r} bin"))
     reached, whole = (-float(each.overlap[each.normal_force != 0].min()) for each in (thin, collide()))
     assert reached == whole or (reached < 0.9 * whole and thin.restitution > collide().restitution + 0.01)
 

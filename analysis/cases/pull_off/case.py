@@ -52,7 +52,9 @@ class Collision:
     def read(cls, folder: Path) -> "Collision":
         """Return the collision of a folder; raises ValueError if a file is missing or not of such a collision."""
         try:
-            tables = tomllib.loads((folder / "scene.toml").read_text("utf-8"))
+            declared = folder / "collision.toml"
+            declared = declared if declared.is_file() else folder / "scene.toml"  # where earlier releases declared it
+            tables = tomllib.loads(declared.read_text("utf-8"))
             with (folder / "collision.csv").open(encoding="utf-8", newline="") as stream:
                 rows = [(float(row["overlap_m"]), float(row["normal_force_N"])) for row in csv.DictReader(stream)]
             numbers = json.loads((folder / "collision.json").read_text("utf-8"))

@@ -1,8 +1,8 @@
-"""A collision of two equal spheres, or of a sphere with a rigid plane: its declaration and its LAMMPS deck.
+"""A collision of two equal spheres, or of a sphere with a rigid plane: a short declaration of a scene.
 
-A collision tests one contact. The contact law is written by the same function as in the wave decks
-(`granular_lmp.lammps.contact`). The bodies touch at t = 0 with overlap 0; the normal of the first sphere at the contact
-is +x, its tangent +y, and spins are about z. `granular_lmp.studies.collide` runs it.
+A collision tests one contact. The bodies touch at t = 0 with overlap 0; the normal of the first sphere at the contact
+is +x, its tangent +y, and spins are about z. In the scene that it declares (`Collision.scene_tables`) the bodies are
+one above the other: its normal is +y there, and its tangent −x. `granular_lmp.studies.collide` reads the results.
 
 By the law "jkr" the contact snaps in at overlap 0, where it pulls with (8/9) F at once, and holds until the pull is the
 largest, F, at `Collision.pull_off_distance` beyond overlap 0.
@@ -15,22 +15,24 @@ from pathlib import Path
 from typing import Any, Self
 
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
+from granular_lmp.crystal.lattices import FREE, SQUARE, WALL
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
-from granular_lmp.lammps import contact
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.files import first_file
-from granular_lmp.scene.scene import LARGEST_OVERLAP_RATIO
+from granular_lmp.scene.refusals import SKIN
 from granular_lmp.scene.schema import choice, count, number
-from granular_lmp.scene.sections import SPHERE_RULES
+from granular_lmp.scene.sections import RESCALED, SHEAR_LAWS, SPHERE_RULES
 from granular_lmp.scene.shipped import SHIPPED
-from granular_lmp.units import units_for
+from granular_lmp.scene.start import Start
+from granular_lmp.scene.strikers import scale_of
+from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
-COLLISION_DUMP = "dump.collision"
-COLLISION_COLUMNS = ("id", "x", "y", "vx", "vy", "omegaz", "fx", "fy")  # columns of the dump
+NORMAL_LAWS = ("dmt", "hertz", "jkr")
+TANGENTIAL_LAWS = (*SHEAR_LAWS, RESCALED, "none")
 RECORDS = 500  # fewest records in a contact time
-SKIN = 0.1  # radii; the neighbour list holds pairs that are as far apart, and a contact must end within
 LONGEST_PATH = 100.0  # radii; LAMMPS cuts the box into bins of a radius, 8e6 of them for this one
+_SLACK = 1e-12  # a step that is longer by less than the slack of a sample, so that rounding makes none shorter
 _SHIPPED_COLLISIONS = SHIPPED / "collisions"
 # ∫₀¹ dx/√(1 − x^{5/2}) = √π Γ(7/5)/Γ(9/10): half of a Hertz contact time, in units of depth over speed
 _HALF_CONTACT = sqrt(pi) * gamma(7 / 5) / gamma(9 / 10)
@@ -40,10 +42,10 @@ _WORK = {"dmt": 3 / 5, "hertz": 0.0, "jkr": 6 / 5 * (1 - (2 / 3) ** (4 / 3))}
 
 @dataclass(frozen=True)
 class Contact:
-    """Contact law with the arguments of `granular_lmp.lammps.contact.model`."""
+    """Contact law."""
 
-    normal: str = choice("with adhesion, without, with adhesion beyond contact", contact.NORMAL_LAWS, default="dmt")
-    shear: str = choice("what the shear force follows", contact.TANGENTIAL_LAWS, default="secant")
+    normal: str = choice("with adhesion, without, with adhesion beyond contact", NORMAL_LAWS, default="dmt")
+    shear: str = choice("what the shear force follows", TANGENTIAL_LAWS, default="secant")
     friction: float = number("", "mu", 0.0, 1e4, default=0.0)
     restitution: float = number("", "e of an impact along the normal", 0.01, 1.0, default=1.0)
     shear_damping: float = number("", "of shear over that of normal motion", 0.0, 100.0, default=0.0)
@@ -76,7 +78,7 @@ class Collision(Document):
 
     sections = {"sphere": Sphere, "contact": Contact, "collision": Impact}
     rules = {"sphere": SPHERE_RULES}
-    named = "the deck"
+    named = "the files of the run"
 
     sphere: Sphere
     contact: Contact
@@ -137,7 +139,46 @@ class Collision(Document):
             given["sphere"] = {"work_of_adhesion": 0.0, **given["sphere"]}  # spheres that meet need not be adhesive
         return given
 
+    def scene_tables(self) -> dict[str, Any]:
+        """Return the scene in which the bodies collide, as `Scene.from_dict` takes it."""
+        sphere, law, impact = self.sphere, self.contact, self.collision
+        turns = (impact.spin, impact.partner_spin) if self.rubs else (0.0, 0.0)
+        state = [(0, 0, 0.0, 0.0, -impact.tangential_velocity, impact.normal_velocity, turns[0])]
+        state += [] if self.on_plane else [(1, 0, 0.0, 0.0, 0.0, -impact.normal_velocity, turns[1])]
+        declared = {key: getattr(sphere, key) for key in ("radius", "youngs_modulus", "poisson_ratio", "density")}
+        if adhesive := law.normal != "hertz" and sphere.work_of_adhesion > 0:
+            declared |= {"work_of_adhesion": sphere.work_of_adhesion, "adhesion_law": law.normal}
+        every = max(impact.steps // RECORDS, 1)
+        unit = scale_of((), Start(state), sphere).time
+        step = self.elastic_contact_time / impact.steps / unit
+        effects: dict[str, Any] = {"restitution": law.restitution, "shear_damping": law.shear_damping}
+        effects |= {"friction": law.friction, "shear_law": law.shear} if self.rubs else {}
+        return {
+            "name": self.name,
+            "description": self.description,
+            "sphere": declared,
+            "packing": {
+                "lattice": SQUARE.name,
+                "rows": len(state),
+                "columns": 1,
+                "last": WALL if self.on_plane else FREE,
+            },
+            "effects": effects,
+            "start": {"state": state, "touching": adhesive},
+            "output": {"forces": True},
+            "time": {
+                "sample": every * step,
+                "duration": ceil(impact.duration * impact.steps / every) * every * step,
+                "timestep": step * (1 + _SLACK),
+            },
+        }
+
     # --- derived values ---
+
+    @property
+    def rubs(self) -> bool:
+        """True if shear forces act at the contact, which turn the spheres."""
+        return self.contact.friction > 0 and self.contact.shear != "none"
 
     @property
     def on_plane(self) -> bool:
@@ -209,66 +250,3 @@ class Collision(Document):
         """Speed v, m/s, at the overlap at rest: m* (v² − v_closing²)/2 is the work of adhesion up to there."""
         work = _WORK[self.contact.normal] * self.pull_off_force * self.static_overlap
         return sqrt(self.closing_speed**2 + 2 * work / self.effective_mass)
-
-
-# --- the deck --------------------------------------------------------------------------------------------------------
-
-
-def deck_text(collision: Collision) -> str:
-    """Return the LAMMPS input of a collision, which runs with plain ``lmp``."""
-    sphere, law, impact = collision.sphere, collision.contact, collision.collision
-    units = units_for(sphere.radius)
-    radius = units.number(sphere.radius, length=1)
-    every = max(impact.steps // RECORDS, 1)
-    step = units.number(collision.elastic_contact_time / impact.steps, time=1)
-    records = ceil(impact.duration * impact.steps / every)
-    speed = units.number(impact.normal_velocity, length=1, time=-1)
-    along = units.number(impact.tangential_velocity, length=1, time=-1)
-    room = 4 * radius + (abs(along) + speed) * step * every * records
-    bodies = [(1, -radius, speed, along, units.number(impact.spin, time=-1))]
-    if not collision.on_plane:
-        bodies.append((2, radius, -speed, 0.0, units.number(impact.partner_spin, time=-1)))
-
-    def commands(touching: Sphere) -> str:
-        return contact.model(
-            touching,
-            units,
-            normal=law.normal,
-            shear=law.shear,
-            friction=law.friction,
-            restitution=law.restitution if law.restitution < 1 else None,
-            shear_damping=law.shear_damping,
-        )
-
-    plane = contact.wall(commands(contact.rigid(sphere)), "xplane NULL 0.0") + "\n" if collision.on_plane else ""
-    placed = "\n".join(f"create_atoms 1 single {x!r} 0.0 0.0" for _, x, *_ in bodies)
-    moving = "\n".join(
-        f"set          atom {tag} vx {vx!r} vy {vy!r} omega 0.0 0.0 {spin!r}" for tag, _, vx, vy, spin in bodies
-    )
-    return f"""\
-# {collision.name}: a sphere meets a{" rigid plane" if collision.on_plane else "n equal sphere"} at x = 0
-# --- units {units.style}: {units.names}
-units        {units.style}
-boundary     f f f
-atom_style   sphere
-atom_modify  map array
-comm_modify  vel yes
-region       box block {-room!r} {room!r} {-room!r} {room!r} {-room!r} {room!r}
-create_box   1 box
-{placed}
-set          group all diameter {2 * radius!r} density {units.number(sphere.density, mass=1, length=-3)!r}
-{moving}
-neighbor     {SKIN * radius!r} bin
-timestep     {step!r}
-
-# --- contact
-{contact.pair(commands(sphere))}
-{plane}
-# --- motion, and a record of every body with all digits
-fix          move all nve/sphere
-dump         all all custom {every} {COLLISION_DUMP} {" ".join(COLLISION_COLUMNS)}
-dump_modify  all sort id format float %.17g
-thermo_style custom step
-thermo       {every * records}
-run          {every * records}
-"""
