@@ -123,6 +123,9 @@ IMPACTS: dict[str, Settings] = {
     },
     "jkr": ADHERE | {"sphere.adhesion_law": "jkr"},
     "cell": ADHERE | {"packing.ends": "periodic", "packing.sides": "periodic", "packing.rows": 14},
+    # that meet
+    "touching": ADHERE | {"start.touching": True},
+    "forces": {"output.forces": True},
 }
 
 

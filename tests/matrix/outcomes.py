@@ -49,6 +49,10 @@ REFUSALS: dict[str, str] = {
     r"vacancy = true: .*in a chain": PHYSICS,
     r"effects.friction = .*in a chain": PHYSICS,
     r"radius = .*in a sheet": NOT_BUILT,
+    r"start.touching = true: needs": PHYSICS,
+    r"start.touching = true: must be false beside .wave.": PHYSICS,
+    r"effects.restitution = .*: must be 1 with sphere.work_of_adhesion": PHYSICS,
+    r"^output.forces: unknown key": EXCLUSIVE,
 }
 
 

@@ -44,6 +44,7 @@ def kinds() -> dict[str, AnyScene]:
     strip = {"packing.rows": 13, "time.duration": 12.0, "time.allow_echo": True, "wave.amplitude": 0.1}
     spread = {"disorder.radius": 5e-5, "disorder.density": 0.1, "disorder.vacancies": 0.03}
     struck = {"packing.rows": 8, "packing.columns": 9, "striker.1.spheres": [[0, 4]], "time.duration": 20.0}
+    hit = {"time.timestep": 0.02, "time.sample": 0.25, "time.duration": 5.0}
     watched = {"name": "near", "rows": [2, 2]}, {"name": "through", "rows": [3, 4], "what": "flux"}
     return {
         "running": PAPER.with_values(CELL),
@@ -55,6 +56,7 @@ def kinds() -> dict[str, AnyScene]:
         "JKR": PAPER.with_values({**CELL, "sphere.adhesion_law": "jkr"}),
         "damped": PAPER.with_values({**CELL, "effects.damping": True, "effects.viscosity": 1e-9}),
         "impact": ImpactScene.load("point_impact").with_values({**struck, "monitor": list(watched)}),
+        "collision": Scene.load("test4").with_values(hit),
     }
 
 
@@ -75,7 +77,7 @@ class Path_:
     @property
     def impact(self) -> bool:
         """True if the scene is of an impact."""
-        return self.kind == "impact"
+        return self.kind in ("impact", "collision")
 
     @property
     def starts_with_a_wave(self) -> bool:
@@ -85,7 +87,7 @@ class Path_:
     @property
     def order(self) -> int:
         """Order of the error in the time step."""
-        return 1 if self.kind in ("quiet ends", "damped", "impact") else 2
+        return 1 if self.kind in ("quiet ends", "damped", "impact", "collision") else 2
 
     def run(self, what: AnyScene | Deck, folder: Path, progress: Any = None) -> Path:
         """Run a scene or a deck on this path, and return its run folder."""

@@ -21,28 +21,17 @@ PROMISES = {
     "guards": "test_a_guard_fails_the_run",
     "clear errors": "test_bad_input_is_one_line",
 }
-COLUMNS = (*PATHS, "collision")
-_COLLISIONS, _SWEEPS = "tests/validation/test_collisions.py::test_", "tests/studies/test_sweep.py::test_"
+_SWEEPS = "tests/studies/test_sweep.py::test_"
 # Tests of other files
 ELSEWHERE = {
     ("same bytes after resume", "sweep"): f"{_SWEEPS}a_run_that_was_cut_off_is_continued_to_the_same_bytes",
     ("guards", "sweep"): "tests/studies/test_far_sphere.py::test_a_guard_that_triggers_fails_its_run_alone",
-    (
-        "numbers under the right name",
-        "collision",
-    ): f"{_COLLISIONS}head_on_impacts_have_the_published_overlap_force_and_time",
-    ("error estimate", "collision"): f"{_COLLISIONS}the_error_of_the_step_is_of_second_order_and_told",
-    ("clear errors", "collision"): "tests/hard/test_bad_input.py::test_a_bad_collision_is_one_line_that_names_a_key",
 }
 # Reasons why a cell is empty
 NOT = {
     ("same bytes after resume", "kernel"): "the kernel writes no checkpoints, and `resume` refuses such a run by name",
-    ("same bytes after resume", "collision"): "a collision takes less than a second, and writes no checkpoints",
     ("error budget", "impact"): "one run of an impact says nothing of its error: `time.tolerance` does",
     ("error budget", "collision"): "`collide` prints the error of each number, from a run with twice the step",
-    ("tolerance", "collision"): "a collision has a number of steps, and its errors beside each number",
-    ("what was changed is refused", "collision"): "a collision has no `run.json`; its folder is read by people",
-    ("guards", "collision"): "the deck of a collision leaves no effect out",
 }
 
 
@@ -62,8 +51,8 @@ def written() -> str:
         number = notes.setdefault(f"`{said}`" if "::" in said else said, len(notes) + 1)
         return f"yes ({number})" if "::" in said else f"no ({number})"
 
-    head = f"| promise | {' | '.join(COLUMNS)} |\n|---|{'---|' * len(COLUMNS)}"
-    rows = [f"| {promise} | {' | '.join(cell(promise, path) for path in COLUMNS)} |" for promise in PROMISES]
+    head = f"| promise | {' | '.join(PATHS)} |\n|---|{'---|' * len(PATHS)}"
+    rows = [f"| {promise} | {' | '.join(cell(promise, path) for path in PATHS)} |" for promise in PROMISES]
     return "\n".join([head, *rows, "", *(f"{number}. {said}" for said, number in notes.items())]) + "\n"
 
 
