@@ -60,7 +60,7 @@ class Derived(Document):
     @cached_property
     def sphere(self) -> Sphere:
         """The spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
-        material = self.material.unloaded if self.start.touching else self.material
+        material = self.material.unloaded if self.bare and self.start.touching else self.material
         return at_rest(material, self.packing, self.effects, self.contact)
 
     @cached_property
