@@ -60,7 +60,7 @@ class Derived(Document):
     @cached_property
     def sphere(self) -> Sphere:
         """The spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
-        material = self.material.unloaded if self.bare and self.start.touching else self.material
+        material = self.material.unloaded if self.loose and self.start.touching else self.material
         return at_rest(material, self.packing, self.effects, self.contact)
 
     @cached_property
@@ -87,7 +87,8 @@ class Derived(Document):
     def loose(self) -> bool:
         """True if spheres just touch, or are a chain that is pressed together: they part without a pull, and fly."""
         pressed_sheet = self.packing.contact_force > 0 and self.lattice.sheet
-        return self.wave is None and not self.material.work_of_adhesion and not pressed_sheet
+        held = self.material.work_of_adhesion > 0 or pressed_sheet
+        return self.wave is None and (self.start.touching or not held)
 
     @property
     def units(self) -> AnyUnits:
