@@ -30,6 +30,7 @@ NEEDS_WAVE: dict[str, str] = {
     "time.allow_echo": "must be left out without [wave], where every echo belongs to the answer",
 }
 _AT_REST = "sphere.work_of_adhesion above 0, or packing.contact_force in a sheet"
+NEEDS_ADHESION = {"sphere.adhesion_law": "is of spheres that adhere; needs sphere.work_of_adhesion above 0, J/m2"}
 # Tables and keys that need spheres at rest under load, and why
 NEEDS_REST: dict[str, str] = {
     "source": f"has no unit of time where nothing is at rest; needs {_AT_REST}",
@@ -89,7 +90,9 @@ def is_loose(tables: Mapping[str, Any]) -> bool:
 
 def refuse_tables(tables: Mapping[str, Any], *, loose: bool) -> None:
     """Raise a SceneError for the first table or key that needs a wave, or in a scene of `loose` spheres one at rest."""
-    for key, why in (NEEDS_WAVE | (NEEDS_REST if loose else {})).items():
+    sphere = tables.get("sphere")
+    adheres = isinstance(sphere, Mapping) and sphere.get("work_of_adhesion")
+    for key, why in (NEEDS_WAVE | (NEEDS_REST if loose else {}) | ({} if adheres else NEEDS_ADHESION)).items():
         table, _, name = key.partition(".")
         inner = tables.get(table)
         if table in tables and (not name or isinstance(inner, Mapping) and name in inner):
