@@ -450,7 +450,7 @@ def test_a_collision_to_a_tolerance_has_the_force_of_hertz(tmp_path: Path) -> No
     [
         ({"effects.restitution": 0.5}, "effects.restitution = 0.5: must be 1 with sphere.work_of_adhesion above 0"),
         ({"packing.rows": 1, "start.state": [[0, 0, 0, 0, 0, 0.1, 0]]}, 'packing.first = "free": must be "wall"'),
-        ({"sphere.work_of_adhesion": 0.0, "sphere.adhesion_law": "dmt"}, "start.touching = true: needs sphere.work_of"),
+        ({"packing.contact_force": 1.0}, "start.touching = true: needs sphere.work_of"),
         ({"sphere.youngs_modulus": 3e4}, "radii beyond overlap 0; at most 0.1 is allowed, where the neighbour list"),
     ],
 )
