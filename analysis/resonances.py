@@ -93,7 +93,8 @@ def outlook(setting: Setting, crystal: Crystal) -> str:
     turns = "" if np.isnan(alone.drift) else f", which third order turns by {alone.drift:.2g} rad a period"
     slides = f" and slide below a friction of {alone.friction:.2g}" if alone.friction > SILENT else ""
     opens = _opens(a, alone.opening)
-    return f"{said}{opens}{slides}; the forced second harmonic is {alone.second:.2g} of the wave{turns}"
+    creeps = f"; slip winds up, and spheres creep by {alone.creep:.2g} of it a period" if alone.creep > SILENT else ""
+    return f"{said}{opens}{slides}; the forced second harmonic is {alone.second:.2g} of the wave{turns}{creeps}"
 
 
 def _opens(a: float, opening: float, above: str = "") -> str:

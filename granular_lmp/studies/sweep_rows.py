@@ -134,7 +134,7 @@ def _measured(record: Record | None) -> Point:
         return dict.fromkeys(names)
     scene, found = record.scene, second_harmonic(record)
     hertz = mode_of(scene).frequency / scene.sphere.time_scale / (2 * pi)
-    largest = [float(np.abs(values).max()) for values in record.signals.values()]
+    largest = [float(np.abs(values).max()) for values in (record.p, record.q, record.phi)]
     size = scene.displacement_amplitude
     harmonic = [None] * 3 if found is None else [found.amplitude, found.error, found.amplitude * size]
     return dict(zip(names, [hertz, *largest, *harmonic], strict=True))

@@ -1,10 +1,12 @@
 """Crystals of scenes in space: theory and package, which share no code, have the same modes and the same names."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from analysis import resonances as script
 from analysis.theory.scenes import Setting, named_branch, names_of
 from granular_lmp import Scene
 from granular_lmp.scene.linear import mode_of
@@ -83,3 +85,15 @@ def test_computed_stiffnesses_as_measured_ones_change_nothing() -> None:
     given |= {"substrate.normal_stiffness": law.stiffness[wall], "substrate.shear_stiffness": law.shear[wall]}
     same = Setting(declared.with_values({name: float(value) for name, value in given.items()})).mode()
     assert float(same.frequency) == pytest.approx(float(Setting(declared).mode().frequency), rel=1e-12)
+
+
+def test_the_command_names_branches_and_tells_of_creep(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = tmp_path / "layer.toml", tmp_path / "fcc.toml"
+    for file, name in zip(files, ("hexagonal layer", "fcc [001]"), strict=True):
+        file.write_text(scene(name).to_toml())
+        script.main([str(file), "-o", str(tmp_path / "figure.png")])
+    said = capsys.readouterr().out
+    assert "S1 -> S2" in said
+    assert "slip winds up, and spheres creep by" in said
+    (line,) = (line for line in said.splitlines() if "TR -> L" in line)
+    assert line.split()[:2] == ["resonance", "1.541596"]

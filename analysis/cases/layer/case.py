@@ -1,0 +1,113 @@
+"""Six branches of a layer on a substrate: theory, closed form, and waves in LAMMPS.
+
+    granular-analysis layer SWEEP [-o FILE]
+
+SWEEP is one over branches and wave numbers of a layer along y. The table has the frequency of each run beside the
+theory's, without what its time step adds to it.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from analysis.measure.runs import sweep
+from analysis.plotting import parser, save, start
+from analysis.theory.crystal import Crystal
+from analysis.theory.monolayer import Layer
+from analysis.theory.phase_matching import zone_edge
+from analysis.theory.scenes import Setting
+from granular_lmp.runs.record import Record
+
+Floats = NDArray[np.float64]
+MEGAHERTZ = 2e6 * np.pi
+AROUND = 0.02  # of a frequency: where it is looked for
+POINTS = 120
+
+
+def frequency(record: Record, near: float) -> float:
+    """Return the frequency of a run next to another one, rad/s, without what its time step adds.
+
+    Of the step h, velocity Verlet makes (2/h) arcsin(ωh/2) of ω.
+    """
+    scale, step = record.scene.sphere.time_scale, record.scene.time.step
+    moved = max((record.signals[name] for name in ("ux", "uy", "uz", "phix", "phiy", "phiz")), key=np.ptp)
+
+    def left(omega: float) -> float:
+        columns = np.stack([np.cos(omega * record.tau), np.sin(omega * record.tau)], axis=1)
+        return float(np.linalg.norm(moved - columns @ np.linalg.lstsq(columns, moved, rcond=None)[0]))
+
+    between = tuple(near * scale * (1 + side * AROUND) for side in (-1, 1))
+    found = minimize_scalar(left, bounds=between, method="bounded", options={"xatol": 1e-10}).x
+    return float(2 / step * np.sin(found * step / 2) / scale)
+
+
+def closed(crystal: Crystal) -> Layer:
+    """Return the closed form of a layer with one sphere a cell."""
+    bonds = crystal.bonds
+    pairs, law = bonds.second >= 0, bonds.law
+    stiffness = law.stiffness[pairs][0], law.shear[pairs][0], law.stiffness[~pairs][0], law.shear[~pairs][0]
+    return Layer(bonds.apart[pairs, :2], crystal.mass[0, 0], *map(float, stiffness))
+
+
+def table(records: Sequence[Record]) -> tuple[str, list[tuple[float, float]]]:
+    """Return the table, and wave number and frequency of each run, rad per row and MHz."""
+    lines, points, worst = [f"{'branch':>6}{'xi':>10}{'theory, MHz':>14}{'LAMMPS, MHz':>14}{'share':>11}"], [], 0.0
+    for record in records:
+        theory = float(Setting(record.scene).mode().frequency)
+        measured = frequency(record, theory)
+        points.append((record.scene.wavenumber, measured / MEGAHERTZ))
+        share = measured / theory - 1
+        worst = max(worst, abs(share))
+        name, xi = record.scene.wave.mode, record.scene.wavenumber
+        lines.append(f"{name:>6}{xi:10.5f}{theory / MEGAHERTZ:14.6f}{measured / MEGAHERTZ:14.6f}{share:11.1e}")
+    setting = Setting(records[0].scene)
+    crystal, vertical = setting.crystal(), closed(setting.crystal()).resonances()
+    k = np.array([setting.wavevector(xi) for xi in np.linspace(0.05, 3.1, 62)])
+    both = np.sort(np.concatenate(closed(crystal).frequencies(k), axis=-1), axis=-1)
+    apart = np.abs(both / crystal.modes(k).frequencies - 1).max()
+    at_rest = np.array([vertical.vertical, *vertical.rocking, vertical.torsion]) / MEGAHERTZ
+    lines.append(f"largest share of a run {worst:.1e}; of the closed form {apart:.2e}")
+    lines.append("at k = 0: vertical {:.2f} MHz, rocking {:.2f} and {:.2f}, torsion {:.2f}".format(*at_rest))
+    return "\n".join(lines), points
+
+
+def draw(setting: Setting, points: Sequence[tuple[float, float]]) -> Figure:
+    """Return the figure: branches in the colour of their motion, runs as circles."""
+    crystal, along = setting.crystal(), setting.wavevector(1.0)
+    edge = zone_edge(crystal, along) / setting.unit
+    numbers = edge * np.arange(1, POINTS + 1) / POINTS
+    modes = crystal.modes(np.array([setting.wavevector(xi) for xi in numbers]))
+    size = crystal.mass[0] * np.abs(modes.shapes[..., 0, :]) ** 2
+    shares = np.stack([size[..., 2], size[..., :2].sum(axis=-1), size[..., 3:].sum(axis=-1)], axis=-1)
+    shares = shares / shares.sum(axis=-1, keepdims=True)  # red: up and down, green: in the plane, blue: turning
+    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
+    axes = figure.subplots()
+    colours = np.clip(shares[..., [0, 1, 2]] * [0.9, 0.65, 0.9], 0, 1)
+    for branch in range(modes.frequencies.shape[1]):
+        axes.scatter(numbers, modes.frequencies[:, branch] / MEGAHERTZ, 9, colours[:, branch], linewidths=0)
+    axes.plot(*np.array(points).T, "o", color="black", markerfacecolor="none", markersize=7)
+    axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel="frequency (MHz)", xlim=(0, edge), ylim=(0, None))
+    axes.set_title("up and down red, in the plane green, turning blue; circles: LAMMPS", fontsize="medium")
+    return figure
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure; returns the exit status."""
+    options = parser(__doc__, "figures/layer.png")
+    options.add_argument("sweep", metavar="SWEEP", help="sweep over branches and wave numbers of a layer")
+    chosen = options.parse_args(arguments)
+    records = sweep(chosen.sweep)
+    try:
+        said, points = table(records)
+    except ValueError as error:
+        options.error(f"{chosen.sweep}: {error}")
+    print(said)
+    save(draw(Setting(records[0].scene), points), chosen.output)
+    return 0
+
+
+if __name__ == "__main__":
+    start(main)
