@@ -170,7 +170,7 @@ def test_a_missing_key_and_a_missing_table_are_named() -> None:
 
 def test_unreadable_files_are_named(tmp_path: Any) -> None:
     with pytest.raises(
-        SceneError, match="no such scene file; shipped scenes: corner_source, l_beam, l_chain, l_opening, "
+        SceneError, match="no such scene file; shipped scenes: corner_source, fcc_transverse, hcp_c_axis, l_beam, "
     ):
         Scene.load("nowhere")
     for impossible in ("a" * 300, "a\0b"):
