@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.chain_bands import cell_of
-from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.contacts import Contacts, find_contacts
 from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
 from granular_lmp.crystal.equilibrium import Equilibrium, Progress, relax
 from granular_lmp.crystal.lattices import CHAIN, HELD, PERIODIC, Shape, centre, packed
 from granular_lmp.crystal.potential import box_load
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.touching import contacts_of_neighbours, touching
+from granular_lmp.crystal.walls import on_wall
 from granular_lmp.errors import CrystalError
 from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.monitors import Monitor
@@ -60,6 +61,7 @@ class CrystalAtRest:
 
 
 _MOST_KEPT = 2
+_ON_FACE = 1e-6  # radii: spheres of a layer are at one height to rounding
 _KEPT: dict[tuple[Any, ...], CrystalAtRest] = {}
 
 
@@ -77,6 +79,8 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
         return _touching(scene)
     if scene.perfect:
         return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene))
+    if scene.space == 3:
+        return _of_equal_contacts(scene)
     packing = scene.packing
     key = scene.sphere, scene.shape, scene.disorder, scene.inclusion, packing.relax, packing.relax_friction
     if key not in _KEPT:
@@ -84,6 +88,21 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
         while len(_KEPT) > _MOST_KEPT:
             del _KEPT[next(iter(_KEPT))]
     return _KEPT[key]
+
+
+def _of_equal_contacts(scene: Scene) -> CrystalAtRest:
+    """Return a crystal in space whose spheres differ in density or are missing: it is at rest in the lattice."""
+    crystal, materials = _imperfect(scene.sphere, scene.shape, scene.disorder, scene.inclusion)
+    contacts, wall = find_contacts(crystal, materials, scene.sphere.contact_force), scene.wall
+    for height in wall.heights if wall else ():
+        outside = height * crystal.positions[:, 2]
+        spheres = np.flatnonzero(outside > outside.max() - _ON_FACE)
+        assert wall is not None
+        contacts = on_wall(contacts, wall, spheres, np.full(len(spheres), wall.overlap), height)
+    none = np.zeros((len(crystal), 3))
+    loose = int((contacts.per_sphere == 0).sum())
+    rest = Equilibrium(crystal, none, none[0], contacts, none[0, :2], 0.0, loose, 0, "at rest as it is")
+    return CrystalAtRest(crystal, materials, contacts, rest)
 
 
 def _touching(scene: Scene) -> CrystalAtRest:
@@ -130,10 +149,12 @@ def swiftness(scene: Scene) -> float:
     """Return a bound √(max k/k1 · m/min m) ≥ 1 of speeds and frequencies over those of the perfect lattice.
 
     No wave is faster than in a lattice whose contacts are all as stiff as the stiffest and whose spheres are all as
-    light as the lightest. Frequencies of the rotational branch are left out.
+    light as the lightest; contacts with a wall carry none. Frequencies of the rotational branch are left out.
     """
     sphere, contacts = scene.sphere, contacts_of(scene)
-    stiffest = contacts.normal_stiffness.max(initial=sphere.normal_stiffness) / sphere.normal_stiffness
+    stiffest = (
+        contacts.normal_stiffness[~contacts.on_wall].max(initial=sphere.normal_stiffness) / sphere.normal_stiffness
+    )
     return float(np.sqrt(stiffest * sphere.mass / contacts.mass.min(initial=sphere.mass)))
 
 

@@ -29,7 +29,7 @@ from granular_lmp.scene.sections import (
 )
 from granular_lmp.scene.shape import Room, decide, declared_shape
 from granular_lmp.scene.sources import Source, echo_at
-from granular_lmp.scene.space import lattice_of, measured, space_of, wall_of
+from granular_lmp.scene.space import lattice_of, measured, remarks_on_space, space_of, wall_of
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.strikers import Striker, scale_of, stretch
 from granular_lmp.units import AnyUnits, units_of
@@ -284,7 +284,7 @@ class Derived(Document):
         if self.wave.frequency is not None:
             found = wavenumbers_of(self.wave, self.sphere, self.physics, self.lattice, self.wall)
             said = remarks.on_frequency(self.wave, found) + said
-        return said + remarks.on_step(self.time)
+        return said + remarks_on_space(self.lattice, self.substrate, self.space) + remarks.on_step(self.time)
 
     @property
     def echo_time(self) -> float:

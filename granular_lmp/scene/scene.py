@@ -310,7 +310,8 @@ class Scene(HasCard, Derived):
             self.absorb,
             self.lattice,
             self.space,
-            perfect=self.perfect,
+            self.disorder,
+            self.inclusion,
         )
         wave, shape, _ = self.wave, self.shape, self.wall
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude if wave else 0.0)

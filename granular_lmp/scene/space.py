@@ -1,7 +1,9 @@
 """The third dimension of a scene: its lattice with orientation and layers, its walls, and measured stiffnesses."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
+from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattice import LATTICES, Lattice, orientations_of
 from granular_lmp.crystal.lattices import FREE, PERIODIC
 from granular_lmp.crystal.sphere import Sphere
@@ -10,6 +12,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.sections import Absorb, Contact, Effects, Packing, Substrate
 
+_AT_REST = "spheres that differ in their contacts come to rest in the plane only; density and vacancies may differ"
 _ROUNDS = 60  # of a scale that each round brings nearer by a third of its error at least
 
 
@@ -68,6 +71,13 @@ def space_of(packing: Packing, lattice: Lattice, substrate: Substrate | None) ->
     if packing.space == 2 and out_of_plane:
         raise SceneError(f"packing.space = 2: must be 3 or left out with {out_of_plane}, which leaves the plane")
     return int(packing.space) if packing.space != AUTO else 3 if out_of_plane else 2
+
+
+def remarks_on_space(lattice: Lattice, substrate: Substrate | None, space: int) -> list[str]:
+    """Return a sentence for a layer that nothing holds out of its plane."""
+    if space == 2 or lattice.solid or substrate:
+        return []
+    return ["nothing holds the layer along z: motions out of its plane have the frequency 0 where contacts only turn"]
 
 
 def measured(sphere: Sphere, contact: Contact) -> Sphere:
@@ -137,8 +147,8 @@ def check_space(
     absorb: Absorb,
     lattice: Lattice,
     space: int,
-    *,
-    perfect: bool,
+    disorder: Disorder,
+    inclusions: Sequence[Inclusion],
 ) -> None:
     """Check what is asked of a crystal in space."""
     if space == 2:
@@ -156,8 +166,15 @@ def check_space(
         raise SceneError(
             f"packing.contact_force = {packing.contact_force!r}: must be 0 in a film, on whose faces nothing presses"
         )
-    if not perfect:
+    if disorder.radius:
+        raise SceneError(f"disorder.radius = {disorder.radius!r}: must be 0 where packing.space is 3; {_AT_REST}")
+    for number, each in enumerate(inclusions, 1):
+        for key, value in (each.of_material | ({} if each.radius is None else {"radius": each.radius})).items():
+            raise SceneError(
+                f"inclusion {number}: {key} = {value!r}: must be left out where packing.space is 3; {_AT_REST}"
+            )
+    if packing.contact_force and (disorder.vacancies or any(each.vacancy for each in inclusions)):
         raise SceneError(
-            "disorder and inclusion: must be left out where packing.space is 3; only perfect crystals come to rest in "
-            "space"
+            f"packing.contact_force = {packing.contact_force!r}: must be 0 with vacancies where packing.space is 3, as "
+            "spheres would be pressed into them"
         )

@@ -65,7 +65,7 @@ def test_a_perfect_crystal_is_run_without_scipy(small_toml: Path, tmp_path: Path
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: corner_source, l_beam, "),
+        (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: corner_source, fcc_transverse, "),
         (["run", "solitary_chin"], "two_tones; impacts: breather, compressed_chain, dimer_chain, "),
         (["run", "tr_periodic", "--set", "wave.wavenumer=1"], "wavenumer: unknown key; did you mean 'wavenumber'?"),
         (["run", "tr_periodic", "--set", "wave.mode=S"], 'wave.mode = \'S\': must be one of "L", "TR", "RT"'),
