@@ -252,3 +252,66 @@ def _vertical(scene: Scene) -> str:
 def test_a_source_in_the_plane_that_leaves_it_is_refused() -> None:
     with pytest.raises(SceneError, match=r'force = "z": leaves the plane of the spheres; needs packing.space = 3'):
         PAPER.with_values({"wave.form": "none", "packing.rows": 21, "source": [{"rows": [10, 10], "force": "z"}]})
+
+
+CUBE: dict[str, Any] = {
+    "name": "cube",
+    "packing.lattice": "cubic",
+    "packing.rows": 6,
+    "packing.columns": 6,
+    "packing.layers": 6,
+    "packing.ends": "periodic",
+    "wave.form": "none",
+    "wave.amplitude": 1e-3,
+    "wave.wavenumber": 1.0471975511965976,
+    "time.duration": 8.0,
+    "time.timestep": 0.05,
+    "time.allow_echo": True,
+}
+
+
+def shaken(folder: Path, **what: str) -> Record:
+    return run(
+        PAPER.with_values(CUBE | {"source": [{"spheres": [[3, 3]], "frequency": 0.5, "ramp": 5.0} | what]}), folder
+    )
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ({"force": "y"}, {"force": "z"}),
+        ({"force": "torque"}, {"force": "torque_y"}),
+        ({"motion": "rotation"}, {"motion": "rotation_y"}),
+    ],
+)
+def test_sources_along_y_and_z_make_waves_that_a_mirror_exchanges(
+    one: dict[str, str], other: dict[str, str], tmp_path: Path
+) -> None:
+    """The recorded sphere of a simple cubic crystal is a row and a layer from the source: the mirror keeps it."""
+    first, second = (shaken(tmp_path / name, **what) for name, what in (("one", one), ("other", other)))
+    pairs = {"uy": "uz", "phiy": "phiz", "uz": "uy", "phiz": "phiy", "ux": "ux", "phix": "phix"}
+    largest = max(float(np.abs(first.signals[name]).max()) for name in pairs)
+    assert largest > 1e-3
+    for name, there in pairs.items():
+        same = np.abs(np.abs(first.signals[name]) - np.abs(second.signals[there])).max()
+        assert same < 3e-3 * largest, name  # the second order in the amplitude
+
+
+def test_a_source_in_space_is_continued_to_the_same_bytes(tmp_path: Path) -> None:
+    sources = [
+        {"spheres": [[3, 3]], "frequency": 0.5, "ramp": 5.0, "force": "torque_x"},
+        {"spheres": [[1, 1]], "frequency": 0.5, "ramp": 5.0, "motion": "rotation_y"},
+        {"spheres": [[1, 3]], "frequency": 0.5, "ramp": 5.0, "motion": "z"},
+    ]
+    scene = PAPER.with_values(CUBE | {"source": sources, "output.checkpoint": 1e-4, "time.duration": 40.0})
+    run(scene, tmp_path / "whole")
+
+    def stop(step: int, steps: int) -> None:
+        if steps / 3 < step < steps:
+            raise KeyboardInterrupt
+
+    with pytest.raises(RunInterrupted):
+        run(scene, tmp_path / "stopped", progress=stop)
+    resume(tmp_path / "stopped")
+    for name in ("trajectory.csv", DUMP):
+        assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "stopped" / name).read_bytes(), name
