@@ -31,10 +31,15 @@ def wave(problem: Prepared) -> list[str]:
 def measured(problem: Prepared) -> list[str]:
     """Return the lines of the largest torque at all looks."""
     stiffness = problem.units.number(problem.scene.sphere.shear_stiffness, mass=1, time=-2)
+    if problem.scene.space == 2:
+        columns, inputs, largest = "tqz", "c_torques", "look(c_turn)"
+    else:
+        columns, inputs = "tqx tqy tqz", "c_torques[1] c_torques[2] c_torques[3]"
+        largest = f"sqrt({'+'.join(f'look(c_turn[{axis}])^2' for axis in (1, 2, 3))})"
     return [
-        "compute      torques all property/atom tqz",
-        "compute      turn inside reduce maxabs c_torques",
-        f"variable     torque_looks vector look(c_turn)/(v_R*{stiffness!r}*v_D0)  # in R g1 D0",
+        f"compute      torques all property/atom {columns}",
+        f"compute      turn inside reduce maxabs {inputs}",
+        f"variable     torque_looks vector {largest}/(v_R*{stiffness!r}*v_D0)  # in R g1 D0",
     ]
 
 

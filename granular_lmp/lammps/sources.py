@@ -154,6 +154,7 @@ def driven_row(problem: Problem) -> list[str]:
     wave = problem.scene.wave
     if wave is None or wave.form != "driven":
         return []
+    along_z = "NULL" if problem.scene.space == 2 else "v_rest"  # with NULL spheres would move along z by their forces
     return [
         "# --- drive: from rest, the first row is moved by D0 r cos(Omega tau - phase) along the d_u of its spheres, "
         "r = 0 to 1.",
@@ -166,7 +167,9 @@ def driven_row(problem: Problem) -> list[str]:
         "variable     swing_y atom v_swing*d_uy",
         "variable     speed_x atom v_speed*d_ux",
         "variable     speed_y atom v_speed*d_uy",
-        "fix          drive driven move variable v_swing_x v_swing_y NULL v_speed_x v_speed_y NULL units box",
+        *(["variable     rest   equal 0.0"] if along_z != "NULL" else []),
+        f"fix          drive driven move variable v_swing_x v_swing_y {along_z} v_speed_x v_speed_y {along_z} "
+        "units box",
     ]
 
 

@@ -14,7 +14,7 @@ from functools import lru_cache
 from math import pi
 
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.modes import Mode, Physics, bloch_mode, highest_frequency, restored
+from granular_lmp.crystal.modes import Mode, Physics, bloch_mode, highest_frequency, named_in_space, restored
 from granular_lmp.crystal.quiet_ends import (
     MOST_ROWS,
     QuietEnd,
@@ -88,16 +88,25 @@ def _waves_at(scene: Scene, frequency: float) -> list[Mode]:
     lattice, physics = unit_contacts(scene), physics_of(scene)
     return [
         bloch_mode(lattice, scene.sphere, scene.lattice.vector(max(xi, _LEAST)), name, physics)
-        for name in restored(lattice, physics)
+        for name in _names(scene)
         for xi in _numbers_at(scene, frequency, name)
     ]
+
+
+def _names(scene: Scene) -> tuple[str, ...]:
+    """Return the names of all waves along y; in space those of mirrors, as branches by number meet there."""
+    lattice, physics = unit_contacts(scene), physics_of(scene)
+    if not physics.space:
+        return restored(lattice, physics)
+    named = named_in_space(lattice, scene.sphere, scene.lattice.vector(1.0), physics)
+    return tuple(name for name in named if name[0] in "SH") or restored(lattice, physics)
 
 
 def _numbers_at(scene: Scene, frequency: float, name: str) -> tuple[float, ...]:
     """Return the wave numbers along y of a mode at a frequency in rad/t0, none outside its band."""
     sphere, hertz = scene.sphere, frequency / scene.sphere.time_scale / (2 * pi)
     try:
-        return wavenumbers_at(hertz, sphere, physics_of(scene), name, 90.0, scene.lattice)
+        return wavenumbers_at(hertz, sphere, physics_of(scene), name, 90.0, scene.lattice, scene.wall)
     except SceneError:
         return ()
 
@@ -126,6 +135,11 @@ def quiet_end_of(scene: Scene) -> QuietEnd | None:
     absorb, shape = scene.absorb, scene.shape
     if absorb.rows == 0:
         return None
+    if scene.wall or len(unit_contacts(scene).mass) > 1:
+        raise SceneError(
+            f"absorb.rows = {absorb.rows!r}: must be 0 on a [substrate] and in a lattice of several spheres a cell, "
+            "where it is not known what quiet ends reflect"
+        )
     try:
         if absorb.rows == AUTO:
             end = _enough(scene)

@@ -12,7 +12,7 @@ from math import hypot, pi, ulp
 from typing import Any
 
 from granular_lmp.crystal.lattices import HEXAGONAL, Lattice, unit_lattice
-from granular_lmp.crystal.modes import Physics, bloch_mode, modes_at
+from granular_lmp.crystal.modes import Physics, bloch_mode, modes_at, named_in_space
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
@@ -96,6 +96,9 @@ def hertz_of(
 ) -> float:
     """Return the frequency of a mode in hertz; arguments as of `wavenumbers_at`."""
     lattice = unit_lattice(sphere, kind, wall)
+    named = named_in_space(lattice, sphere, vector, physics) if physics.space else {}  # one may be 0 at Γ
+    if mode in named:
+        return named[mode][0] / (2 * pi * sphere.time_scale)
     several = kind.column_period > 1 or physics.space
     branches = modes_at(lattice, sphere, vector, physics) if several else []  # one may be 0 at Γ
     found = [each for each in branches if each.name == mode] or [bloch_mode(lattice, sphere, vector, mode, physics)]

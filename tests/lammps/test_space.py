@@ -297,6 +297,15 @@ def test_sources_along_y_and_z_make_waves_that_a_mirror_exchanges(
         assert same < 3e-3 * largest, name  # the second order in the amplitude
 
 
+def test_quiet_ends_are_of_crystals_whose_reflection_is_known() -> None:
+    source = {"rows": [20, 20], "force": "y", "frequency": 0.4}
+    held = {"packing.rows": 41, "packing.ends": "fixed", "wave.form": "none", "source": [source], "absorb.rows": "auto"}
+    with pytest.raises(SceneError, match=r"absorb.rows = 'auto': must be 0 on a \[substrate\]"):
+        prepare(layer().with_values(held))
+    fcc = PAPER.with_values(held | {"packing.lattice": "fcc", "packing.rows": 81, "time.duration": 10.0})
+    assert "vz v_kept_z omega v_kept_turnx v_kept_turny v_kept_turnz" in build(fcc).input_text
+
+
 def test_a_source_in_space_is_continued_to_the_same_bytes(tmp_path: Path) -> None:
     sources = [
         {"spheres": [[3, 3]], "frequency": 0.5, "ramp": 5.0, "force": "torque_x"},
