@@ -104,7 +104,7 @@ def table(found: Harmonic) -> str:
     said = summary(found)
     lines = [
         f"{said['name']}: {said['mode']} at xi = {said['wavenumber']:.5g}, {said['direction']:.5g} degrees, "
-        f"a = {said['amplitude']:g}; second harmonic by {said['by']}, in D0",
+        f"a = {said['amplitude']:g}; second harmonic by {found.way}, in D0",
         f"{'':8}{f'rms to tau = {found.tau[-1]:g}':>22}{'error':>10}{'at the end':>14}{'error':>10}",
     ]
     for number, way in enumerate(WAYS):

@@ -8,7 +8,8 @@ made to second order moves the spheres with e^{2iθ}. The coherent part of that 
 with C along k and across in D0. The scattered part has other wave vectors. What disorder scatters to 2k in first order
 turns with e^{iθ}: several phases part the two, and one run cannot. There are four ways:
 
-* **theory**, perfect crystals and layers: the second order of `analysis.theory.scenes`;
+* **theory**, perfect crystals and layers: the second order of `analysis.theory.scenes`. It has no ends: between held
+  rows it is what the middle does, until the waves of the ends arrive, while the other ways fit the whole crystal;
 * **cell**, any spheres at rest without dashpots: the second order of `analysis.theory.cell`, from the first snapshot of
   a run. It takes no time step, and is the faster one of this and the next, at every size;
 * **network**, also with dashpots: it is integrated from the first snapshot with `PHASES` phases, at the amplitude a of
@@ -75,6 +76,12 @@ class Harmonic:
     tau: Floats
     amplitudes: Complexes
     errors: Floats
+
+    @property
+    def way(self) -> str:
+        """Return how it was found, in words."""
+        endless = self.by == "theory" and self.scene.shape.ends != "periodic"
+        return "theory, of a crystal without ends" if endless else self.by
 
     @property
     def strength(self) -> Floats:

@@ -69,6 +69,19 @@ def test_the_error_of_theory_is_one_to_ten_times_the_next_order_for_long(mode: s
     assert np.sqrt(np.mean(error**2)) < 10 * np.sqrt(np.mean(fourth**2))
 
 
+def test_theory_has_no_ends_and_the_command_says_so(tmp_path: Path) -> None:
+    held = Scene.load("tr_periodic").with_values(
+        SHORT | {"packing.ends": "fixed", "packing.rows": 33, "time.allow_echo": True, "wave.amplitude": 0.02}
+    )
+    (tmp_path / "held.toml").write_text(held.to_toml())
+    theory, cell = (harmonic([str(tmp_path / "held.toml")], way) for way in ("theory", "cell"))
+    assert "second harmonic by theory, of a crystal without ends, in D0" in table(theory)
+    assert "second harmonic by cell, in D0" in table(cell)
+    assert "without ends" not in table(by_theory(scene_of("hexagonal"), [1.0]))
+    apart = np.abs(theory.amplitudes - cell.amplitudes).max()
+    assert apart > 10 * max(theory.errors.max(), cell.errors.max())  # what the ends change is no error of either
+
+
 def test_another_density_and_another_start_are_seen(tmp_path: Path) -> None:
     record = run(scene_of("layers"), tmp_path / "run")
     network = by_network(record)
