@@ -198,7 +198,7 @@ def _walls(scene: Scene, network: Network) -> Iterator[Wall]:
 
 def _substrates(record: Record, network: Network, scales: Scales) -> Iterator[Wall]:
     """Yield the half-spaces under and above the spheres of a run."""
-    declared = getattr(record.scene, "substrate", None)
+    declared = record.scene.substrate
     if declared is None:
         return
     material, planes = scales.material(declared), _PLANE.findall(deck_of(record))
@@ -217,12 +217,12 @@ def _factors(record: Record, network: Network, scales: Scales) -> tuple[float, f
     """Return the factors of the contacts of spheres, by the measured stiffnesses of two of the declared ones."""
     load = record.scene.packing.contact_force * scales.second**2 / (scales.kilogram * scales.metre)
     ends = (network.materials[0],) * 2, (scales.radius,) * 2
-    return scaled(*ends, network.adhesion, load, _stiffnesses(getattr(record.scene, "contact", None), scales))
+    return scaled(*ends, network.adhesion, load, _stiffnesses(record.scene.contact, scales))
 
 
 def _stiffnesses(declared: Any, scales: Scales) -> tuple[float | None, float | None]:
     """Return the measured stiffnesses of a contact in units of the deck."""
-    both = (declared.normal_stiffness, declared.shear_stiffness) if declared else (None, None)
+    both = declared.normal_stiffness, declared.shear_stiffness
     normal, shear = (None if each is None else each * scales.second**2 / scales.kilogram for each in both)
     return normal, shear
 

@@ -174,7 +174,9 @@ def _centre_of(folder: Path) -> Path:
 
 def _materials(record: Record, scales: Scales) -> list[Material]:
     """Return the materials of a run: that of its sphere, then each that an inclusion adds, in units of its deck."""
-    sphere, names = record.scene.sphere, ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
+    sphere, names = record.scene.material, ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
+    if record.scene.effects.adhesion is False:
+        sphere = replace(sphere, work_of_adhesion=0.0)
     kinds = [
         tuple(getattr(sphere if getattr(each, name) is None else each, name) for name in names)
         for each in (sphere, *record.scene.inclusion)

@@ -34,7 +34,17 @@ RUNNING, STANDING, DRIVEN, AT_REST = (said("wave.form", form) for form in ("runn
 STRUCK = {"striker", "start.state", "start.noise", "start.seed"}
 # Beside the hexagonal lattice of the theories; in cells of several spheres the mode is the number of a branch
 LATTICES = {said("packing.lattice", name) for name in ("square", "chain", "honeycomb")}
-BRANCHES = {said("wave.mode", str(number)) for number in range(1, 7)}
+_MATERIAL = ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
+MOST_BRANCHES = 600  # a film of 100 layers
+BRANCHES = {said("wave.mode", str(number)) for number in range(1, MOST_BRANCHES + 1)}
+# In space: lattices, what is declared of the third dimension, and branches that a mirror parts
+IN_SPACE = (
+    {said("packing.lattice", name) for name in ("cubic", "fcc", "hcp")}
+    | {f"packing.{name}" for name in ("space", "layers", "depth", "orientation")}
+    | {f"substrate.{name}" for name in (*_MATERIAL, "normal_stiffness", "shear_stiffness", "sides")}
+    | {"contact.normal_stiffness", "contact.shear_stiffness"}
+    | {said("wave.mode", f"{family}{number}") for family in "SH" for number in range(1, MOST_BRANCHES + 1)}
+)
 SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))
 QUIET = {"absorb.rows", "absorb.reflection", "effects.quiet_ends"}  # rows at the ends that absorb the wave
 HELD = {said("packing.ends", "fixed"), "effects.walls"}  # rows that the centre does not hear, or a note says so
@@ -45,7 +55,6 @@ _MODES = {said("wave.mode", mode) for mode in ("L", "TR", "RT")}
 _SHEET = _CONTACTS | _MODES | {said("packing.ends", "periodic"), SECANT}
 _LATTICE = _SHEET | HELD | {COMPRESSED, NO_SHEAR, NO_ROTATION}
 _ALONG_Y = _LATTICE | {RUNNING}
-_MATERIAL = ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
 _IMPERFECT = {f"disorder.{name}" for name in ("radius", "density", "vacancies")} | {
     f"inclusion.{name}"
     for name in (
@@ -68,6 +77,7 @@ HOLDS: dict[str, frozenset[str]] = {
     | QUIET
     | {"source"}
     | FACES
+    | IN_SPACE
     | _IMPERFECT,
     # Rows of other densities in a pattern that repeats; `analysis.theory.scenes` refuses what is no pattern
     CRYSTAL: _ALONG_Y

@@ -141,7 +141,8 @@ def wave_of(record: Record) -> Wave:
     scene, contact = record.scene, contact_of(record)
     name: ModeName = scene.wave.mode  # type: ignore[assignment]  # checked by the scene
     # A branch of several spheres a cell, which no theory of a plane wave holds, is known by its number alone
-    named: ModeName = "L" if catalogue.said("wave.mode", name) in catalogue.BRANCHES else name
+    other = catalogue.said("wave.mode", name) in catalogue.BRANCHES | catalogue.IN_SPACE
+    named: ModeName = "L" if other else name
     linear = replace(mode(named, scene.wavenumber, direction_of(record), contact), name=name)
     return Wave(linear, scene.wave.amplitude, contact, scene.wave.phase, others_of(record))
 

@@ -1,0 +1,77 @@
+"""Scenes in space beside the network that starts from their first snapshot: layers on a substrate, fcc, hcp, films."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.compare import compare, table
+from analysis.measure.outside import Wall
+from analysis.measure.signals import IN_SPACE, recorded
+from analysis.measure.snapshot import first_snapshot
+from granular_lmp import Record, Scene, run
+
+TAU = {"time.duration": 10.0, "output.particles": 5.0}
+MEASURED = {
+    "contact.normal_stiffness": 300.0,
+    "contact.shear_stiffness": 200.0,
+    "substrate.normal_stiffness": 900.0,
+    "substrate.shear_stiffness": 500.0,
+}
+PUSH = {"rows": [14, 14], "frequency": 1.0}
+CASES: dict[str, tuple[str, dict[str, Any]]] = {
+    "vertical": ("monolayer_vertical", {}),
+    "rocking": ("monolayer_rocking", {}),
+    "measured stiffnesses": ("monolayer_rocking", MEASURED),
+    "soft substrate": ("monolayer_rocking", {"substrate.youngs_modulus": 3e9, "substrate.poisson_ratio": 0.4}),
+    "square between two, JKR": (
+        "monolayer_rocking",
+        {"packing.lattice": "square", "sphere.adhesion_law": "jkr", "substrate.sides": "both", "wave.mode": "2"},
+    ),
+    "chain on a substrate": ("monolayer_rocking", {"packing.lattice": "chain", "packing.columns": 1, "wave.mode": "3"}),
+    "honeycomb": ("monolayer_rocking", {"packing.lattice": "honeycomb", "packing.columns": 4, "wave.mode": "4"}),
+    "oblique": ("monolayer_rocking", {"wave.direction": 50.0, "wave.mode": "3", "wave.wavenumber": 0.4}),
+    "standing": ("monolayer_rocking", {"wave.form": "standing"}),
+    "dashpots": ("monolayer_rocking", {"effects.viscosity": 1e-7}),
+    "a push along z": ("monolayer_rocking", {"source": [PUSH | {"force": "z", "amplitude": 0.3}]}),
+    "a torque about x": ("monolayer_rocking", {"source": [PUSH | {"force": "torque_x", "amplitude": 0.01}]}),
+    "a sheet without a substrate": ("tr_periodic", {"packing.space": 3}),
+    "fcc, incremental": ("fcc_transverse", {"effects.shear_law": "incremental"}),
+    "hcp": ("hcp_c_axis", {}),
+    "film": ("multilayer", {}),
+}
+
+
+def record_of(name: str, folder: Path, **values: Any) -> Record:
+    shipped, changes = CASES[name]
+    return run(Scene.load(shipped).with_values(TAU | changes | values), folder / "run")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_scene_in_space_moves_as_its_network(name: str, tmp_path: Path) -> None:
+    record = record_of(name, tmp_path, **{"time.tolerance": 1e-5})
+    found = compare(record)
+    assert found.theory == "network"
+    assert found.signals is not None
+    seen = recorded(record)
+    for signal, values in zip(IN_SPACE, found.signals, strict=True):
+        # The step is extrapolated; what is left is below a tenth of the tolerance, 1e-8 as a rule
+        np.testing.assert_allclose(seen[signal], values, rtol=0, atol=1e-6)
+    assert max(np.abs(values).max() for values in found.signals) > 0.5
+    assert all(name in table([found]) for name in IN_SPACE)
+
+
+def test_another_substrate_is_seen(tmp_path: Path) -> None:
+    record = record_of("measured stiffnesses", tmp_path)
+    first = first_snapshot(record)
+    assert [type(wall) for wall in first.network.walls] == [Wall]
+    pressing, shearing = first.network.walls[0].factors
+    assert pressing != pytest.approx(1.0, abs=0.01)
+    assert shearing != pytest.approx(1.0, abs=0.01)
+    right = compare(record).error["uz"]
+    other = Record.load(record.folder).with_signals(uz=record.signals["uz"] * 1.001)  # type: ignore[arg-type]
+    wrong = compare(other).error["uz"]
+    assert right is not None
+    assert wrong is not None
+    assert wrong > 5 * right
