@@ -153,10 +153,10 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
     return Comparison(
         folder=None if record.folder is None else str(record.folder),
         name=record.scene.name,
-        mode=wave.mode.name if wave else None,
-        wavenumber=wave.mode.wavenumber if wave else None,
-        direction=wave.mode.direction if wave else None,
-        amplitude=wave.amplitude if wave else None,
+        mode=record.scene.wave.mode if record.scene.wave else None,
+        wavenumber=record.scene.wavenumber if record.scene.wave else None,
+        direction=record.scene.direction if record.scene.wave else None,
+        amplitude=record.scene.wave.amplitude if record.scene.wave else None,
         theory=reference.name,
         error={} if reference.signals is None else errors(record, reference.signals),
         predicted=predicted_amplitude(wave) if wave else None,
@@ -325,10 +325,10 @@ def figure(record: Record, comparison: Comparison) -> "Figure":
         difference.plot(record.tau, run - theory, color="tab:grey", linewidth=0.8)
         difference.set_ylabel("difference", fontsize="x-small")
     result.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncols=2, frameon=False)
-    panels[-1].set_xlabel(r"time $\tau$" if c.wave else "time $t/t_0$")
+    panels[-1].set_xlabel(r"time $\tau$" if c.mode else "time $t/t_0$")
     panels[-1].margins(x=0)
     heading = "" if along_y else rf" at {c.direction:g}$^\circ$"
-    of_wave = rf": {c.mode}{heading}, $\xi$ = {c.wavenumber:.5g}, $D_0$ = {c.amplitude:g} $\Delta_0$" if c.wave else ""
+    of_wave = rf": {c.mode}{heading}, $\xi$ = {c.wavenumber:.5g}, $D_0$ = {c.amplitude:g} $\Delta_0$" if c.mode else ""
     result.suptitle(c.name + of_wave)
     return result
 

@@ -40,7 +40,7 @@ def test_a_shipped_scene_is_judged(folder: Path, tmp_path: Path) -> None:
     assert all((found.error.get(name) or 0.0) < BOUND for name in heard), found.error
     # The table and the figure have a place for each
     assert (found.theory or "-") in compare.table([found])
-    assert len(compare.figure(found.record, found).axes) == 6
+    assert len(compare.figure(found.record, found).axes) == 2 * len(compare.names_of(found))
 
 
 def test_there_are_scenes_of_every_kind() -> None:
