@@ -175,7 +175,7 @@ def fields(
     moved = course.polynomials(cell.matrix, start)
     forces, _ = _forces(cell, course, moved)
     pushed = np.ascontiguousarray(forces.real.T) * cell.inverse_mass.T.ravel()
-    return course.motion(moved, times)[0], course.answers(cell.matrix, pushed)
+    return course.motion(moved, times)[0], course.driven(cell.matrix, pushed)
 
 
 def _forces(cell: Cell, course: "Course", moved: NDArray[Any]) -> tuple[Complexes, Reached]:
@@ -266,19 +266,19 @@ class Course:
 
     def answer(self, moments: Complexes) -> Complexes:
         """Return P·Y (T, R) from P·T_n M⁻¹ of the forces at the points, (R, K, S)."""
-        driven = np.asarray(dct(moments, type=3, axis=1)) / len(self.rates)
+        heard = np.asarray(dct(moments, type=3, axis=1)) / len(self.rates)
         turned = np.exp(1j * np.outer(self.actual, self.points))
-        onward, backward = self.integral(driven * turned.conj()), self.integral(driven * turned)
+        onward, backward = self.integral(heard * turned.conj()), self.integral(heard * turned)
         answers = np.sum((turned * onward - turned.conj() * backward) * (-0.5j * self.gain[:, None]), axis=1)
         return np.asarray(chebval(1 - 2 * self.times / self.whole, self._expanded(answers).T).T)
 
-    def answers(self, matrix: csr_array, pushed: Floats) -> Floats:
+    def driven(self, matrix: csr_array, pushed: Floats) -> Floats:
         """Return ∫₀ᵗ sin(√A(t−s))/√A P(s) ds (T, 3N) at the times, from P (S, 3N) at the points."""
         at_once = max(_LAGS // (len(self.rates) * len(self.points)), 1)
         parts = np.split(self.times, range(at_once, len(self.times), at_once))
-        return np.concatenate([self._answers(matrix, pushed, times) for times in parts])
+        return np.concatenate([self._driven(matrix, pushed, times) for times in parts])
 
-    def _answers(self, matrix: csr_array, pushed: Floats, times: Floats) -> Floats:
+    def _driven(self, matrix: csr_array, pushed: Floats, times: Floats) -> Floats:
         since = (times[:, None] - self.points)[..., None] * self.actual
         weights = self._coefficients((np.sin(since) * self.gain).reshape(-1, len(self.rates)))
         weights = weights.reshape(len(times), len(self.points), -1) * self._quadrature(times)[..., None]
