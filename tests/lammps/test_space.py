@@ -240,6 +240,22 @@ def test_a_sphere_that_leaves_the_substrate_is_seen(tmp_path: Path) -> None:
     assert parted["guards"]["open_contacts"]["value"] > 0
 
 
+@pytest.mark.parametrize(("friction", "slides"), [(0.1, False), (0.02, True)])
+def test_what_a_rocking_layer_rubs_on_its_substrate_is_foreseen_and_measured(
+    friction: float, slides: bool, tmp_path: Path
+) -> None:
+    """In a long rocking wave spheres hardly move against each other, and shear their contacts with the wall."""
+    rocking = layer(packing__rows=32, wave__mode="S1", wave__wavenumber=0.19634954084936207, wave__amplitude=0.1)
+    scene = rocking.with_values({"effects.friction": friction, "time.timestep": 0.05})
+    sliding = next(each for each in prepare(scene).effects if each.name == "sliding")
+    found = run(scene, tmp_path / "run").info["guards"]["largest_slip"]["value"]
+    assert sliding.on == slides
+    if slides:
+        assert found > 1 - 1e-9
+    else:
+        assert found == pytest.approx(sliding.number, rel=0.03)  # the second order in the amplitude
+
+
 def _vertical(scene: Scene) -> str:
     """The number of the branch that moves most along z."""
     modes = {str(n): prepare(scene.with_values({"wave.mode": str(n)})).mode.shape()[0] for n in range(1, 7)}
