@@ -21,6 +21,7 @@ DOORS = {
     "fit": "keys of a scene from measured frequencies, harmonics and arrivals, with 95 % intervals",
     "harmonic": "the coherent second harmonic of any scene or run, perfect or not, with its error",
     "resonances": "all resonances and antiresonances of second order of a scene's crystal",
+    "saw": "surface waves of an elastic substrate that couple to the contact resonances of a layer",
 }
 SCRIPTS = DOORS | {case.name: case.says for case in map(Case.load, names()) if case.figure}
 

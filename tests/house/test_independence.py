@@ -139,9 +139,10 @@ ANALYSIS_MAY_IMPORT: dict[str, set[str]] = {
     "fit": {"theory", "measure", "plotting"},
     "harmonic": {"measure", "plotting"},
     "resonances": {"theory", "plotting"},
+    "saw": {"theory", "plotting"},
     "cases": {"second_harmonic", "theory", "measure", "plotting"},
     "case": {"plotting", "cases"},
-    "cli": {"plotting", "compare", "design", "fit", "harmonic", "resonances", "cases", "case"},
+    "cli": {"plotting", "compare", "design", "fit", "harmonic", "resonances", "saw", "cases", "case"},
 }
 
 

@@ -71,6 +71,7 @@ PAGES_OF_PYTHON = [
     "docs/gallery.md",
     "docs/network.md",
     "docs/imperfect.md",
+    "docs/layers.md",
     "docs/impacts.md",
     "docs/compressed-chains.md",
     "docs/strongly-nonlinear.md",

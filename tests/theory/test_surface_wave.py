@@ -1,9 +1,13 @@
 """A layer of spheres on an elastic half-space, beside the limits that are known in closed form."""
 
+import csv
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from analysis import saw
 from analysis.theory.crystal import Crystal, Wall
 from analysis.theory.lattices import LATTICES
 from analysis.theory.network import Material
@@ -143,3 +147,46 @@ def test_a_film_that_has_no_wall_is_refused() -> None:
     alone = Crystal.of(APART * lattice.vectors, [[0.0, 0.0, 0.0]], R, DENSITY, [SILICA], true_geometry=False)
     with pytest.raises(ValueError, match="on one wall below"):
         Coupled(alone, GLASS)
+
+
+# --- the command ------------------------------------------------------------------------------------------------------
+
+
+def test_the_command_prints_resonances_and_writes_all_waves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    saw.main(["monolayer_vertical", "-o", str(tmp_path / "saw.png")])
+    said = capsys.readouterr().out
+    assert "surface 3410.8 m/s" in said
+    (vertical,) = (line for line in said.splitlines() if "vertical 1.00" in line and "k = 0" in line)
+    # The formula of a large quality factor says 11.0: ρ c_l/(N m ω0) with one sphere on √¾ square micrometres
+    assert float(vertical.split("Q")[1].split(",")[0]) == pytest.approx(11.0, abs=0.2)
+    rows = list(csv.DictReader((tmp_path / "saw.csv").open(encoding="utf-8")))
+    assert {row["kind"] for row in rows} == {"guided", "leaking"}
+    guided = [row for row in rows if row["kind"] == "guided"]
+    assert all(float(row["attenuation"]) == 0 for row in guided)
+    for row in guided:  # none is faster than a transverse wave
+        assert float(row["frequency_Hz"]) * float(row["wavelength"]) < 3765.8
+    assert (tmp_path / "saw.png").stat().st_size > 1e4
+
+
+def test_another_density_of_the_substrate_changes_the_leak(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for density in ("2200", "4400"):
+        saw.main(["monolayer_vertical", "--density", density, "--limit", "0.05", "-o", str(tmp_path / "saw.png")])
+    lines = [line for line in capsys.readouterr().out.splitlines() if "vertical 1.00" in line and "k = 0" in line]
+    light, heavy = (float(line.split("Q")[1].split(",")[0]) for line in lines)
+    # Q goes with ρ c_l, c_l with 1/√ρ
+    assert heavy / light == pytest.approx(np.sqrt(2), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [(["tr_periodic"], "substrate"), (["nowhere"], "nowhere")],
+)
+def test_a_scene_without_a_substrate_is_refused(arguments: list[str], words: str) -> None:
+    with pytest.raises(SystemExit, match=words):
+        saw.main(arguments)
+
+
+def test_an_impossible_density_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        saw.main(["monolayer_vertical", "--density", "-1"])
+    assert "--density -1.0: must be positive and finite" in capsys.readouterr().err
