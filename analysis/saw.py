@@ -31,7 +31,7 @@ from analysis.theory.surface_wave import Coupled, HalfSpace
 from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]
-POINTS = 160
+POINTS = 120
 BEYOND = 2.5  # of the wave number at which the surface wave meets the vertical resonance: what is drawn
 STILL = 1e-6  # of the vertical resonance: a frequency below is that of spheres that nothing holds
 SLOWEST = 1e-3  # of the first wave number: where leaking waves begin

@@ -159,7 +159,7 @@ def test_the_command_prints_resonances_and_writes_all_waves(tmp_path: Path, caps
     (vertical,) = (line for line in said.splitlines() if "vertical 1.00" in line and "k = 0" in line)
     # The formula of a large quality factor says 11.0: ρ c_l/(N m ω0) with one sphere on √¾ square micrometres
     assert float(vertical.split("Q")[1].split(",")[0]) == pytest.approx(11.0, abs=0.2)
-    rows = list(csv.DictReader((tmp_path / "saw.csv").open(encoding="utf-8")))
+    rows = list(csv.DictReader((tmp_path / "saw.csv").read_text("utf-8").splitlines()))
     assert {row["kind"] for row in rows} == {"guided", "leaking"}
     guided = [row for row in rows if row["kind"] == "guided"]
     assert all(float(row["attenuation"]) == 0 for row in guided)
