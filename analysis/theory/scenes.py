@@ -72,6 +72,13 @@ class Elastic(NamedTuple):
     work_of_adhesion: Any
 
 
+def declared(key: str, value: Any) -> str:
+    """Return a key and its value as a scene file says it: "time.duration = 3.0", "2 tables [[source]]"."""
+    if isinstance(value, tuple) and value and not isinstance(value[0], int | float | str | tuple):
+        return f"{len(value)} table{'s' * (len(value) > 1)} [[{key}]]"
+    return f"{key} = {value!r}"
+
+
 def need_wave(scene: Scene) -> None:
     """Raise ValueError for a scene of strikers or a state alone."""
     if scene.wave is None:
@@ -99,7 +106,7 @@ class Setting:
         """Raise ValueError for a scene that declares something else, by its keys; what is switched off is nothing."""
         departs = {key for key, value in self.scene.departures().items() if value is not False}
         if other := sorted(departs - allowed):
-            values = ", ".join(f"{key} = {self.scene.departures()[key]!r}" for key in other)
+            values = ", ".join(declared(key, self.scene.departures()[key]) for key in other)
             raise ValueError(f"the theory of a crystal leaves out {values}")
 
     def number(self, key: str) -> Any:

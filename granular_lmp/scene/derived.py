@@ -274,7 +274,10 @@ class Derived(Document):
     @property
     def words(self) -> str:
         """Return the scene in words, for titles: its wave, or size and strikers."""
-        return words.of_strikes(self) if self.wave is None else self.wave_words
+        if self.wave is not None:
+            return self.wave_words
+        held = words.held_by(self.sphere, self.disorder.radius if self.loose and self.lattice.sheet else 0.0)
+        return words.of_strikes(self.shape, held, self.striker, self.start, self.source)
 
     def remarks(self) -> list[str]:
         """Return a sentence for each change that made the scene fit."""

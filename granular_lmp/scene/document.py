@@ -210,6 +210,7 @@ class Document:
         SceneError
             If a key is unknown or a value is not allowed.
         """
+        self._refuse_part(changes)
         tables = self.given()
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
@@ -221,6 +222,16 @@ class Document:
                     inner.pop(other.rpartition(".")[2], None)
             inner[name] = value
         return self.from_dict(tables)
+
+    def _refuse_part(self, changes: Mapping[str, Any]) -> None:
+        """Raise SceneError if changes of a bare document make a part of the section that it lacks."""
+        own = [key for key in changes if self.bare and key.partition(".")[0] == self.lacking]
+        if not own:
+            return
+        replaced = {other for key in own for other in self.exclusive.get(key, ())}
+        needed = (f"{self.lacking}.{each.name}" for each in declared_keys(self.sections[self.lacking]) if each.required)
+        if absent := [key for key in needed if key not in (*own, *replaced)]:
+            raise SceneError(f"{own[0]}: the scene has no [{self.lacking}]; {', '.join(absent)} must be given with it")
 
     def replace(self, **tables: Any) -> Self:
         """Return a copy with other tables, each a record, or a sequence of records: ``scene.replace(striker=())``.

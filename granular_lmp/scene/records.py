@@ -120,6 +120,11 @@ class DeclaredKey:
     rule: Rule
     default: Any
 
+    @property
+    def required(self) -> bool:
+        """True if it must be given."""
+        return self.default is MISSING
+
 
 def declared_keys(kind: type, rules: Rules | None = None, *, bare: bool = False) -> list[DeclaredKey]:
     """Return the keys of a record that a scene file holds; `bare` is true for a scene without ``[wave]``."""

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL
 from granular_lmp.crystal.scale import DEEPEST
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.declared import Declared
+from granular_lmp.scene.derived import Derived
 from granular_lmp.scene.places import place_troubles
 from granular_lmp.scene.strikers import leads, striker_troubles
 from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
@@ -56,24 +56,24 @@ class Refusal:
     """
 
     because: Because
-    says: Callable[[Declared], str]
+    says: Callable[[Derived], str]
     loose: bool = True
 
 
 REFUSALS: list[Refusal] = []
 
 
-def _line(because: Because, *, loose: bool = True) -> Callable[[Callable[[Declared], str]], Callable[[Declared], str]]:
+def _line(because: Because, *, loose: bool = True) -> Callable[[Callable[[Derived], str]], Callable[[Derived], str]]:
     """Return what joins a function to the list."""
 
-    def joined(says: Callable[[Declared], str]) -> Callable[[Declared], str]:
+    def joined(says: Callable[[Derived], str]) -> Callable[[Derived], str]:
         REFUSALS.append(Refusal(because, says, loose))
         return says
 
     return joined
 
 
-def refuse(scene: Declared, lines: Iterable[Refusal] = REFUSALS) -> None:
+def refuse(scene: Derived, lines: Iterable[Refusal] = REFUSALS) -> None:
     """Raise a SceneError for the first line that refuses a scene without a wave."""
     for line in lines:
         if (scene.loose or not line.loose) and (sentence := line.says(scene)):
@@ -99,7 +99,7 @@ def refuse_tables(tables: Mapping[str, Any], *, loose: bool) -> None:
             raise SceneError(f"{key}: {why}")
 
 
-def require_wave(scene: Declared) -> None:
+def require_wave(scene: Derived) -> None:
     """Raise a SceneError if a scene without ``[wave]`` is given to what needs one."""
     if scene.bare:
         raise SceneError(
@@ -109,14 +109,14 @@ def require_wave(scene: Declared) -> None:
 
 
 @_line("physics", loose=False)
-def nothing_moves(scene: Declared) -> str:
+def nothing_moves(scene: Derived) -> str:
     if scene.striker or scene.start.moves or scene.source:
         return ""
     return "striker: missing; an impact has a table [[striker]], or a [start] in which a sphere moves"
 
 
 @_line("not built", loose=False)
-def wall_of_a_crystal_at_rest(scene: Declared) -> str:
+def wall_of_a_crystal_at_rest(scene: Derived) -> str:
     if scene.loose:
         return ""
     found = (name for name in ("first", "last", "sides") if getattr(scene.packing, name) == WALL)
@@ -126,19 +126,19 @@ def wall_of_a_crystal_at_rest(scene: Declared) -> str:
 
 
 @_line("not built")
-def held_sides(scene: Declared) -> str:
+def held_sides(scene: Derived) -> str:
     if scene.packing.sides != HELD:
         return ""
     return f'packing.sides = "held": must be "free", "periodic" or "wall"; held sides need {_AT_REST}'
 
 
 @_line("physics", loose=False)
-def striker_is_nowhere(scene: Declared) -> str:
+def striker_is_nowhere(scene: Derived) -> str:
     return next(striker_troubles(scene.striker, scene.shape), "")
 
 
 @_line("physics")
-def touching_without_adhesion(scene: Declared) -> str:
+def touching_without_adhesion(scene: Derived) -> str:
     if not scene.start.touching or scene.material.work_of_adhesion and not scene.packing.contact_force:
         return ""
     return (
@@ -148,7 +148,7 @@ def touching_without_adhesion(scene: Declared) -> str:
 
 
 @_line("physics")
-def restitution_of_adhesion(scene: Declared) -> str:
+def restitution_of_adhesion(scene: Derived) -> str:
     restitution = scene.effects.restitution
     if restitution == 1 or not scene.material.work_of_adhesion:
         return ""
@@ -159,7 +159,7 @@ def restitution_of_adhesion(scene: Declared) -> str:
 
 
 @_line("physics")
-def adhesion_beyond_the_list(scene: Declared) -> str:
+def adhesion_beyond_the_list(scene: Derived) -> str:
     reach = scene.material.pull_off_distance / scene.material.radius
     if reach <= SKIN:
         return ""
@@ -170,14 +170,14 @@ def adhesion_beyond_the_list(scene: Declared) -> str:
 
 
 @_line("physics")
-def friction_in_a_chain(scene: Declared) -> str:
+def friction_in_a_chain(scene: Derived) -> str:
     if scene.lattice != CHAIN or not scene.effects.friction:
         return ""
     return f"effects.friction = {scene.effects.friction!r}: must be 0 in a chain, where nothing is sheared"
 
 
 @_line("not built")
-def inclusion_that_adheres(scene: Declared) -> str:
+def inclusion_that_adheres(scene: Derived) -> str:
     if scene.start.touching:
         return ""
     found = (
@@ -189,7 +189,7 @@ def inclusion_that_adheres(scene: Declared) -> str:
 
 
 @_line("not built")
-def another_radius_in_a_sheet(scene: Declared) -> str:
+def another_radius_in_a_sheet(scene: Derived) -> str:
     found = (
         f"inclusion {number}: radius = {each.radius!r}: must be that of all spheres in a sheet, whose contacts would "
         "open or be pressed together; density and moduli may differ"
@@ -200,7 +200,7 @@ def another_radius_in_a_sheet(scene: Declared) -> str:
 
 
 @_line("physics")
-def spheres_of_other_sizes(scene: Declared) -> str:
+def spheres_of_other_sizes(scene: Derived) -> str:
     radius = scene.sphere.radius
     found = (
         f"inclusion {number}: radius = {each.radius!r}: must be from {1 / LARGEST_RATIO:g} to {LARGEST_RATIO:g} times "
@@ -212,7 +212,7 @@ def spheres_of_other_sizes(scene: Declared) -> str:
 
 
 @_line("physics")
-def vacancy_in_a_chain(scene: Declared) -> str:
+def vacancy_in_a_chain(scene: Derived) -> str:
     if scene.lattice != CHAIN:
         return ""
     for number, each in enumerate(scene.inclusion, 1):
@@ -223,7 +223,7 @@ def vacancy_in_a_chain(scene: Declared) -> str:
 
 
 @_line("not built")
-def gaps_too_wide(scene: Declared) -> str:
+def gaps_too_wide(scene: Derived) -> str:
     spread = scene.disorder.radius
     if scene.lattice == CHAIN or spread <= LOOSEST:
         return ""
@@ -235,7 +235,7 @@ def gaps_too_wide(scene: Declared) -> str:
 
 
 @_line("physics")
-def chain_with_sides(scene: Declared) -> str:
+def chain_with_sides(scene: Derived) -> str:
     packing = scene.packing
     if scene.lattice != CHAIN or packing.columns == 1 and packing.sides == FREE:
         return ""
@@ -245,7 +245,7 @@ def chain_with_sides(scene: Declared) -> str:
 
 
 @_line("physics")
-def restitution_of_pressed_spheres(scene: Declared) -> str:
+def restitution_of_pressed_spheres(scene: Derived) -> str:
     if not scene.packing.contact_force or scene.effects.restitution == 1:
         return ""
     return (
@@ -255,7 +255,7 @@ def restitution_of_pressed_spheres(scene: Declared) -> str:
 
 
 @_line("physics")
-def sphere_that_meets_nothing(scene: Declared) -> str:
+def sphere_that_meets_nothing(scene: Derived) -> str:
     packing = scene.packing
     if scene.shape.spheres > 1 or WALL in (packing.first, packing.last):
         return ""
@@ -266,7 +266,7 @@ def sphere_that_meets_nothing(scene: Declared) -> str:
 
 
 @_line("physics")
-def too_few_columns(scene: Declared) -> str:
+def too_few_columns(scene: Derived) -> str:
     columns, fewest = scene.shape.columns, scene.lattice.fewest_columns
     if scene.packing.sides != PERIODIC or columns >= fewest:
         return ""
@@ -277,7 +277,7 @@ def too_few_columns(scene: Declared) -> str:
 
 
 @_line("physics", loose=False)
-def too_many_spheres(scene: Declared) -> str:
+def too_many_spheres(scene: Derived) -> str:
     shape = scene.shape
     if shape.spheres <= MOST_SPHERES:
         return ""
@@ -288,7 +288,7 @@ def too_many_spheres(scene: Declared) -> str:
 
 
 @_line("physics", loose=False)
-def places_outside(scene: Declared) -> str:
+def places_outside(scene: Derived) -> str:
     places = {} if scene.output.everyone else {"output": (scene.output.rows, scene.output.spheres)}
     places |= {"start.state": ((), scene.start.places)} if scene.start.state else {}
     troubles = (
@@ -299,14 +299,14 @@ def places_outside(scene: Declared) -> str:
     return next(troubles, "")
 
 
-def _fastest(scene: Declared) -> str:
+def _fastest(scene: Derived) -> str:
     """Return where the scene says which sphere is the fastest at the beginning, and its velocity."""
     strikes = leads(scene.striker, scene.start, scene.sphere.radius)
     begins = "start.state" if scene.start.state else "start.noise"
     return f"{'striker' if strikes else begins}: velocity = {scene.scale.velocity:.6g}"
 
 
-def _closing(scene: Declared) -> float:
+def _closing(scene: Derived) -> float:
     """Return the velocity with which spheres may meet over that of the fastest; of two bodies it is along y."""
     if scene.shape.spheres > 2 or scene.start.noise:
         return 1.0
@@ -317,7 +317,7 @@ def _closing(scene: Declared) -> float:
 
 
 @_line("physics")
-def too_deep(scene: Declared) -> str:
+def too_deep(scene: Derived) -> str:
     rest, length = max(scene.sphere.static_overlap, scene.material.unpressed_overlap), scene.scale.length
     meets = DEEPEST * length * _closing(scene) ** 0.8
     deepest = (rest + meets) / (2 * scene.sphere.radius)  # the force of both is that of one at most
@@ -333,7 +333,7 @@ def too_deep(scene: Declared) -> str:
 
 
 @_line("physics")
-def lost_in_rounding(scene: Declared) -> str:
+def lost_in_rounding(scene: Derived) -> str:
     shape, farthest = scene.shape, scene.start.farthest
     rounding = EPSILON / 2 * (max(shape.rows, shape.columns) * scene.sphere.radius + farthest)
     rate = sqrt(1.5 * sqrt(scene.sphere.static_overlap / scene.scale.length))  # of spheres at rest, 1/t0
@@ -348,7 +348,7 @@ def lost_in_rounding(scene: Declared) -> str:
 
 
 @_line("physics", loose=False)
-def no_sample_in_the_run(scene: Declared) -> str:
+def no_sample_in_the_run(scene: Derived) -> str:
     time = scene.time
     if time.sample <= time.duration:
         return ""

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import CHAIN
-from granular_lmp.scene.declared import Declared
+from granular_lmp.crystal.lattices import CHAIN, Shape
+from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.scene.sections import Wave
 from granular_lmp.scene.sources import Source
 from granular_lmp.scene.start import Start
@@ -42,26 +42,28 @@ def across(wave: Wave | None, sources: Sequence[Source], start: Start) -> str:
     return next(iter(words), "")
 
 
-def of_strikes(scene: Declared) -> str:
-    """Return size and start of a scene without a wave: "a chain of 60 spheres that just touch, struck at 1 m/s"."""
-    packing, shape = scene.packing, scene.shape
+def of_strikes(shape: Shape, held: str, strikers: Sequence[Striker], start: Start, sources: Sequence[Source]) -> str:
+    """Return size and start of a scene without a wave: "a chain of 60 spheres that just touch, struck at 1 m/s".
+
+    `held` is what `held_by` returns.
+    """
     size = (
         f"a chain of {shape.rows} spheres"
-        if scene.lattice == CHAIN
-        else f"a {packing.lattice} sheet of {shape.rows} rows x {shape.columns} columns"
+        if shape.lattice == CHAIN
+        else f"a {shape.lattice.name} sheet of {shape.rows} rows x {shape.columns} columns"
     )
-    struck = [f"struck at {fastest_striker(scene.striker):.6g} m/s"] if scene.striker else []
-    begins = ["which begins in a given state"] if scene.start.state else []
-    begins += [f"with random velocities of up to {scene.start.noise:.6g} m/s"] if scene.start.noise else []
-    count = len(scene.source)
+    struck = [f"struck at {fastest_striker(strikers):.6g} m/s"] if strikers else []
+    begins = ["which begins in a given state"] if start.state else []
+    begins += [f"with random velocities of up to {start.noise:.6g} m/s"] if start.noise else []
+    count = len(sources)
     shaken = [f"shaken by {count} source{'s' * (count > 1)}"] if count else []
-    return ", ".join([f"{size} {_rest(scene)}", *struck, *begins, *shaken])
+    return ", ".join([f"{size} {held}", *struck, *begins, *shaken])
 
 
-def _rest(scene: Declared) -> str:
-    """Return what holds the spheres of a scene without a wave together: "that adhere", "that just touch"."""
-    if scene.loose and scene.lattice != CHAIN and scene.disorder.radius:
-        return f"with gaps (disorder.radius = {scene.disorder.radius:g})"
-    pressed = [f"pressed together by {scene.packing.contact_force:.6g} N"] if scene.packing.contact_force else []
-    adhere = ["that adhere"] if scene.sphere.work_of_adhesion else []
+def held_by(sphere: Sphere, gaps: float) -> str:
+    """Return what holds spheres together in words: "that adhere", "that just touch"; `gaps` is their disorder."""
+    if gaps:
+        return f"with gaps (disorder.radius = {gaps:g})"
+    pressed = [f"pressed together by {sphere.contact_force:.6g} N"] if sphere.contact_force else []
+    adhere = ["that adhere"] if sphere.work_of_adhesion else []
     return " and ".join([*adhere, *pressed]) or "that just touch"

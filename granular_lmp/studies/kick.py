@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from granular_lmp.accuracy.tolerance import run
+from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.crystal.lattices import HEXAGONAL, lattice_constant, unit_lattice
 from granular_lmp.crystal.modes import highest_frequency
-from granular_lmp.errors import EffectError, RunInterrupted, SceneError
-from granular_lmp.lammps.outputs import CHECKPOINTS, writable
+from granular_lmp.errors import EffectError, SceneError
+from granular_lmp.lammps.outputs import SCENE, STATUS, writable
 from granular_lmp.problem import prepare
-from granular_lmp.runs.record import Record
+from granular_lmp.runs.record import Record, read_status
 from granular_lmp.scene.scene import Scene
 
 SHEET_RECORD = "sheet.npz"
@@ -56,6 +56,8 @@ def kicked(scene: Scene, seed: int = 0) -> Scene:
 def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool = False) -> Path:
     """Kick the sheet of a scene, run it, and return the path of ``sheet.npz``.
 
+    A run of the same sheet that was stopped is continued, and one that is finished is read.
+
     Parameters
     ----------
     scene : Scene
@@ -81,28 +83,45 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
         If the lattice is not hexagonal, the scene has fixed ends, monitors or a tolerance, its columns are not a
         multiple of 3, spheres do not turn, or its records are too few or too far apart.
     RunFolderError
-        If the folder exists (without `force`).
+        If the folder holds anything else (without `force`), or the sheet of a run that is finished.
     EffectError
         If contacts slid or opened because the velocities were too large.
-    RunInterrupted
-        If the run was stopped; a kicked sheet is not continued.
-    LammpsMissingError, LammpsError
+    LammpsMissingError, LammpsError, RunInterrupted
         As in `granular_lmp.run`.
     """
     _refuse_unfit(scene)
-    try:
-        record = run(kicked(scene, seed), folder, force=force)
-    except RunInterrupted as error:
-        for stray in CHECKPOINTS:  # from which `resume` would continue the run, and not write the sheet
-            (Path(folder) / stray).unlink(missing_ok=True)
-        raise RunInterrupted(f"{Path(folder).resolve()}: interrupted; run it again with force=True") from error
+    sheet, folder = kicked(scene, seed), Path(folder)
+    if not force and _has_begun(sheet, folder):
+        record = Record.load(folder) if read_status(folder)["status"] == "finished" else resume(folder)
+    else:
+        record = run(sheet, folder, force=force)
+    return write_sheet(record)
+
+
+def _has_begun(sheet: Scene, folder: Path) -> bool:
+    """Return whether a folder holds a run of a sheet, and not yet what `write_sheet` writes."""
+    declared = folder / SCENE
+    if (folder / SHEET_RECORD).exists() or not ((folder / STATUS).is_file() and declared.is_file()):
+        return False
+    return declared.read_text(encoding="utf-8") == prepare(sheet).scene.to_toml()
+
+
+def write_sheet(record: Record) -> Path:
+    """Write ``sheet.npz`` beside the record of a kicked sheet, whose run may have been continued; return its path.
+
+    Raises
+    ------
+    EffectError
+        If contacts slid or opened because the velocities were too large.
+    """
+    folder = record.folder
     for guard, what in _LINEAR.items():
         if not record.info["guards"].get(guard, {}).get("quiet", True):
             raise EffectError(f"{folder}: {what}; the kick is too hard, take a smaller wave.amplitude")
-    assert record.folder is not None
-    with writable(record.folder):
-        _save(record.folder / SHEET_RECORD, record)
-    return record.folder / SHEET_RECORD
+    assert folder is not None
+    with writable(folder):
+        _save(folder / SHEET_RECORD, record)
+    return folder / SHEET_RECORD
 
 
 def _refuse_unfit(scene: Scene) -> None:

@@ -9,9 +9,10 @@ import pytest
 from analysis.cases.dispersion import case as dispersion_figure
 from analysis.measure import dispersion
 from analysis.theory.contact import Contact
-from granular_lmp import Scene, load, prepare, run
+from granular_lmp import Scene, load, prepare, resume, run
 from granular_lmp.cli import main
-from granular_lmp.errors import EffectError, SceneError
+from granular_lmp.errors import EffectError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.studies.kick import kicked, run_kicked
 from tests.polarisations import modes
 
@@ -127,6 +128,25 @@ def test_a_kicked_sheet_is_a_run(tmp_path: Path) -> None:
         first = run(Scene.load(tmp_path / "run"), tmp_path / "again").snapshots()[-1]
         assert np.array_equal(sheet["velocity"][-1], np.column_stack([first.velocity, first.spin]))
     assert load(path.parent).scene.start.seed == 3
+
+
+@pytest.mark.parametrize("by", ["kick", "resume"])
+def test_a_kick_that_was_stopped_is_continued(by: str, tmp_path: Path, fast_looks: None) -> None:
+    often = SMALL.with_values({"time.duration": 300.0, "output.checkpoint": SMALL.shape.spheres * 200 / SPEED / 60})
+
+    def stop(step: int, steps: int) -> None:
+        if steps / 3 < step < steps:
+            raise KeyboardInterrupt
+
+    with pytest.raises(RunInterrupted):
+        run(kicked(often, 3), tmp_path / "cut", progress=stop)
+    if by == "resume":
+        resume(tmp_path / "cut")
+    cut, whole = (run_kicked(often, tmp_path / name, 3) for name in ("cut", "whole"))
+    with np.load(cut) as found, np.load(whole) as expected:
+        assert np.array_equal(found["velocity"], expected["velocity"])
+    with pytest.raises(RunFolderError, match="is there already"):
+        run_kicked(often, tmp_path / "cut", 3)
 
 
 def test_spheres_that_do_not_turn_are_refused() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from analysis import compare
+from analysis.theory.scenes import CRYSTAL_KEYS, Setting
 from granular_lmp import Record, Scene, export, load, resume, run
 from granular_lmp.errors import ReadoutError, RunInterrupted, SceneError
 from granular_lmp.lammps.checkpoints import SPEED
@@ -206,6 +207,22 @@ def test_a_scene_reads_back_as_it_was_written() -> None:
 def test_what_a_crystal_at_rest_cannot_be_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=re.escape(message)):
         BASE.with_values(changes)
+
+
+def test_a_value_of_a_wave_alone_is_refused_where_there_is_none() -> None:
+    for scene in (BASE, Scene.load("solitary_chain")):
+        with pytest.raises(
+            SceneError, match=r"^wave\.amplitude: the scene has no \[wave\]; wave\.mode, wave\.wavenumber must"
+        ):
+            scene.with_values({"wave.amplitude": 0.1})
+    wave = {"wave.mode": "TR", "wave.amplitude": 0.1, "wave.frequency": 2e8, "time.allow_echo": True}
+    assert BASE.with_values(wave | {"striker.1.spheres": [[5, 4]]}).wave.mode == "TR"
+
+
+def test_a_theory_says_what_it_leaves_out_as_a_file_has_it() -> None:
+    struck = Setting(Scene.load("struck_sheet"))
+    with pytest.raises(ValueError, match=r"leaves out disorder\.density = 0\.1, .*, 1 table \[\[striker\]\]$"):
+        struck.refuse(CRYSTAL_KEYS)
 
 
 def test_what_needs_a_wave_says_so() -> None:
