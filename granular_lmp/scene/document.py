@@ -1,6 +1,6 @@
 """A declared document, a scene or a collision: a name and sections of keys, read from TOML and written back."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -168,7 +168,7 @@ class Document:
         tables = (plain(each, self.rules.get(key), bare=bare) for each in getattr(self, key))
         return [{name: value for name, value in table.items() if value != default[name]} for table in tables]
 
-    def keys_of(self, section: str) -> list[DeclaredKey]:
+    def keys_of(self, section: str) -> Sequence[DeclaredKey]:
         """Return the keys of a section, with their defaults in this document."""
         return declared_keys(self.sections[section], self.rules.get(section), bare=self.bare_in(section))
 

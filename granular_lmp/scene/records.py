@@ -3,7 +3,7 @@
 A record that a script makes remembers which values it was given, since a default may depend on the scene.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields
 from functools import cache
 from typing import Any, Self
@@ -126,11 +126,21 @@ class DeclaredKey:
         return self.default is MISSING
 
 
-def declared_keys(kind: type, rules: Rules | None = None, *, bare: bool = False) -> list[DeclaredKey]:
+def declared_keys(kind: type, rules: Rules | None = None, *, bare: bool = False) -> Sequence[DeclaredKey]:
     """Return the keys of a record that a scene file holds; `bare` is true for a scene without ``[wave]``."""
-    known = ((item, (rules or {}).get(item.name) or item.metadata.get("rule")) for item in _fields(kind))
+    return _own_keys(kind, bare) if rules is None else _keys(kind, rules, bare)
+
+
+def _keys(kind: type, rules: Rules, bare: bool) -> tuple[DeclaredKey, ...]:
+    known = ((item, rules.get(item.name) or item.metadata.get("rule")) for item in _fields(kind))
     found = (_declared(item, rule, bare) for item, rule in known if rule is not None)
-    return [key for key in found if key is not None]
+    return tuple(key for key in found if key is not None)
+
+
+@cache
+def _own_keys(kind: type, bare: bool) -> tuple[DeclaredKey, ...]:
+    """Return the keys of a record whose fields carry their rules; a scene asks for them dozens of times."""
+    return _keys(kind, {}, bare)
 
 
 def _declared(item: "Field[Any]", rule: Rule, bare: bool) -> DeclaredKey | None:
