@@ -13,7 +13,8 @@ Breaks where much happens at once in a large network: the adhesive force jumps w
 jump costs all spheres some thirty evaluations. 1e4 spheres of unequal radii (3e-4) that are let go out of equilibrium
 take 1 ms per sphere and t0. A contact that opens and closes again within a step keeps its slip. Where a contact
 closes the force is not smooth, and the error estimate misses up to 1e5 times rtol of one impact. Sliding is resolved to
-second order in the step, which the error estimate does not see: with friction, halve `longest_step` and compare.
+second order in the step, in space beside dashpots to first, which the error estimate does not see: with friction, halve
+`longest_step` and compare.
 """
 
 from dataclasses import dataclass, replace
