@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _STRONG = 0.99  # correlation that is told
+_FAR = 5.0  # residual that is told
 _LINES = 200  # wave numbers of a branch in the figure
 
 
@@ -77,6 +78,12 @@ def _verdict(fitted: Fitted) -> list[str]:
         said = [f"chi2 = {found.chi_squared:.4g} a degree of freedom, of {found.freedom}"]
     else:
         said = ["as many keys as points: the points do not judge the model"]
+    worst = int(np.argmax(np.abs(found.residuals)))
+    if abs(found.residuals[worst]) > _FAR:
+        said.append(
+            f"line {fitted.fit.points[worst].line} is {abs(found.residuals[worst]):.0f} standard deviations off: "
+            "another branch, another model, or a start too far away"
+        )
     for group in found.blind:
         keys = ", ".join(group)
         said.append(f"the data do not depend on {keys}" if len(group) == 1 else f"the data cannot tell apart: {keys}")

@@ -8,7 +8,7 @@ the theory of second order, arrivals and front speeds of an impact in a chain th
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from analysis.measure.front import crest
 from analysis.measure.points import Point
 from analysis.measure.strikes import Sites, densities
-from analysis.theory.bloch import branch_among, frame
+from analysis.theory.bloch import branch_among, frame, in_plane
 from analysis.theory.chain import Chain, spheres
 from analysis.theory.chain_motion import integrate
-from analysis.theory.crystal import Modes
+from analysis.theory.crystal import PLANE, Crystal, Modes
 from analysis.theory.estimation import Estimate, Loss, Parameter, estimate
-from analysis.theory.scenes import Setting
-from granular_lmp.runs.record import Scene
+from analysis.theory.scenes import Setting, named_branch
+from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]
 # Tables and keys of an impact that the chain holds, or that change nothing of its motion
@@ -38,6 +38,7 @@ IMPACT_KEYS = {"name", "description", "inclusion", "striker", "monitor", "output
 _SAMPLES = 400  # of the time to the last arrival: ten to a crest at a tenth of the rows
 _LATER = 1.3  # a front that is slower by this factor still arrives
 _RTOL = 1e-8
+_NEXT_TO_0 = 1e-3  # rad per row: frequencies there are those at 0 to 1e-6, and branches of one frequency part
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,15 +109,22 @@ class Fit:
         Raises ValueError for a scene or a point that no theory here holds, GranularError for values that leave it.
         """
         errors = [each.error for each in self.points if each.error is not None]
-        values = [each.value for each in self.points]
-        return estimate(self.parameters, self.predicted, values, errors or None, self.loss)
+        self.predicted(np.array([each.start for each in self.parameters]))  # its refusals are the answer
+        return estimate(self.parameters, self._tried, [each.value for each in self.points], errors or None, self.loss)
+
+    def _tried(self, values: Floats) -> Floats:
+        """Return what the points would be, nan for values that a scene may not have."""
+        try:
+            return self.predicted(values)
+        except (GranularError, ValueError):
+            return np.full(len(self.points), np.nan)
 
     def branches(self, values: Floats) -> list[str]:
         """Return the branch of each point, counted from 1; "" for one that is no frequency."""
         chosen = [each for each in self.points if each.kind == "frequency"]
         if not chosen:
             return [""] * len(self.points)
-        numbers = iter(_branches(*_modes(self.at(values), chosen), chosen).tolist())
+        numbers = iter(_branches(_modes(self.at(values), chosen), chosen).tolist())
         return [str(next(numbers) + 1) if each.kind == "frequency" else "" for each in self.points]
 
 
@@ -125,40 +133,52 @@ def _wavenumbers(setting: Setting, points: Sequence[Point]) -> Floats:
     return np.array([each.wavenumber * (setting.unit if each.unit == "rad/row" else 1.0) for each in points])
 
 
-def _modes(scene: Scene, points: Sequence[Point]) -> tuple[Modes, Floats]:
-    """Return the modes of the crystal at the wave vectors of points, and these, (N, 2) in 1/m."""
+class _Found(NamedTuple):
+    """The crystal of a scene, the wave vectors of points (N, 2) in 1/m, and its modes there."""
+
+    crystal: Crystal
+    wavevectors: Floats
+    modes: Modes
+
+
+def _modes(scene: Scene, points: Sequence[Point]) -> _Found:
+    """Return the modes of the crystal of a scene at points; at k = 0 those next to it, which still have names."""
     setting = Setting(scene)
     directions = [scene.direction if each.direction is None else each.direction for each in points]
-    k = _wavenumbers(setting, points)[:, None] * np.array([frame(each)[0] for each in directions])
-    return setting.crystal().modes(k), k
+    lengths = np.maximum(_wavenumbers(setting, points), _NEXT_TO_0 * setting.unit)
+    k = lengths[:, None] * np.array([frame(each)[0] for each in directions])
+    crystal = setting.crystal()
+    return _Found(crystal, k, crystal.modes(k))
 
 
-def _branches(modes: Modes, k: Floats, points: Sequence[Point]) -> NDArray[np.intp]:
+def _branches(found: _Found, points: Sequence[Point]) -> NDArray[np.intp]:
     """Return which branch each point is, (N,): by name, by number, or the nearest."""
-    hertz = modes.frequencies / (2 * np.pi)
-    found = np.argmin(np.abs(hertz - np.array([each.value for each in points])[:, None]), axis=1)
-    count, spheres_of_cell = hertz.shape[1], modes.shapes.shape[-2]
-    numbers = [str(branch + 1) for branch in range(count)]
+    hertz = found.modes.frequencies / (2 * np.pi)
+    chosen = np.argmin(np.abs(hertz - np.array([each.value for each in points])[:, None]), axis=1)
+    numbers = [str(branch + 1) for branch in range(hertz.shape[1])]
     for n, each in enumerate(points):
         if each.branch in numbers:
-            found[n] = numbers.index(each.branch)
-        elif each.branch and spheres_of_cell == 1 and count <= 3:
+            chosen[n] = numbers.index(each.branch)
+        elif each.branch:
             try:
-                found[n] = branch_among(each.branch, modes.shapes[n, :, 0, [0, 1, 5]].T, k[n])
+                chosen[n] = _named(found, n, each.branch)
             except ValueError as error:
                 raise ValueError(f"line {each.line}: branch: {error}") from error
-        elif each.branch:
-            raise ValueError(
-                f"line {each.line}: branch = {each.branch!r}: must be a number from 1 to {count}, or empty"
-            )
-    return found
+    return chosen
+
+
+def _named(found: _Found, number: int, name: str) -> int:
+    """Return the branch of a name at the wave vector of a point."""
+    if len(found.crystal) == 1 and found.crystal.freedoms in (PLANE, PLANE[:2]):  # of the modes that are there
+        return int(branch_among(name, in_plane(found.modes.shapes[number]), found.wavevectors[number]))
+    return named_branch(found.crystal, found.wavevectors[number], name)
 
 
 def _frequencies(scene: Scene, points: Sequence[Point]) -> Floats:
     """Return the frequencies of waves, Hz."""
-    modes, k = _modes(scene, points)
-    chosen = _branches(modes, k, points)
-    return np.take_along_axis(modes.frequencies, chosen[:, None], axis=1)[:, 0] / (2 * np.pi)
+    found = _modes(scene, points)
+    chosen = _branches(found, points)
+    return np.take_along_axis(found.modes.frequencies, chosen[:, None], axis=1)[:, 0] / (2 * np.pi)
 
 
 def _harmonics(scene: Scene, points: Sequence[Point]) -> Floats:

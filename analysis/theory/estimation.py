@@ -11,8 +11,8 @@ data do not determine: the right singular vector of J that belongs to it names t
 no interval. A search with a prior of that width about the start finds them, and leaves them near it; a second search
 without a prior moves only along the other right singular vectors.
 
-When it breaks: an interval assumes that the model is linear over its own width, that residuals are independent and
-Gaussian, and that no parameter ends at a bound. A robust loss weighs outliers down; its intervals are then those of a
+When it breaks: an interval assumes that the model is linear over its own width, and that residuals are independent and
+Gaussian. A robust loss weighs outliers down; its intervals are then those of a
 Gaussian core.
 """
 
@@ -30,6 +30,8 @@ Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 LOSSES: tuple[str, ...] = get_args(Loss)
 COVERAGE = 0.95
 WIDE = 2.0  # e-folds of a positive parameter, starts of another
+_REFUSED = 1e6  # times the residuals at the start, where the model has no value: the search steps back
+_BESIDE = 1e-5  # a step from the best values to which the model still must have one
 _GUESS = 0.01  # share of the largest value that an unknown error is at first
 _ROUNDING = 1e-10  # share of the guess: points without scatter have this error
 _NEAR, _EXACT = 1e-4, 1e-12  # tolerances of a search: relative changes of parameters and of the sum
@@ -118,7 +120,7 @@ def estimate(
     Parameters
     ----------
     parameters : P of them.
-    model : values (P,) → (N,) in the unit of the measured ones.
+    model : values (P,) → (N,) in the unit of the measured ones; nan where it has no value, which the search avoids.
     measured : (N,).
     errors : (N,) standard deviations; None: one unknown error for all.
     loss : "linear" for plain least squares; the others of `scipy.optimize.least_squares` weigh down what is farther
@@ -127,8 +129,8 @@ def estimate(
     Raises
     ------
     ValueError
-        For fewer points than parameters, errors that are not positive, a robust loss without errors, and a search that
-        does not end.
+        For fewer points than parameters, errors that are not positive, a robust loss without errors, a search that does
+        not end, and one that ends at a bound.
     """
     data = np.asarray(measured, dtype=float)
     names = ", ".join(each.name for each in parameters)
@@ -178,8 +180,11 @@ class _Search:
         start = np.array([each.inner(each.start) for each in self.parameters])
         low, high = np.array([(each.inner(each.low), each.inner(each.high)) for each in self.parameters]).T
 
+        refused = _REFUSED * (1 + float(np.abs((self.model(self.values(start)) - self.data) / sigma).max()))
+
         def residuals(inner: Floats) -> Floats:
-            return (self.model(self.values(np.clip(inner, low, high))) - self.data) / sigma
+            found = (self.model(self.values(np.clip(inner, low, high))) - self.data) / sigma
+            return np.where(np.isfinite(found), found, refused)
 
         convex: Loss = "linear" if self.loss == "linear" else "soft_l1"  # one minimum; that of "cauchy" is near it
         held = self._solved(lambda inner: np.append(residuals(inner), (inner - start) / WIDE), start, convex, _NEAR)
@@ -188,9 +193,22 @@ class _Search:
         if not len(seen):
             return _Minimum(held.x, residuals(held.x), held.jac[: len(self.data)], seen)
         free = self._solved(lambda along: residuals(held.x + along @ seen), np.zeros(len(seen)), self.loss, _EXACT)
-        return _Minimum(
-            np.clip(held.x + free.x @ seen, low, high), residuals(held.x + free.x @ seen), free.jac @ seen, seen
-        )
+        found, jacobian = held.x + free.x @ seen, free.jac @ seen
+        self._refuse_edges((found <= low) | (found >= high) | self._ends(found), found)
+        return _Minimum(found, residuals(found), jacobian, seen)
+
+    def _ends(self, inner: Floats) -> NDArray[np.bool_]:
+        """Return whether the model has no value next to what is fitted, (P,)."""
+        steps = np.array([inner + way * _BESIDE * row for row in np.eye(len(inner)) for way in (-1, 1)])
+        lost = [not np.isfinite(self.model(self.values(each))).all() for each in steps]
+        return np.any(np.reshape(lost, (-1, 2)), axis=1, keepdims=False)
+
+    def _refuse_edges(self, there: NDArray[np.bool_], inner: Floats) -> None:
+        """Raise ValueError for parameters that the search drives to a bound, or to where the model has no value."""
+        if there.any():
+            ends = zip(self.parameters, self.values(inner), there, strict=True)
+            said = ", ".join(f"{each.name} = {value:.6g}" for each, value, at in ends if at)
+            raise ValueError(f"the best values lie beyond what is allowed, at {said}: another model, or another branch")
 
     def values(self, inner: Floats) -> Floats:
         """Return the values of what is fitted."""

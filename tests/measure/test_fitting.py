@@ -11,6 +11,7 @@ from analysis.fit import main
 from analysis.measure.fitting import Fit
 from analysis.measure.points import Point
 from analysis.second_harmonic import mode, ratios
+from analysis.theory.monolayer import Layer
 from granular_lmp import Scene
 
 SCENE = Scene.load("tr_periodic")
@@ -143,3 +144,53 @@ def test_the_command_prints_writes_and_draws(tmp_path: Path, capsys: pytest.Capt
 def test_a_file_that_is_not_there_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(SystemExit, match="No such file"):
         main([str(tmp_path / "none.csv"), "tr_periodic", "--free", E])
+
+
+# --- layers on a substrate -------------------------------------------------------------------------------------------
+
+K_N, K_S, G_S = "substrate.normal_stiffness", "substrate.shear_stiffness", "contact.shear_stiffness"
+LAYER = SCENE.with_values(
+    {K_N: 2500.0, K_S: 1500.0, "contact.normal_stiffness": 300.0, G_S: 150.0}
+    | {"substrate.youngs_modulus": 7.3e10, "substrate.poisson_ratio": 0.17, "substrate.work_of_adhesion": 0.063}
+    | {"wave.mode": "S1"}
+)
+
+
+def resonances(**hertz: float) -> list[Point]:
+    return [point(value, 0.01 * value, branch=name) for name, value in hertz.items()]
+
+
+def test_three_resonances_tell_three_stiffnesses_by_the_closed_form() -> None:
+    sphere = LAYER.sphere
+    # Half the neighbours of a sphere in a hexagonal layer, a lattice constant of 1
+    bonds = np.array([[1.0, 0.0], [0.5, 0.75**0.5], [-0.5, 0.75**0.5]])
+    closed = Layer(bonds, sphere.mass, normal=300.0, shear=200.0, substrate_normal=2600.0, substrate_shear=1800.0)
+    vertical, (low, high) = closed.resonances().vertical, closed.resonances().rocking
+    points = resonances(**{name: each / (2 * np.pi) for name, each in (("S1", low), ("S2", vertical), ("S3", high))})
+    found = Fit(LAYER, points, (K_N, K_S, G_S)).answer()
+    assert found.values == pytest.approx([2600.0, 1800.0, 200.0], rel=2e-3)  # the torque arm, η, that it leaves out
+
+
+def test_the_rocking_pair_knows_nothing_of_the_normal_stiffness_of_the_substrate() -> None:
+    found = Fit(LAYER, resonances(S1=1.17e8, S3=4.37e8), (K_N, K_S)).answer()
+    assert found.blind == ((K_N,),)
+
+
+def test_resonances_that_no_layer_has_are_refused() -> None:
+    with pytest.raises(ValueError, match="beyond what is allowed"):
+        Fit(LAYER, resonances(S1=1.52e8, S2=2.395e8, S3=5.01e8), (K_N, K_S, G_S)).answer()
+
+
+def test_no_layer_has_a_rocking_pair_nearer_than_the_page_says() -> None:
+    shears = np.geomspace(1e-3, 1e3, 601)
+    bonds = np.array([[1.0, 0.0], [0.5, 0.75**0.5], [-0.5, 0.75**0.5]])
+    pairs = [Layer(bonds, 1.0, 1.0, float(each), 1.0, 1.0).resonances().rocking for each in shears]
+    assert min(high / low for low, high in pairs) == pytest.approx(3.46, abs=0.01)
+
+
+def test_a_point_far_off_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [f"{each.branch},{each.wavenumber},{each.value / 1e6},1" for each in closed_form(SCENE)]
+    data = tmp_path / "data.csv"
+    data.write_text("branch,wavenumber_rad/row,frequency_MHz,error_MHz\n" + "\n".join([*rows, "L,1.0,300,1"]) + "\n")
+    assert main([str(data), "tr_periodic", "--free", E]) == 0
+    assert "line 8 is" in capsys.readouterr().out
