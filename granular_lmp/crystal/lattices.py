@@ -35,7 +35,8 @@ _SAME_LATTICE = 1e-9  # relative: rounding of a lattice constant is far below it
 _BESIDE_CHAIN = 2.0  # radii from the centre of a chain to the faces of its box, which no other sphere is behind
 
 
-HELD, FREE, PERIODIC, WALL = "held", "free", "periodic", "wall"  # what a face of a packing is
+HELD, FREE, PERIODIC, WALL, QUIET = "held", "free", "periodic", "wall", "quiet"  # what a face of a packing is
+ENDS_OF_Y = ("first", "last")  # faces across y
 
 
 @dataclass(frozen=True)

@@ -114,13 +114,14 @@ def _numbers_at(scene: Scene, frequency: float, name: str) -> tuple[float, ...]:
 def quiet_side(scene: Scene) -> str:
     """Return the ends that absorb as LAMMPS writes the distance to them, "abs(y)", or "y" or "-y" for one of them.
 
-    An end that is the source of waves does not absorb.
+    An end that is the source of waves does not absorb, nor does one that is not quiet.
     """
     last = scene.shape.rows - 1
     low, high = (any(each.is_in_row(end) for each in scene.source) for end in (0, last))
-    low = low or scene.form == "driven"
+    low, high = low or scene.form == "driven" or "first" not in scene.quiet, high or "last" not in scene.quiet
     if low and high:
-        raise SceneError(f"absorb.rows = {scene.absorb.rows!r}: must be 0 where sources move both ends")
+        ends = "both ends" if len(scene.quiet) == 2 else f"the {scene.quiet[0]} row, which alone is quiet"
+        raise SceneError(f"absorb.rows = {scene.absorb.rows!r}: must be 0 where sources move {ends}")
     return "y" if low else "-y" if high else "abs(y)"
 
 

@@ -6,7 +6,7 @@ from functools import cached_property, partial
 from typing import Any
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import Lattice, Shape
+from granular_lmp.crystal.lattices import ENDS_OF_Y, QUIET, Lattice, Shape
 from granular_lmp.crystal.modes import Physics
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
@@ -82,6 +82,13 @@ class Derived(Document):
     def physics(self) -> Physics:
         """Degrees of freedom of the lattice; those that are still "auto" are there."""
         return physics_of(self.effects, self.space)
+
+    @property
+    def quiet(self) -> tuple[str, ...]:
+        """Ends in front of which rows absorb, "first" and "last": those that are declared so, or both."""
+        if self.absorb.rows == 0:
+            return ()
+        return tuple(name for name in ENDS_OF_Y if getattr(self.packing, name) == QUIET) or ENDS_OF_Y
 
     @property
     def loose(self) -> bool:
@@ -301,7 +308,7 @@ class Derived(Document):
         `rows` and `columns` are those of the block, (first, last).
         """
         pushed = (*self.source, *self.striker, *self.start.at())
-        return echo_at((rows, columns), pushed, self.shape, form=self.form, quiet=self.absorb.rows != 0)
+        return echo_at((rows, columns), pushed, self.shape, form=self.form, quiet=self.quiet)
 
 
 def at_rest(material: Sphere, packing: Packing, effects: Effects, contact: Contact) -> Sphere:

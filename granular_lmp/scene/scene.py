@@ -220,6 +220,7 @@ class Scene(HasCard, Derived):
     def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the tables with a wave vector as wave number and direction; refuse a step beside a tolerance."""
         refuse_step_beside_tolerance(tables)
+        tables = validation.with_quiet_rows(tables)
         if cls.is_bare(tables):
             refuse_tables(tables, loose=is_loose(tables))
         return with_placeholder(without_wavevector(tables))
@@ -325,7 +326,7 @@ class Scene(HasCard, Derived):
         validation.check_straight(self.lattice, self.packing, words.across(wave, self.source, self.start))
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
         validation.check_arrangement(self.lattice, self.packing, self.material, self.disorder, self.inclusion)
-        validation.check_absorb(self.absorb, self.packing, self.form, self.envelope, shape, self.source)
+        validation.check_absorb(self.absorb, self.packing, self.quiet, self.form, self.envelope, shape, self.source)
         if wave is None:
             validation.check_motion(self.sphere, shape, self.moved)
         else:

@@ -22,6 +22,7 @@ from granular_lmp.crystal.lattices import (
     ORIENTATIONS,
     PERIODIC,
     PLANE_LATTICES,
+    QUIET,
     WALL,
     Lattice,
 )
@@ -35,7 +36,7 @@ from granular_lmp.scene.schema import AUTO, ArrayRule, Bare, Interval, Rule, cho
 from granular_lmp.scene.shape import Auto
 
 ENDS = ("fixed", "periodic", AUTO)
-FACES = (HELD, FREE, AUTO)
+FACES = (HELD, FREE, QUIET, AUTO)
 SHEAR_LAWS = ("secant", "incremental")
 RESCALED = "rescaled"  # "secant" with a shear displacement that shrinks as the contact does; no theory holds it
 NOT_BARE = Bare(None, None)  # of a key that a scene without [wave] does not have
@@ -53,6 +54,9 @@ class Packing(Remembering):
     Beside a wave sheets are periodic along x unless `sides` says otherwise, and where the `ends` are fixed, the first
     and the last row are held unless `first` and `last` say otherwise. Without a wave all faces are free unless declared
     otherwise. Nothing touches a `free` face: adhesion alone holds a crystal together that has one.
+
+    A ``quiet`` end is a held row behind rows that absorb (``[absorb]``, whose rows are then "auto" unless declared);
+    ``absorb.rows`` alone makes both ends quiet.
 
     A ``wall`` is a rigid plane (``fix wall/gran``) that touches the row, of unequal spheres the outermost one, with the
     contact law of its spheres on a rigid body: A is 2√2 times that of two spheres. Where the `contact_force` presses
@@ -87,13 +91,13 @@ class Packing(Remembering):
         "first row of fixed ends; auto: held",
         FACES,
         default=AUTO,
-        bare=choice("end at the first row", (FREE, HELD, WALL), default=FREE),
+        bare=choice("end at the first row", (FREE, HELD, WALL, QUIET), default=FREE),
     )
     last: str = choice(
         "last row of fixed ends; auto: held",
         FACES,
         default=AUTO,
-        bare=choice("end at the last row", (FREE, HELD, WALL), default=FREE),
+        bare=choice("end at the last row", (FREE, HELD, WALL, QUIET), default=FREE),
     )
     sides: str = choice(
         "first and last column of a sheet",

@@ -11,7 +11,7 @@ from math import ceil, floor
 from typing import Any, Literal
 
 from granular_lmp.crystal.lattice import FASTEST_IN_PLANE
-from granular_lmp.crystal.lattices import HELD, HEXAGONAL, PERIODIC, Lattice, Shape
+from granular_lmp.crystal.lattices import HELD, HEXAGONAL, PERIODIC, QUIET, Lattice, Shape
 from granular_lmp.crystal.wavevector import WaveVector, snapped
 from granular_lmp.scene.schema import AUTO
 
@@ -119,7 +119,7 @@ def decide(
         columns = smallest_cell(
             vector.per_column, SNAP, range(fewest_columns, fewest_columns + LARGEST_CELL + 1, lattice.column_period)
         )
-    first, last = (HELD if face == AUTO else face for face in (first, last))
+    first, last = map(_closed, (first, last))
     return Shape(int(rows), int(columns), ends, lattice, first, last, sides, _layers(layers, lattice))
 
 
@@ -132,8 +132,13 @@ def _layers(layers: int | Auto, lattice: Lattice) -> int:
 
 def declared_shape(packing: Any, lattice: Lattice) -> Shape:
     """Return the shape of a packing without a wave, in which nothing is "auto"."""
-    size, faces = (int(packing.rows), int(packing.columns)), (packing.first, packing.last, packing.sides)
-    return Shape(*size, packing.ends, lattice, *faces, _layers(packing.layers, lattice))
+    size, faces = (int(packing.rows), int(packing.columns)), (_closed(packing.first), _closed(packing.last))
+    return Shape(*size, packing.ends, lattice, *faces, packing.sides, _layers(packing.layers, lattice))
+
+
+def _closed(face: str) -> str:
+    """Return what is at a face: a held row at a quiet end, and at one that is left to "auto"."""
+    return HELD if face in (AUTO, QUIET) else face
 
 
 def echo_time(rows: int, fastest: float = FASTEST_ROWS_PER_TAU, *, driven: bool = False) -> float:

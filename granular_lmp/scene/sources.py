@@ -16,7 +16,7 @@ cannot be added on one sphere, and a force on a sphere that is moved or held doe
 nothing to say of spheres that are moved: it is cut off there, as it is at held rows.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from math import hypot, inf, pi
 
@@ -303,7 +303,12 @@ def longest_steps(sources: Sequence[Source], sphere: Sphere, usual: float) -> It
 
 
 def echo_at(
-    block: tuple[Sequence[int], Sequence[int]], pushed: Sequence[AtPlaces], shape: Shape, *, form: str, quiet: bool
+    block: tuple[Sequence[int], Sequence[int]],
+    pushed: Sequence[AtPlaces],
+    shape: Shape,
+    *,
+    form: str,
+    quiet: Collection[str],
 ) -> float:
     """Return the time τ at which an echo of the faces may reach a block, by the shortest way and `arrival_time`.
 
@@ -319,8 +324,8 @@ def echo_at(
     shape : Shape
     form : str
         That of the wave.
-    quiet : bool
-        True if the crystal has quiet ends.
+    quiet : collection of str
+        The quiet ends, "first" and "last".
 
     Returns
     -------
@@ -333,15 +338,18 @@ def echo_at(
     return arrival_time(min(ways), shape.lattice.fastest) if ways else inf
 
 
-def _from_ends(rows: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, form: str, quiet: bool) -> list[int]:
+def _from_ends(
+    rows: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, form: str, quiet: Collection[str]
+) -> list[int]:
     """Return the ways of waves to rows by an end, in rows."""
     end = shape.rows - 1
     beyond = {0: rows[0], end: end - rows[1]}  # rows from an end to these
-    of_wave = {"none": [], "driven": [end + beyond[end]]}.get(form, [*beyond.values()])
-    return ([] if quiet else of_wave) + [
+    of_wave = {"none": {}, "driven": {end: end + beyond[end]}}.get(form, beyond)
+    still = {wall for wall, name in ((0, "first"), (end, "last")) if name in quiet}
+    return [way for wall, way in of_wave.items() if wall not in still] + [
         abs(row - wall) + beyond[wall]
         for wall in beyond
-        if not quiet or any(each.is_in_row(wall) for each in pushed)
+        if wall not in still or any(each.is_in_row(wall) for each in pushed)
         for each in pushed
         if not (each.rows and each.is_in_row(wall))  # these rows reach from the end to where their waves begin
         for row in each.rows_of()

@@ -4,11 +4,12 @@ Each raises a SceneError that names the key, the value and the allowed values.
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import ceil, pi
+from typing import Any
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, SQUARE, Lattice, Shape, unit_lattice
+from granular_lmp.crystal.lattices import CHAIN, ENDS_OF_Y, FREE, HELD, QUIET, SQUARE, Lattice, Shape, unit_lattice
 from granular_lmp.crystal.modes import bears_compression
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
@@ -246,8 +247,22 @@ def check_imperfections(
             )
 
 
+def with_quiet_rows(tables: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return tables of a scene whose quiet ends have as many rows as they need, where these are not declared."""
+    packing, absorb = tables.get("packing"), tables.get("absorb", {})
+    if not isinstance(packing, Mapping) or QUIET not in (packing.get("first"), packing.get("last")):
+        return tables
+    return {**tables, "absorb": {"rows": AUTO, **absorb}} if isinstance(absorb, Mapping) else tables
+
+
 def check_absorb(
-    absorb: Absorb, packing: Packing, form: str, envelope: Envelope, shape: Shape, sources: Sequence[AtPlaces]
+    absorb: Absorb,
+    packing: Packing,
+    quiet: Collection[str],
+    form: str,
+    envelope: Envelope,
+    shape: Shape,
+    sources: Sequence[AtPlaces],
 ) -> None:
     """Check that quiet ends have rows to damp and a wave that reaches them from inside."""
     if absorb.rows and shape.lattice.column_period > 1:
@@ -256,9 +271,12 @@ def check_absorb(
             "for rows of one sphere a cell"
         )
     if absorb.rows == 0:
+        for name in ENDS_OF_Y:
+            if getattr(packing, name) == QUIET:
+                raise SceneError(f'absorb.rows = 0: must be above 0 or "auto" with packing.{name} = "quiet"')
         return
-    for name, row in (("first", 0), ("last", shape.rows - 1)):
-        if shape.faces.get(name) == FREE and not any(each.is_in_row(row) for each in sources):
+    for name, row in zip(ENDS_OF_Y, (0, shape.rows - 1), strict=True):
+        if name in quiet and shape.faces.get(name) == FREE and not any(each.is_in_row(row) for each in sources):
             raise SceneError(
                 f'packing.{name} = "free": must be "held" or "auto" with absorb.rows = {absorb.rows!r}, which are in '
                 "front of a held row; only an end with a source, which does not absorb, may be free"

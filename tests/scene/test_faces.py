@@ -261,3 +261,55 @@ def test_ends_that_are_auto_are_fixed_where_a_face_is_declared() -> None:
     scene = SHEET.with_values({"packing.ends": "auto", "packing.rows": "auto", "packing.last": FREE})
     assert (scene.shape.ends, scene.shape.first, scene.shape.last) == ("fixed", HELD, FREE)
     assert Shape(5, 1, PERIODIC, CHAIN).faces == {}
+
+
+# --- quiet ends by name ---------------------------------------------------------------------------------------------
+
+SHAKEN = {
+    "name": "one_end",
+    "sphere": PAPER.to_dict()["sphere"],
+    "packing": {"rows": 61, "columns": 3, "first": "free", "last": "quiet"},
+    "wave": {"mode": "TR", "wavenumber": 1.475, "amplitude": 0.05, "form": "none"},
+    "source": [{"rows": [29, 29], "force": "x", "ramp": 5.0}],
+    "time": {"duration": 60.0, "timestep": 0.02, "allow_echo": True},
+    "absorb": {"reflection": 0.1},
+    "output": {"particles": 2.0},
+}
+
+
+def test_both_ends_that_are_quiet_by_name_are_those_of_absorb() -> None:
+    scene = Scene.load("quiet_ends")
+    named = scene.with_values({"packing.first": "quiet", "packing.last": "quiet"})
+    assert build(named).input_text == build(scene).input_text
+    without = {key: value for key, value in named.to_dict().items() if key != "absorb"}
+    assert Scene.from_dict(without) == named  # rows are "auto" unless they are declared
+    assert Scene.loads(named.to_toml()) == named
+
+
+def test_an_end_alone_may_be_quiet_and_sends_back_no_echo() -> None:
+    one, held = Scene.from_dict(SHAKEN), Scene.from_dict(SHAKEN | {"packing": SHAKEN["packing"] | {"last": "held"}} | {"absorb": {}})
+    assert (one.quiet, held.quiet) == (("last",), ())
+    assert one.shape == held.shape
+    # Behind the source the wave comes back from the last row, and by a longer way from the first
+    assert held.echo_at((40, 40), (0, 2)) < one.echo_at((40, 40), (0, 2)) < np.inf
+    assert one.echo_at((40, 40), (0, 2)) == held.with_values({"packing.first": "free"}).echo_at((20, 20), (0, 2))
+
+
+def test_a_crystal_with_one_quiet_end_moves_as_its_network(tmp_path: Path) -> None:
+    run(Scene.from_dict(SHAKEN), tmp_path / "run")
+    found = compare(load(tmp_path / "run"))
+    assert found.theory == "network"
+    assert found.error["q"] < 2e-5  # of the step of 0.02
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"absorb.rows": 0}, 'absorb.rows = 0: must be above 0 or "auto" with packing.last = "quiet"'),
+        ({"packing.first": "quiet", "packing.ends": "periodic"}, 'packing.first = "quiet": must be "auto" with'),
+        ({"source.1.rows": [60, 60]}, "must be 0 where sources move the last row, which alone is quiet"),
+    ],
+)
+def test_a_quiet_end_that_cannot_be_is_refused(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(SceneError, match=re.escape(said)):
+        prepare(Scene.from_dict(SHAKEN).with_values(changes))
