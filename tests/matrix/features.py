@@ -79,6 +79,10 @@ WAVES: dict[str, Settings] = {
     "finite sheet": FIXED | {"packing.first": "free", "packing.last": "free", "packing.sides": "free"},
     "chirp": source(spheres=[[23, 0]], force="y", signal="chirp"),
     "honeycomb": {"packing.lattice": "honeycomb", "wave.mode": 3},
+    "quiet end": FIXED
+    | {"packing.first": "free", "packing.last": "quiet", "absorb.rows": 10, "absorb.reflection": 0.45}
+    | AT_REST
+    | source(rows=[18, 18], force="y", signal="tone"),
 }
 
 IMPACT = ImpactScene.load("point_impact").with_values(
