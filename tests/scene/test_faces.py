@@ -308,7 +308,10 @@ def test_a_crystal_with_one_quiet_end_moves_as_its_network(tmp_path: Path) -> No
     [
         ({"absorb.rows": 0}, 'absorb.rows = 0: must be above 0 or "auto" with packing.last = "quiet"'),
         ({"packing.first": "quiet", "packing.ends": "periodic"}, 'packing.first = "quiet": must be "auto" with'),
-        ({"source": [{"rows": [60, 60], "motion": "x", "ramp": 5.0}]}, "must be 0 where sources move the last row, which alone is quiet"),
+        (
+            {"source": [{"rows": [60, 60], "motion": "x", "ramp": 5.0}]},
+            "must be 0 where sources move the last row, which alone is quiet",
+        ),
     ],
 )
 def test_a_quiet_end_that_cannot_be_is_refused(changes: dict[str, Any], said: str) -> None:
