@@ -263,12 +263,14 @@ class Setting:
 
     @property
     def papers(self) -> bool:
-        """True for a running wave along y in the paper's crystal, of which there is a closed form."""
+        """True for a running wave along y in the paper's crystal and plane, of which there is a closed form."""
         scene, effects = self.scene, self.scene.effects
         crystal = scene.packing.lattice == "hexagonal" and scene.sphere.contact_force == 0 and len(self.densities) == 1
         contact = scene.sphere.adhesion_law == "dmt" and effects.shear_law == "secant"
         turns = effects.shear is not False and effects.rotation is not False
-        return crystal and contact and turns and scene.wave.form == "running" and scene.direction == closed.ALONG_Y
+        plane = scene.space == 2 and self.measured == Measured()
+        running = scene.wave.form == "running" and scene.direction == closed.ALONG_Y
+        return crystal and contact and turns and plane and running
 
     @property
     def unit(self) -> float:

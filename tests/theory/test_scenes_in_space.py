@@ -29,6 +29,9 @@ SCENES: dict[str, dict[str, Any]] = {
     "hcp": {"packing.lattice": "hcp", "wave.mode": "3"},
     "cubic": {"packing.lattice": "cubic", "wave.mode": "L"},
     "film on a substrate": ON | FILM | {"packing.layers": 3, "wave.mode": "S2"},
+    "close-packed film": ON | FILM | {"packing.orientation": "[11-2]", "packing.layers": 4, "wave.mode": "5"},
+    "film of hcp": ON
+    | {"packing.lattice": "hcp", "packing.orientation": "[1-100]", "packing.layers": 3, "wave.mode": "4"},
     "film between two": ON | FILM | {"packing.layers": 2, "substrate.sides": "both", "wave.mode": "S1"},
     "free film": FILM | {"packing.layers": 2, "packing.depth": "free", "wave.mode": "3"},
 }

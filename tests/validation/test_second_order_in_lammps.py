@@ -18,6 +18,7 @@ from tests.instance import silent_lammps
 
 LAYERS = [{"rows": [0, 23], "every": 2, "density": 4400.0}]
 COLUMNS = {"packing.rows": 24, "packing.columns": 3}
+SHORT = {"packing.rows": 8, "wave.wavenumber": pi / 4, "output.particles": 0.0}
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "secant": ("tr_periodic", COLUMNS),
     "incremental": ("tr_periodic", COLUMNS | {"effects.shear_law": "incremental"}),
@@ -28,6 +29,11 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "oblique": ("tr_oblique", {}),
     "standing": ("tr_grating", {"packing.rows": 20}),
     "layers": ("tr_periodic", COLUMNS | {"inclusion": LAYERS}),
+    "layer on a substrate, S1": ("monolayer_rocking", SHORT),
+    "layer on a substrate, S2": ("monolayer_vertical", SHORT),
+    "fcc": ("fcc_transverse", {"output.particles": 0.0}),
+    "hcp": ("hcp_c_axis", {"output.particles": 0.0}),
+    "four layers": ("multilayer", {"output.particles": 0.0}),
     "layers, upper branch": ("tr_periodic", COLUMNS | {"inclusion": LAYERS, "wave.mode": "RT"}),
 }
 

@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy.optimize import curve_fit
 
 from analysis.theory.creep import creep
 from analysis.theory.crystal import Crystal, Wall
@@ -13,6 +14,7 @@ from analysis.theory.lattices import LATTICES, Lattice
 from analysis.theory.network import Material, mixed
 from analysis.theory.phase_matching import matches
 from analysis.theory.second_order import Mixed, Wave, second_order, wave
+from analysis.theory.surface_wave import Coupled, HalfSpace
 from tests.instance import silent_lammps
 
 SILICA = Material(73e3, 0.17, 63.0)  # MPa, mJ/m²: lengths in nm, masses in ag, times in ns
@@ -111,8 +113,8 @@ class Run:
         """Return the displacements (T, N, 3) in LAMMPS that are even in the amplitude."""
         return (self.lammps(size, times, substeps) + self.lammps(-size, times, substeps)) / 2
 
-    def lammps(self, size: complex, times: np.ndarray, substeps: int) -> np.ndarray:
-        """Return the displacements (T, N, 3) in LAMMPS, with some steps between two times."""
+    def lammps(self, size: complex, times: np.ndarray, substeps: int, drag: float = 0.0) -> np.ndarray:
+        """Return the displacements (T, N, 3) in LAMMPS, with some steps between two times; drag in ag/ns."""
         place, kind = self.places
         field = size * self.wave.shape[kind] * np.exp(1j * (place @ self.wave.wavevector))[:, None]
         rate = -1j * self.wave.frequency * field
@@ -132,6 +134,8 @@ class Run:
             lammps.command("run 0 post no")
             moving(field.real / step)  # one step without forces loads the springs of the displaced lattice
             lammps.commands_string("fix move all nve/noforce\nrun 1 post no\nunfix move\nfix move all nve/sphere")
+            if drag:
+                lammps.command(f"fix drag all viscous {drag!r}")
             moving(rate.real)
             seen = []
             for sample in range(len(times)):
@@ -253,3 +257,18 @@ def test_a_harmonic_near_a_resonance_takes_from_the_creep() -> None:
     # To leading order in the amplitude, of which 0.2 leaves a tenth
     assert drifted(run, 0.2, 164) - 1 == pytest.approx(far.departure, rel=0.15)
     assert drifted(run, 0.2, 41) > 2  # over one beat the wave itself comes and goes
+
+
+def test_a_drag_on_each_sphere_is_the_leak_into_an_elastic_substrate() -> None:
+    run = Run(("hexagonal", ""), (3, 2, 1), 2, 0)  # at k = 0 the third branch is the vertical resonance
+    lattice, glass = run.lattice, HalfSpace.of(SILICA.youngs_modulus, SILICA.poisson_ratio, DENSITY)
+    plain = {"walls": [FLOOR], "true_geometry": False}
+    film = Coupled(Crystal.of(APART * lattice.vectors, lattice.basis, RADIUS, DENSITY, [SILICA], **plain), glass)
+    leak = film.leaking([0.0, 1e-9 / APART], float(run.wave.frequency))
+    # A sphere that pulls at its area of the half-space, impedance ρc_l, loses as by a drag of mK_N/(ρc_l area)
+    mass, stiffness = run.crystal.mass[0, 0], run.crystal.bonds.law.stiffness[-1]
+    drag = float(mass * stiffness / (glass.density * glass.longitudinal * film.area))
+    times = np.linspace(0, 4 * run.period, 65)
+    moved = run.lammps(1e-3 * DEPTH, times, 60, drag)[:, :, 2].mean(axis=1) / (1e-3 * DEPTH)
+    fitted, _ = curve_fit(lambda t, rate, omega: np.exp(-rate * t) * np.cos(omega * t), times, moved, [0.04, 0.9])
+    assert fitted[0] == pytest.approx(-leak.imag, rel=0.02)
