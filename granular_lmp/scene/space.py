@@ -158,9 +158,10 @@ def check_space(
             "effects.rolling and effects.twisting: must be off where packing.space is 3; the modes of a crystal in "
             "space do not know them"
         )
-    if absorb.rows:
+    if absorb.rows and (substrate is not None or lattice.film):
         raise SceneError(
-            f"absorb.rows = {shown(absorb.rows)}: must be 0 where packing.space is 3; quiet ends are for the plane"
+            f"absorb.rows = {shown(absorb.rows)}: must be 0 on a [substrate] and in a film, where it is not known what "
+            "quiet ends reflect"
         )
     if packing.contact_force and (substrate is not None and substrate.sides == BOTH or lattice.film):
         raise SceneError(
