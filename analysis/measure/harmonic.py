@@ -35,7 +35,7 @@ from numpy.typing import ArrayLike, NDArray
 from analysis.measure.coherent import HARMONICS, project
 from analysis.measure.runs import all_but
 from analysis.measure.snapshot import FirstSnapshot, first_snapshot
-from analysis.theory.catalogue import AT_REST, ENVELOPE, FACES, HELD, HOLDS, NETWORK, OPENING, SLIDING, STRUCK
+from analysis.theory.catalogue import AT_REST, ENVELOPE, FACES, HELD, HOLDS, IN_SPACE, NETWORK, OPENING, SLIDING, STRUCK
 from analysis.theory.cell import Cell, second_order
 from analysis.theory.choice import traits_of
 from analysis.theory.network_motion import integrate
@@ -50,7 +50,7 @@ Complexes = NDArray[np.complex128]
 
 PHASES = 2 * np.pi / 6 * np.arange(6)  # the next orders that look like e^{2iθ} on them are the fourth, and higher ones
 ORDERS = np.arange(-2, 3)
-HELD_HERE = (HOLDS[NETWORK] | HELD) - {AT_REST, ENVELOPE, SLIDING, OPENING} - STRUCK - FACES
+HELD_HERE = (HOLDS[NETWORK] | HELD) - {AT_REST, ENVELOPE, SLIDING, OPENING} - STRUCK - FACES - IN_SPACE
 RTOL = 1e-9
 UNIFORM = {"inclusion": [], "disorder.radius": 0.0, "disorder.density": 0.0, "disorder.vacancies": 0.0}
 # Share of a start that is no plane wave at the places at rest, from which spheres of unequal radii lie overlaps away,

@@ -70,10 +70,12 @@ class Cell:
     def of(cls, network: Network) -> "Cell":
         """Return the cell of a network at rest.
 
-        Raises ValueError for a network with dashpots, or on which something acts from outside.
+        Raises ValueError for a network in space, with dashpots, or on which something acts from outside.
         """
         if network.viscosity or network.restitution is not None:
             raise ValueError("viscosity and restitution are not in the second order of a cell; use the network")
+        if network.dimension == 3:
+            raise ValueError("spheres in space are not in the second order of a cell; use the network")
         if network.walls or network.drives or network.drag is not None:
             raise ValueError("walls, drives and drag are not in the second order of a cell; use the network")
         pairs = search(network, np.zeros((2, len(network.position))))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.measure.norms import slope
+from analysis.theory.cell import Cell
 from analysis.theory.crystal import Crystal
 from analysis.theory.crystal import Wall as Plane
 from analysis.theory.network import Material, Network, Wall
@@ -285,3 +286,5 @@ def test_what_cannot_be_in_space_is_refused() -> None:
         packing([[0.0, 0.0, 0.0]], cell=(5e3, 5e3))
     with pytest.raises(ValueError, match="normal the length 1"):
         packing([[0.0, 0.0, 0.0]], walls=(Wall((0.0, 0.0, 0.0), (0.0, 0.0, -2.0)),))
+    with pytest.raises(ValueError, match="spheres in space are not in the second order of a cell"):
+        Cell.of(packing([[0.0, 0.0, 0.0]]))

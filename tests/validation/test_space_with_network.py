@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.compare import compare, table
+from analysis.measure.harmonic import by_cell
 from analysis.measure.signals import IN_SPACE, recorded
 from analysis.measure.snapshot import first_snapshot
 from analysis.theory.network_motion import integrate
@@ -80,3 +81,8 @@ def test_another_substrate_or_contact_is_seen(changed: str, tmp_path: Path) -> N
     moved = integrate(network, loaded(network, first.state.motion), record.tau * first.time, spheres=[first.recorded])
     found = dict(zip(IN_SPACE, first.signals(moved), strict=True))
     assert max(np.abs(found[name] - values).max() for name, values in recorded(record).items()) > 1e-4
+
+
+def test_the_harmonic_of_a_cell_refuses_a_run_in_space_by_what_it_declares(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"leaves out packing\.lattice = 'fcc', packing\.orientation"):
+        by_cell(record_of("fcc, incremental", tmp_path))
