@@ -18,7 +18,7 @@ GUARD = Guard(
     lines=changed_lines,
     limit=0.0,
     meaning="contacts opened or formed, so that no closed form holds and shear forces are lost",
-    cure="set effects.contact_opening = true, or take a smaller wave.amplitude",
+    cure="set effects.contact_opening = true, or take a smaller wave.amplitude or a slower striker",
     of_contacts=True,
     # LAMMPS counts them; whether one hardly touches is judged contact by contact, unless it holds beyond
     per_contact=lambda scene: bounded(scene) and not scene.sphere.pull_off_distance,

@@ -63,7 +63,7 @@ GUARD = Guard(
     limit=1 - BETWEEN,
     meaning="of the sliding force: contacts may have slid, which the model does not",
     cure="set effects.sliding = true with effects.friction = the coefficient of the spheres, or take a smaller "
-    "wave.amplitude",
+    "wave.amplitude or a slower striker",
     of_contacts=True,
     per_contact=lambda scene: scene.wall is None,  # of contacts with a wall the bound decides
 )
