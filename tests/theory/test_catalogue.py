@@ -186,25 +186,26 @@ def test_an_effect_that_is_switched_off_is_not_there() -> None:
 
 @pytest.mark.parametrize(
     ("default", "value", "said"),
-    [(Absorb(), Absorb(rows=40), "substrate.rows"), ((), ({"vacancy": True},), "substrate")],
+    [(Absorb(), Absorb(rows=40), "coating.rows"), ((), ({"vacancy": True},), "coating")],
 )
 def test_a_section_that_no_theory_knows_is_refused_unless_it_is_at_its_default(
     default: Any, value: Any, said: str
 ) -> None:
-    kind = make_dataclass(
-        "Grown", [("substrate", Any, field(default=default))], bases=(Scene,), frozen=True, repr=False
-    )
+    kind = make_dataclass("Grown", [("coating", Any, field(default=default))], bases=(Scene,), frozen=True, repr=False)
     values = {known.name: getattr(PAPER, known.name) for known in fields(Scene)}
     assert outcome(record_of(kind(**values)))[0]
-    assert outcome(record_of(kind(**values, substrate=value))) == (False, f"no theory here holds {said}")
+    assert outcome(record_of(kind(**values, coating=value))) == (False, f"no theory here holds {said}")
 
 
 def test_the_keys_that_are_known_are_those_of_a_scene() -> None:
     tables = {"name": "", **PAPER.with_values({"time.tolerance": 1e-2, "sphere.adhesion_law": "jkr"}).to_dict()}
     keys = {f"{table}.{key}" for table, values in tables.items() if isinstance(values, dict) for key in values}
-    # A step excludes a tolerance, the force is of the packing, a table of which nothing is declared is not there, and
-    # monitors change no motion; a face that is declared is a trait
-    assert keys - FACES | {"time.timestep", "sphere.contact_force", "disorder.seed", "monitor"} == KEYS
+    # A step excludes a tolerance, the force is of the packing, forces on spheres are recorded without a wave, a table of
+    # which nothing is declared is not there, and monitors change no motion; a face that is declared is a trait, and so
+    # is what makes a crystal one in space
+    others = {"time.timestep", "sphere.contact_force", "disorder.seed", "monitor", "output.forces"}
+    in_space = {f"packing.{name}" for name in ("space", "layers", "depth", "orientation")}
+    assert keys - FACES - in_space | others == KEYS
 
 
 def test_departures_are_what_is_not_at_its_default() -> None:
