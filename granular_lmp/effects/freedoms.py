@@ -1,6 +1,7 @@
 """The names of a deck for the freedoms of its spheres: ux, uy and one angle in the plane, all six in space."""
 
 from granular_lmp.effects.guard import Prepared
+from granular_lmp.scene.sources import TORQUES
 
 
 def axes(problem: Prepared) -> str:
@@ -22,3 +23,16 @@ def about(problem: Prepared, name: str, none: str = "v_zero") -> str:
     """Return the three words of a rate of rotation: of the variable NAME about z, or NAMEx, NAMEy, NAMEz in space."""
     own = [f"v_{name}{axis}" for axis in turns(problem)]
     return " ".join([none] * (3 - len(own)) + own)
+
+
+def style(problem: Prepared) -> str:
+    """Return the atom style: what tracks angles is a dipole in the plane, and a quaternion in space.
+
+    In space torques of sources turn a dipole.
+    """
+    if not problem.on["tracking"]:
+        return "sphere"
+    if problem.scene.space == 2:
+        return "hybrid sphere dipole"
+    pushed = any(each.force in TORQUES for each in problem.scene.source)
+    return "hybrid bpm/sphere dipole" if pushed else "bpm/sphere"

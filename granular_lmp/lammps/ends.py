@@ -7,9 +7,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps.contact import model, of_law, rigid, wall
 from granular_lmp.problem import Problem
+
+FREE = 3.0  # radii between the centres of the outer spheres and the faces of the box along z where it is not periodic
 
 
 def boundary(problem: Problem) -> str:
@@ -21,6 +26,20 @@ def boundary(problem: Problem) -> str:
     shape = problem.scene.shape
     faces = (shape.along_x, "sides" in shape.free), (shape.along_y, {"first", "last"} & {*shape.free})
     return " ".join(["p" if along else "m" if free else "f" for along, free in faces] + [depth])
+
+
+def box_of(problem: Problem) -> NDArray[np.float64]:
+    """Return the faces of the box, (3, 2); a chain of unequal spheres that touch is longer or shorter than its cell."""
+    packing, to_deck = problem.crystal, problem.units.number(problem.scene.sphere.radius, length=1)
+    low = packing.get_celldisp().ravel() * to_deck
+    high = low + packing.cell.lengths() * to_deck
+    if problem.scene.loose:
+        low[1] = min(low[1], packing.positions[:, 1].min() - 1)
+        high[1] = max(high[1], packing.positions[:, 1].max() + 1)
+    if problem.scene.space == 3 and not packing.pbc[2]:
+        z = packing.positions[:, 2] * to_deck
+        low[2], high[2] = z.min() - FREE * to_deck, z.max() + FREE * to_deck
+    return np.column_stack([low, high])
 
 
 def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:

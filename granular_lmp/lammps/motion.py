@@ -1,7 +1,8 @@
 """The motion of the spheres of a deck that are not held."""
 
 from granular_lmp.effects import selection
-from granular_lmp.lammps import ends, spheres, start
+from granular_lmp.effects.freedoms import style
+from granular_lmp.lammps import ends, start
 from granular_lmp.problem import Problem
 
 
@@ -9,7 +10,7 @@ def motion(problem: Problem) -> list[str]:
     """Return the block that integrates the motion."""
     turns, tracks = problem.on["rotation"], problem.on["tracking"]
     integrator = f"nve{'/sphere' if turns else ''}{' update dipole' if tracks else ''}"
-    if "bpm/sphere" in spheres.style(problem):
+    if "bpm/sphere" in style(problem):
         integrator = "nve/bpm/sphere"
     return [
         "# --- motion of the spheres that are not held",

@@ -15,11 +15,12 @@ rank. Numbers of ``create_atoms`` are those of the ranks.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import lattice_constant
+from granular_lmp.effects.freedoms import style
 from granular_lmp.lammps import start
 from granular_lmp.lammps.datafile import DataFile
+from granular_lmp.lammps.ends import box_of
 from granular_lmp.problem import Problem
 from granular_lmp.scene.scene import Scene
 
@@ -29,12 +30,12 @@ LARGE = 100_000
 
 def suits(scene: Scene) -> bool:
     """Return whether LAMMPS makes the spheres of a scene: a large perfect sheet, at rest or with a plane wave."""
-    if scene.wave is None or scene.space == 3:
+    if scene.wave is None:
         return False
     waved = scene.wave.form in ("running", "standing", "none") and not scene.envelope.finite
     moved = scene.wave.form != "none" and any(each.motion for each in scene.source)
     made = waved and scene.perfect and not scene.start.moves and not moved
-    alike = scene.lattice.sheet and scene.shape.infinite and scene.lattice.column_period == 1
+    alike = scene.lattice.sheet and scene.shape.infinite and scene.lattice.cell_size == 1
     return made and alike and scene.shape.spheres >= LARGE
 
 
@@ -42,11 +43,11 @@ def first_rows(problem: Problem) -> DataFile:
     """Return the data file of the rows after which the lattice repeats, without a wave."""
     scene, units = problem.scene, problem.units
     period, to_deck = scene.lattice.row_period, units.number(scene.sphere.radius, length=1)
-    first = problem.crystal[: period * scene.shape.columns]
+    first = problem.crystal[: period * scene.shape.columns * scene.shape.layers]
     position = first.positions * to_deck
     spacing = _row_spacing(scene) * to_deck
-    box = _box(problem, to_deck)
-    box[1] = position[0, 1] + np.array([-0.5, period - 0.5]) * spacing
+    box = box_of(problem)
+    box[1] = position[:, 1].min() + np.array([-0.5, period - 0.5]) * spacing
     return DataFile(
         box=box,
         kind=np.ones(len(first), dtype=int),
@@ -54,17 +55,17 @@ def first_rows(problem: Problem) -> DataFile:
         diameter=2 * first.arrays["radius"] * to_deck,
         density=np.full(len(first), units.number(scene.sphere.density, mass=1, length=-3)),
         wave=np.empty((len(first), 0)),
-        style="hybrid sphere dipole" if scene.effects.tracking is True else "sphere",
+        style=style(problem),
     )
 
 
 def lines(problem: Problem) -> list[str]:
     """Return the lines of the deck that make all spheres, hold those of the ends, and set the fields of the wave."""
     scene, period = problem.scene, problem.scene.lattice.row_period
-    (left, right), (bottom, top), _ = _box(problem, problem.units.number(scene.sphere.radius, length=1)).tolist()
-    count, columns, rows = scene.shape.spheres, scene.shape.columns, scene.shape.rows
+    (left, right), (bottom, top), _ = box_of(problem).tolist()
+    count, rows = scene.shape.spheres, scene.shape.rows
+    in_row = count // rows
     across = scene.lattice.column_distance(lattice_constant(scene.sphere))
-    shift = f"+{scene.lattice.shift!r}*(abs(v_row)%2)" if scene.lattice.shift else ""
     lines = ["read_data    ${data}", f"replicate    1 {-(-rows // period)} 1"]
     if rows % period:
         lines += [
@@ -75,19 +76,38 @@ def lines(problem: Problem) -> list[str]:
     lines += [
         f"change_box   all x final {left!r} {right!r} y final {bottom!r} {top!r} units box",
         "# column and row from the centre sphere, and with all digits the place there",
-        f"variable     row    atom floor((id-1)/{columns})-{scene.shape.centre_row}",
-        f"variable     column atom (id-1)%{columns}-{columns // 2}{shift}",
+        f"variable     row    atom floor((id-1)/{in_row})-{scene.shape.centre_row}",
+        *_places(scene),
         f"variable     at_x   atom (v_column+0.25)*{across!r}*v_R",
         f"variable     at_y   atom v_row*{_row_spacing(scene)!r}*v_R",
         "set          group all x v_at_x y v_at_y",
     ]
     if not scene.shape.along_y:
         lines += [
-            f"group        held id 1:{columns} {count - columns + 1}:{count}",
+            f"group        held id 1:{in_row} {count - in_row + 1}:{count}",
             "set          group held type 2",
             "group        held delete",
         ]
     return [*lines, start.field(problem), *_wave(problem)]
+
+
+def _places(scene: Scene) -> list[str]:
+    """Return the lines of the variable column, which is shifted by the stacking; in a bulk crystal by row and layer."""
+    lattice, columns, layers = scene.lattice, scene.shape.columns, scene.shape.layers
+    if not lattice.solid:
+        shift = f"+{lattice.shift!r}*(abs(v_row)%2)" if lattice.shift else ""
+        return [f"variable     column atom (id-1)%{columns}-{columns // 2}{shift}"]
+    many = lattice.row_period * scene.shape.rows  # as % keeps the sign of a row
+    shifts = [
+        f"+{part - int(part)!r}*((v_row+{many})%{lattice.row_period}=={row})*(v_layer%{lattice.layer_period}=={layer})"
+        for row, each in enumerate(lattice.stacking)
+        for layer, (part, _, _) in enumerate(each)
+        if part != int(part)
+    ]
+    return [
+        f"variable     layer  atom (id-1)%{layers}",
+        f"variable     column atom floor((id-1)/{layers})%{columns}-{columns // 2}{''.join(shifts)}",
+    ]
 
 
 def _wave(problem: Problem) -> list[str]:
@@ -95,26 +115,44 @@ def _wave(problem: Problem) -> list[str]:
     scene, mode = problem.scene, problem.mode
     if scene.wave.form == "none":
         return []
-    fields = {"ux": (mode.ux, "cos"), "uy": (mode.uy, "cos"), "phi": (-mode.f, "sin")}
-    if scene.wave.form == "running":
-        rates = {"vx": (mode.ux, "sin"), "vy": (mode.uy, "sin"), "vphi": (mode.f, "cos")}
-        fields |= {name: (mode.frequency * size, wave) for name, (size, wave) in rates.items()}
-    fields = {name: (size, wave) for name, (size, wave) in fields.items() if size}
     along_x = f"+{mode.vector.per_column!r}*v_column" if mode.vector.per_column else ""
+    angle = f"variable     angle  atom {mode.vector.per_row!r}*v_row{along_x}+{scene.wave.phase!r}"
+    fields = _in_space(problem) if scene.space == 3 else _in_plane(problem)
     return [
-        f"variable     angle  atom {mode.vector.per_row!r}*v_row{along_x}+{scene.wave.phase!r}",
+        angle,
         *(  # 13 decimals, as data files have
-            f"variable     wave_{name} atom round({size!r}*{wave}(v_angle)*1e13)/1e13"
-            for name, (size, wave) in fields.items()
+            f"variable     wave_{name} atom round({formula}*1e13)/1e13" for name, formula in fields.items()
         ),
         "set          type 1 " + " ".join(f"d_{name} v_wave_{name}" for name in fields),
     ]
 
 
-def _box(problem: Problem, to_deck: float) -> NDArray[np.float64]:
-    """Return the low and high face of the crystal along x, y and z."""
-    low = problem.crystal.get_celldisp().ravel() * to_deck
-    return np.column_stack([low, low + problem.crystal.cell.lengths() * to_deck])
+def _in_space(problem: Problem) -> dict[str, str]:
+    """Return the formulas of the fields of a mode of six freedoms, by name; those that are zero are left out."""
+    mode, fields = problem.mode, {}
+    names = [f"{field}{axis}" for field in ("u", "phi") for axis in "xyz"]
+    for freedom in problem.physics.coordinates:
+        amplitude, name = mode.shape()[0, freedom], names[freedom]
+        rate = -1j * mode.frequency * amplitude
+        fields[name] = amplitude
+        if problem.scene.wave.form == "running":
+            fields[f"v{name.removeprefix('u')}"] = rate
+    smallest = 1e-14  # of a field: below the last of 13 decimals
+    return {
+        name: f"({part.real!r}*cos(v_angle)-({part.imag!r})*sin(v_angle))"
+        for name, part in ((name, complex(each)) for name, each in fields.items())
+        if abs(part) > smallest
+    }
+
+
+def _in_plane(problem: Problem) -> dict[str, str]:
+    """Return the formulas of the fields of a mode in the plane, by name; those that are zero are left out."""
+    scene, mode = problem.scene, problem.mode
+    fields = {"ux": (mode.ux, "cos"), "uy": (mode.uy, "cos"), "phi": (-mode.f, "sin")}
+    if scene.wave.form == "running":
+        rates = {"vx": (mode.ux, "sin"), "vy": (mode.uy, "sin"), "vphi": (mode.f, "cos")}
+        fields |= {name: (mode.frequency * size, wave) for name, (size, wave) in rates.items()}
+    return {name: f"{size!r}*{wave}(v_angle)" for name, (size, wave) in fields.items() if size}
 
 
 def _row_spacing(scene: Scene) -> float:

@@ -5,20 +5,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.effects import selection
+from granular_lmp.effects.freedoms import style
 from granular_lmp.lammps import replicated, start
 from granular_lmp.lammps.datafile import DataFile
-from granular_lmp.lammps.ends import boundary
+from granular_lmp.lammps.ends import boundary, box_of
 from granular_lmp.problem import Problem
-from granular_lmp.scene.sources import TORQUES
-
-FREE = 3.0  # radii between the centres of the outer spheres and the faces of the box along z where it is not periodic
 
 
 def data_of(problem: Problem) -> DataFile:
     """Return all spheres of a problem with the fields in which they begin."""
     packing, to_deck = problem.crystal, problem.units.number(problem.scene.sphere.radius, length=1)
     return DataFile(
-        box=_box(problem),
+        box=box_of(problem),
         kind=types(packing),
         position=packing.positions * to_deck,
         diameter=2 * packing.arrays["radius"] * to_deck,
@@ -27,33 +25,6 @@ def data_of(problem: Problem) -> DataFile:
         style=style(problem),
         state=start.state(problem),
     )
-
-
-def style(problem: Problem) -> str:
-    """Return the atom style: what tracks angles is a dipole in the plane, and a quaternion in space.
-
-    In space torques of sources turn a dipole.
-    """
-    if not problem.on["tracking"]:
-        return "sphere"
-    if problem.scene.space == 2:
-        return "hybrid sphere dipole"
-    pushed = any(each.force in TORQUES for each in problem.scene.source)
-    return "hybrid bpm/sphere dipole" if pushed else "bpm/sphere"
-
-
-def _box(problem: Problem) -> NDArray[np.float64]:
-    """Return the faces of the box, (3, 2); a chain of unequal spheres that touch is longer or shorter than its cell."""
-    packing, to_deck = problem.crystal, problem.units.number(problem.scene.sphere.radius, length=1)
-    low = packing.get_celldisp().ravel() * to_deck
-    high = low + packing.cell.lengths() * to_deck
-    if problem.scene.loose:
-        low[1] = min(low[1], packing.positions[:, 1].min() - 1)
-        high[1] = max(high[1], packing.positions[:, 1].max() + 1)
-    if problem.scene.space == 3 and not packing.pbc[2]:
-        z = packing.positions[:, 2] * to_deck
-        low[2], high[2] = z.min() - FREE * to_deck, z.max() + FREE * to_deck
-    return np.column_stack([low, high])
 
 
 def _densities(problem: Problem) -> NDArray[np.float64]:

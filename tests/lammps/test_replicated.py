@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.errors import RunInterrupted
-from granular_lmp.lammps import replicated
+from granular_lmp.lammps import replicated, start
 from granular_lmp.lammps.datafile import read
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.studies.kick import kicked
 
+GLASS = {"youngs_modulus": 73e9, "poisson_ratio": 0.17, "work_of_adhesion": 0.063}
 SHEET = Scene.load("tr_nonresonant").with_values(
     {"packing.rows": 21, "packing.columns": 5, "time.duration": 2.0, "name": "sheet"}
 )
@@ -29,6 +30,17 @@ WAVES = {
     "square": {"packing.lattice": "square"},
     "at rest": {"wave.form": "none", "source": [{"spheres": [[10, 2]], "force": "x", "signal": "burst"}]},
 }
+_ON_GLASS = {f"substrate.{key}": value for key, value in GLASS.items()}
+SPACE = {
+    "layer": {**_ON_GLASS, "wave.mode": "S2"},
+    "oblique layer": {
+        **_ON_GLASS, "wave.mode": "2", "packing.ends": "periodic", "packing.rows": 24, "packing.columns": 12,
+        "wave.direction": 30.0,
+    },
+    "fcc": {"packing.lattice": "fcc"},
+    "fcc along [111]": {"packing.lattice": "fcc", "packing.orientation": "[111]", "wave.form": "standing"},
+    "cubic": {"packing.lattice": "cubic", "wave.mode": "L"},
+}  # fmt: skip
 # A cosine on the edge of two thirteenth decimals may be rounded to either: one unit, and the rounding of the difference
 SAME_FIELD = 1.01e-13
 
@@ -44,7 +56,7 @@ def started(scene: Scene, folder: Path, *, all_spheres: bool, ranks: int = 1) ->
     """Return the spheres as LAMMPS has them before the preload, sorted by number, and the box."""
     deck = deck_of_all(scene) if all_spheres else build(scene)
     deck.write(folder)
-    fields = ["d_ux", "d_uy", "d_vx", "d_vy", *(["d_phi", "d_vphi"] if deck.problem.physics.rotation else [])]
+    fields = start.field(deck.problem).split()[4:]
     dump = (
         f"write_dump all custom start id type x y z diameter mass {' '.join(fields)} modify sort id format float %.17g"
     )
@@ -61,7 +73,7 @@ def small_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("small_is_large")
-@pytest.mark.parametrize("values", WAVES.values(), ids=WAVES.keys())
+@pytest.mark.parametrize("values", [*WAVES.values(), *SPACE.values()], ids=[*WAVES, *SPACE])
 def test_lammps_makes_the_spheres_and_the_wave_of_the_data_file(values: dict[str, object], tmp_path: Path) -> None:
     scene = SHEET.with_values(values)
     expected, box = started(scene, tmp_path / "all", all_spheres=True)
@@ -71,7 +83,7 @@ def test_lammps_makes_the_spheres_and_the_wave_of_the_data_file(values: dict[str
     assert np.abs(made[:, 7:] - expected[:, 7:]).max() <= SAME_FIELD
     assert np.abs(expected[:, 7:]).max() > 0.1 or scene.wave.form == "none"
     rows = scene.lattice.row_period
-    assert len(read(tmp_path / "made" / "data.sheet").kind) == rows * scene.shape.columns
+    assert len(read(tmp_path / "made" / "data.sheet").kind) == rows * scene.shape.columns * scene.shape.layers
 
 
 @pytest.mark.usefixtures("small_is_large")
