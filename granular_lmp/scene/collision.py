@@ -151,8 +151,8 @@ class Collision(Document):
         every = max(impact.steps // RECORDS, 1)
         unit = scale_of((), Start(state), sphere).time
         step = self.elastic_contact_time / impact.steps / unit
-        effects: dict[str, Any] = {"restitution": law.restitution, "shear_damping": law.shear_damping}
-        effects |= {"friction": law.friction, "shear_law": law.shear} if self.rubs else {}
+        effects: dict[str, Any] = {"friction": law.friction, "shear_law": law.shear} if self.rubs else {}
+        effects |= {"restitution": law.restitution, "shear_damping": law.shear_damping} if law.restitution < 1 else {}
         return {
             "name": self.name,
             "description": self.description,

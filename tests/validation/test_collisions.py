@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.compare import compare
 from granular_lmp import Scene
 from granular_lmp import run as run_scene
 from granular_lmp.cli import main
@@ -422,6 +423,15 @@ def test_a_shipped_collision_loads_as_a_scene(name: str) -> None:
     assert scene == scene_of(Collision.load(name))
     assert Scene.loads(scene.to_toml()) == scene
     assert scene.start.touching == (name == "jkr_pull_off")
+
+
+@pytest.mark.parametrize("name", ["test1_glass", "test2", "test5", "test7"])
+def test_a_collision_moves_as_its_network(name: str, tmp_path: Path) -> None:
+    found = compare(run_scene(Scene.load(name), tmp_path / "run"))
+    assert found.theory == "network"
+    errors = [found.error[part] for part in ("displacement", "velocity")]
+    errors += [found.error["spin"]] if Collision.load(name).rubs else []
+    assert all(error is not None and error < 1e-6 for error in errors)  # of the step, a 10,000th of the contact
 
 
 def test_a_monitor_sees_the_force_of_the_contact_beyond_overlap_0(tmp_path: Path) -> None:
