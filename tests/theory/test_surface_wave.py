@@ -190,3 +190,12 @@ def test_an_impossible_density_is_told(capsys: pytest.CaptureFixture[str]) -> No
     with pytest.raises(SystemExit):
         saw.main(["monolayer_vertical", "--density", "-1"])
     assert "--density -1.0: must be positive and finite" in capsys.readouterr().err
+
+
+def test_a_layer_that_moves_with_its_substrate_feels_no_force() -> None:
+    film = Coupled(layer(), HalfSpace(1e-12, 1.0, 0.5))
+    matrix = film.matrix([1e-9, 0.0], np.array(1e-9))
+    for way in range(3):
+        together = np.zeros(9)
+        together[[way, 6 + way]] = 1.0
+        assert np.abs(matrix @ together).max() < 1e-6 * np.abs(matrix).max()
