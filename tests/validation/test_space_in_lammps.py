@@ -51,7 +51,7 @@ CELLS = {
     ("hexagonal", ""): (1.0, ROOT3, ENDLESS),
     ("cubic", "[001]"): (1.0, 1.0, 1.0),
     ("fcc", "[001]"): (1.0, ROOT2, 1.0),
-    ("fcc", "[111]"): (ROOT3, ROOT6, 1.0),
+    ("fcc", "[111]"): (1.0, ROOT6, ROOT3),
     ("hcp", "c"): (1.0, 2 * ROOT6 / 3, ROOT3),
 }
 
@@ -179,7 +179,7 @@ def left(run: Run, amplitude: float, periods: int = 3) -> float:
 
 CASES = {
     "fcc along [001], T": Run(("fcc", "[001]"), (3, 4, 3), 0, 2),
-    "fcc along [111], T": Run(("fcc", "[111]"), (2, 2, 3), 0),
+    "fcc along [111], T": Run(("fcc", "[111]"), (3, 2, 2), 0),
     "hcp along c, T": Run(("hcp", "c"), (3, 3, 2), 0),
     "cubic along [001], L": Run(("cubic", "[001]"), (3, 8, 3), 2),
     "square layer on a substrate": Run(("square", ""), (3, 6, 1), 0),
@@ -203,8 +203,8 @@ def test_what_is_left_in_space_falls_as_the_square_of_the_amplitude(name: str) -
 # Waves next to resonances that grow: rows of ξ = 2π cycles/rows, the branch that grows, from 0, and ξ of the resonance
 RESONANCES = {
     "fcc along [001], T to L": (Run(("fcc", "[001]"), (3, 53, 3), 0, 26), 4, 1.541596),
-    "fcc along [111], T to L": (Run(("fcc", "[111]"), (2, 27, 3), 0, 19), 2, 1.471436),
-    "fcc along [111], T to T": (Run(("fcc", "[111]"), (2, 31, 3), 0, 24), 3, 1.621280),
+    "fcc along [111], T to L": (Run(("fcc", "[111]"), (3, 27, 2), 0, 19), 2, 1.471436),
+    "fcc along [111], T to T": (Run(("fcc", "[111]"), (3, 31, 2), 0, 24), 3, 1.621280),
     "hcp along c, T to L": (Run(("hcp", "c"), (3, 32, 2), 0, 15), 5, 1.471436),
     "layer, sagittal": (Run(("hexagonal", ""), (3, 35, 1), 0, 9), 2, 0.807163),
     "layer, third to fourth": (Run(("hexagonal", ""), (3, 13, 1), 2, 4), 3, 0.964429),
