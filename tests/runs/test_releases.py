@@ -181,7 +181,7 @@ def test_no_default_changes_and_no_key_is_lost(kind: str, bare: bool) -> None:
 class YoungerPacking(Packing):
     """A table with a made-up key."""
 
-    layers: int = count("along z", 1, 100, default=1)
+    coats: int = count("along z", 1, 100, default=1)
 
 
 @dataclass(frozen=True)
@@ -202,15 +202,15 @@ def younger(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("there", SWEEPS[:2], indirect=True)
 def test_a_new_key_leaves_finished_sweeps_finished(there: Path) -> None:
     found = Sweep.load(there)
-    assert found.scene.to_dict()["packing"]["layers"] == 1
+    assert found.scene.to_dict()["packing"]["coats"] == 1
     assert [row["status"] for row in found.rows] == ["finished", "finished"]
 
 
 @pytest.mark.usefixtures("younger")
 def test_a_new_key_is_part_of_the_name_where_it_departs() -> None:
     scene = Scene.from_dict(NAMES["9e298ea678f7394c"])
-    changes = [{}, {"packing.layers": 1}, {"effects.capillarity": False}]
-    others = [{"packing.layers": 2}, {"effects.capillarity": True}]
+    changes = [{}, {"packing.coats": 1}, {"effects.capillarity": False}]
+    others = [{"packing.coats": 2}, {"effects.capillarity": True}]
     assert {names_of(scene.with_values(each))[0] for each in changes} == {"9e298ea678f7394c"}
     assert len({names_of(scene.with_values(each))[0] for each in [{}, *others]}) == 3
 
@@ -219,8 +219,8 @@ def test_a_new_table_is_part_of_the_name_where_it_departs(monkeypatch: pytest.Mo
     scene = Scene.from_dict(NAMES["9e298ea678f7394c"])
     told = scene.to_dict()
     monkeypatch.setattr(Scene, "sections", Scene.sections | {"substrate": YoungerPacking})
-    for layers, same in ((1, True), (2, False)):
-        table = {name: item.default for name, item in YoungerPacking.__dataclass_fields__.items()} | {"layers": layers}
+    for coats, same in ((1, True), (2, False)):
+        table = {name: item.default for name, item in YoungerPacking.__dataclass_fields__.items()} | {"coats": coats}
         monkeypatch.setattr(Scene, "to_dict", lambda self, table=table: told | {"substrate": table})
         assert (names_of(scene)[0] == "9e298ea678f7394c") == same
 
