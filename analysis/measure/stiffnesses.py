@@ -6,7 +6,6 @@ c P(δ) = F0; the shear stiffness is declared of the same δ.
 """
 
 import numpy as np
-from scipy.optimize import brentq
 
 from analysis.theory.bonds import Law, dmt, jkr
 from analysis.theory.choice import TheoryError
@@ -51,6 +50,8 @@ def scaled(
     def left(overlap: float) -> float:
         found = law(overlap)
         return factor(found) * float(found.push[0]) - load
+
+    from scipy.optimize import brentq  # slow to import, and only declared stiffnesses need it
 
     rest = law(float(brentq(left, 0.1 * size, _WIDE * size, xtol=1e-15 * size, rtol=1e-14)))
     return factor(rest), 1.0 if shear is None else float(shear / rest.shear[0])

@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -408,3 +410,8 @@ def test_what_the_caption_of_figure_3_says_of_the_resonance(shown: Shown) -> Non
     first, third = np.linalg.norm(np.linalg.lstsq(columns, record.phi[late])[0].reshape(2, 2), axis=1)
     assert third / first == pytest.approx(0.06, abs=0.005)
     assert record.scene.echo_time > 165
+
+
+def test_compare_is_imported_without_scipy() -> None:
+    said = "import sys, analysis.compare; sys.exit('scipy was loaded' if 'scipy' in sys.modules else 0)"
+    assert subprocess.run([sys.executable, "-c", said], capture_output=True, text=True).stderr == ""
