@@ -158,10 +158,11 @@ def test_the_angle_is_the_sum_of_the_spins(tmp_path: Path) -> None:
 def test_a_run_in_space_continues_to_the_same_bytes(tmp_path: Path) -> None:
     scene = layer(
         wave__amplitude=0.05,
-        time__duration=120.0,
+        time__duration=600.0,
+        time__timestep=0.05,
         time__sample=1.0,
         output__checkpoint=1e-4,
-        output__particles=20.0,
+        output__particles=100.0,
         monitor=[{"name": "rows", "rows": [2, 4], "what": "flux"}],
     )
     run(scene, tmp_path / "whole")
@@ -326,7 +327,9 @@ def test_a_source_in_space_is_continued_to_the_same_bytes(tmp_path: Path) -> Non
         {"rows": [1, 1], "frequency": 0.5, "ramp": 5.0, "motion": "rotation_y"},
         {"rows": [5, 5], "frequency": 0.5, "ramp": 5.0, "motion": "z"},
     ]
-    scene = PAPER.with_values(CUBE | {"source": sources, "output.checkpoint": 1e-4, "time.duration": 40.0})
+    scene = PAPER.with_values(
+        CUBE | {"source": sources, "output.checkpoint": 1e-4, "time.duration": 40.0, "time.timestep": 0.01}
+    )
     run(scene, tmp_path / "whole")
 
     def stop(step: int, steps: int) -> None:
