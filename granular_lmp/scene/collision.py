@@ -18,11 +18,12 @@ from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
 from granular_lmp.crystal.lattices import FREE, SQUARE, WALL
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.bodies import SPHERE_RULES
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.files import first_file
 from granular_lmp.scene.refusals import SKIN
 from granular_lmp.scene.schema import choice, count, number
-from granular_lmp.scene.sections import RESCALED, SHEAR_LAWS, SPHERE_RULES
+from granular_lmp.scene.sections import RESCALED, SHEAR_LAWS
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.strikers import scale_of

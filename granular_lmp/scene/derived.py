@@ -13,17 +13,16 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.scene import remarks, words
+from granular_lmp.scene.bodies import Contact, Substrate
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.frequency import hertz_of, wavenumbers_at
 from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.sections import (
     Absorb,
-    Contact,
     Effects,
     Envelope,
     Output,
     Packing,
-    Substrate,
     Time,
     Wave,
 )

@@ -24,6 +24,7 @@ from granular_lmp.crystal.lattices import FREE
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation, words
+from granular_lmp.scene.bodies import DISORDER_RULES, INCLUSION_RULES, LATTICE_SPHERE_RULES, Contact, Substrate
 from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.derived import Derived, at_rest, physics_of, wavenumbers_of
 from granular_lmp.scene.files import assignment as assignment
@@ -35,17 +36,12 @@ from granular_lmp.scene.refusals import NEEDS_REST, NEEDS_WAVE, UNWAVED, is_loos
 from granular_lmp.scene.samples import located
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.sections import (
-    DISORDER_RULES,
-    INCLUSION_RULES,
-    LATTICE_SPHERE_RULES,
     STEP_OR_TOLERANCE,
     Absorb,
-    Contact,
     Effects,
     Envelope,
     Output,
     Packing,
-    Substrate,
     Time,
     Wave,
     refuse_step_beside_tolerance,

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from math import ceil, floor, hypot, pi, sqrt
 from typing import Any
 
-from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.crystal.equilibrium import BOXES
 from granular_lmp.crystal.lattices import (
     CHAIN,
@@ -27,12 +26,11 @@ from granular_lmp.crystal.lattices import (
     Lattice,
 )
 from granular_lmp.crystal.modes import MODES, Physics
-from granular_lmp.crystal.walls import BELOW, BOTH
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.places import AtPlaces, Rows, Spheres, rows_rule, spheres_rule
 from granular_lmp.scene.records import Remembering
-from granular_lmp.scene.schema import AUTO, ArrayRule, Bare, Interval, Rule, choice, count, flag, number, shown, switch
+from granular_lmp.scene.schema import AUTO, Bare, Interval, Rule, choice, count, flag, number, shown, switch
 from granular_lmp.scene.shape import Auto
 
 ENDS = ("fixed", "periodic", AUTO)
@@ -126,36 +124,6 @@ class Packing(Remembering):
         default=AUTO,
         bare=NOT_BARE,
     )
-
-
-_STIFFNESS = ("N/m", "measured, at rest; left out: what the moduli give", 1e-6, 1e12)
-
-
-@dataclass(frozen=True)
-class Contact:
-    """Measured stiffnesses of the contact at rest of two spheres of the lattice, in place of those of their moduli.
-
-    The law's force is scaled at the same overlap: a contact at rest keeps its overlap, and adhesion its share.
-    """
-
-    normal_stiffness: float | None = number(*_STIFFNESS, default=None)
-    shear_stiffness: float | None = number(*_STIFFNESS, default=None)
-
-
-@dataclass(frozen=True)
-class Substrate:
-    """A rigid half-space under a crystal, its face across z, on which the spheres of the first layer adhere.
-
-    Its contact with a sphere has the law of two spheres (`granular_lmp.crystal.walls`), E* and w of both materials, and
-    measured stiffnesses in place of computed ones. With ``sides = "both"`` another one lies on the last layer.
-    """
-
-    youngs_modulus: float = number("Pa", "of the half-space", 1e3, 1e13)
-    poisson_ratio: float = number("", "of the half-space", -1, 0.5, open_low=True)
-    work_of_adhesion: float = number("J/m2", "of two bodies of its material; to spheres the geometric mean", 1e-6, 100)
-    normal_stiffness: float | None = number(*_STIFFNESS, default=None)
-    shear_stiffness: float | None = number(*_STIFFNESS, default=None)
-    sides: str = choice("under the crystal, or on both sides of it", (BELOW, BOTH), default=BELOW)
 
 
 @dataclass(frozen=True)
@@ -437,49 +405,3 @@ class Output(Remembering, AtPlaces):
     def everyone(self) -> bool:
         """True if all spheres are recorded."""
         return not self.rows and not self.spheres
-
-
-# The ranges stand here because `Sphere` is plain physics, which `analysis` uses too. Within them the numbers of the
-# deck stay far from underflow and overflow.
-_ADHESION = Rule(float, "J/m2", "of two spheres; 0: Hertz contacts", Interval(1e-6, 100, or_zero=True))
-SPHERE_RULES = {
-    "radius": Rule(float, "m", "", Interval(1e-9, 1)),
-    "youngs_modulus": Rule(float, "Pa", "", Interval(1e3, 1e13)),
-    "poisson_ratio": Rule(float, "", "", Interval(-1, 0.5, open_low=True)),
-    "work_of_adhesion": replace(_ADHESION, bare=Bare(_ADHESION, 0.0)),
-    "density": Rule(float, "kg/m3", "", Interval(1, 1e5)),
-}
-LATTICE_SPHERE_RULES = SPHERE_RULES | {
-    "adhesion_law": Rule(str, "", "jkr: also beyond contact", words=tuple(ADHESION_LAWS)),
-}
-DISORDER_RULES = {
-    "radius": Rule(
-        float, "", "relative standard deviation, Gaussian, cut at 3; of a struck sheet: one-sided", Interval(0, 0.1)
-    ),
-    "density": Rule(float, "", "relative standard deviation, Gaussian, cut at 3", Interval(0, 0.33)),
-    "vacancies": Rule(float, "", "share of the free spheres that is left out", Interval(0, 0.99)),
-    "seed": Rule(int, "", "of the random numbers", Interval(0, 2**32 - 1)),
-}
-INCLUSION_RULES = {
-    "rows": rows_rule(),
-    "every": Rule(int, "", "of rows: the first and each so many after it", Interval(1, 10_000_000)),
-    "spheres": spheres_rule(),
-    "disc": ArrayRule(
-        float,
-        "",
-        "[row, column, radius in lattice constants]",
-        Interval(0, 10_000_000),
-        entries=("row", "column", "radius"),
-    ),
-    "half_plane": ArrayRule(
-        float,
-        "",
-        "[row, column, degrees]: left of a line, or on it",
-        Interval(-180, 10_000_000),
-        entries=("row", "column", "degrees"),
-    ),
-    "share": Rule(float, "", "of the free spheres, at random by disorder.seed", Interval(0, 1)),
-    **SPHERE_RULES,
-    "work_of_adhesion": _ADHESION,
-    "vacancy": Rule(bool, "", "the places are empty"),
-}

@@ -9,8 +9,9 @@ from granular_lmp.crystal.lattices import FREE, PERIODIC
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import BOTH, Wall
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.bodies import Contact, Substrate
 from granular_lmp.scene.schema import AUTO, shown
-from granular_lmp.scene.sections import Absorb, Contact, Effects, Packing, Substrate
+from granular_lmp.scene.sections import Absorb, Effects, Packing
 
 _AT_REST = "spheres that differ in their contacts come to rest in the plane only; density and vacancies may differ"
 _ROUNDS = 60  # of a scale that each round brings nearer by a third of its error at least
