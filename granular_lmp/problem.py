@@ -19,7 +19,8 @@ from granular_lmp.crystal.modes import Mode, Physics, highest_frequency
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stability import frequency_bound
-from granular_lmp.effects.effect import Case, Chosen
+from granular_lmp.effects.case import Case
+from granular_lmp.effects.effect import Chosen
 from granular_lmp.effects.selection import EFFECTS, remarks, select, warnings
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.absorption import quiet_end_of, remarks_on_ends

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.ladder import phase_error
 from granular_lmp.accuracy.oscillator import late_shear, oscillator_of
 from granular_lmp.accuracy.rounding import judged, linear_signals, rounding, walls
-from granular_lmp.effects.effect import Case
+from granular_lmp.effects.case import Case
 from granular_lmp.effects.selection import order
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene

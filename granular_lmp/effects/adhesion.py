@@ -10,7 +10,8 @@ from dataclasses import replace
 from math import inf
 from typing import Any
 
-from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.case import Case, Finding
+from granular_lmp.effects.effect import Effect
 from granular_lmp.scene.scene import Scene
 
 

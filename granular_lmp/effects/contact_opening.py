@@ -5,7 +5,8 @@ from math import inf
 import numpy as np
 
 from granular_lmp.crystal.search import overlapping
-from granular_lmp.effects.effect import NOTHING, Case, Effect, Finding
+from granular_lmp.effects.case import NOTHING, Case, Finding
+from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.guard import Guard
 from granular_lmp.effects.openings import changed_lines
 from granular_lmp.effects.reading import bounded

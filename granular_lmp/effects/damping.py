@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.case import Case, Finding
+from granular_lmp.effects.effect import Effect
 from granular_lmp.scene.scene import Scene
 
 

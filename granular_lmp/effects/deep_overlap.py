@@ -6,7 +6,8 @@ stiffer than one of the stiffest pair, or with a wall, at that overlap.
 
 from math import inf
 
-from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.case import Case, Finding
+from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO

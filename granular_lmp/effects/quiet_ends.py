@@ -4,7 +4,8 @@ Their drag is no force. LAMMPS computes forces with the velocities of half a ste
 the whole step: a force of drag errs by first order in the step, and a resumed run begins with another one.
 """
 
-from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.case import Case, Finding
+from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.freedoms import about, axes, turns
 from granular_lmp.effects.guard import Prepared
 from granular_lmp.scene.absorption import quiet_end_of, quiet_side

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granular_lmp.effects.effect import Case
+from granular_lmp.effects.case import Case
 from granular_lmp.effects.guard import BETWEEN, Prepared, read
 from granular_lmp.effects.law_formulas import FORMULAS, Formulas
 from granular_lmp.effects.on_walls import OnWall

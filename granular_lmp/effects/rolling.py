@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.crystal.modes import contact_rolls
-from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.case import Case, Finding
+from granular_lmp.effects.effect import Effect
 from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.scene import Scene
 

@@ -3,7 +3,8 @@
 from math import inf
 
 from granular_lmp.crystal.sphere import INERTIA_RATIO
-from granular_lmp.effects.effect import NOTHING, Case, Effect, Finding
+from granular_lmp.effects.case import NOTHING, Case, Finding
+from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.freedoms import about, turns
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
 

@@ -4,10 +4,11 @@ from collections.abc import Iterable
 
 from granular_lmp.crystal.modes import Mode, Physics
 from granular_lmp.effects.adhesion import ADHESION
+from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.contact_opening import CONTACT_OPENING
 from granular_lmp.effects.damping import DAMPING
 from granular_lmp.effects.deep_overlap import DEEP_OVERLAP, LONG_STEP
-from granular_lmp.effects.effect import Case, Chosen, Effect, Finding
+from granular_lmp.effects.effect import Chosen, Effect
 from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.effects.quiet_ends import QUIET_ENDS
 from granular_lmp.effects.rolling import ROLLING

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.crystal.modes import bears_compression, contact_stretches
-from granular_lmp.effects.effect import NOTHING, Case, Effect, Finding
+from granular_lmp.effects.case import NOTHING, Case, Finding
+from granular_lmp.effects.effect import Effect
 from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.scene import Scene
 

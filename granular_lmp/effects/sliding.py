@@ -5,7 +5,8 @@ If the effect is off, the deck has a friction at which no contact slides.
 
 from math import inf, isfinite
 
-from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.case import Case, Finding
+from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.guard import BETWEEN, Guard, Prepared, read
 from granular_lmp.effects.reading import Reading, between
 from granular_lmp.scene.scene import Scene

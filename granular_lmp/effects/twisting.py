@@ -7,7 +7,8 @@ contact, so the effect changes no number of a run; it prepares decks for three d
 from collections.abc import Mapping
 from typing import Any
 
-from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.case import Case, Finding
+from granular_lmp.effects.effect import Effect
 from granular_lmp.scene.scene import Scene
 
 

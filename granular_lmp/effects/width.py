@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import places
-from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.case import Case, Finding
+from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
 from granular_lmp.scene.scene import Scene
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.crystal.lattices import centre
-from granular_lmp.effects.effect import Case
+from granular_lmp.effects.case import Case
 from granular_lmp.errors import RunFolderError, SceneError, one_line
 from granular_lmp.lammps.deck import Deck, deck_of, written_text
 from granular_lmp.lammps.guard_results import first_decks

@@ -9,7 +9,7 @@ import pytest
 
 from analysis import compare
 from granular_lmp import Record, Scene, run
-from granular_lmp.effects.effect import Case
+from granular_lmp.effects.case import Case
 from granular_lmp.effects.reading import Reading
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import CONTACTS

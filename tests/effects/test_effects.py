@@ -15,7 +15,8 @@ from granular_lmp import Record, Scene, build, cli, run
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import Mode, decay_rate
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.effects.effect import Case, Chosen, Finding
+from granular_lmp.effects.case import Case, Finding
+from granular_lmp.effects.effect import Chosen
 from granular_lmp.effects.selection import EFFECTS, select, warnings, with_all
 from granular_lmp.errors import EffectError, LammpsError, SceneError
 from granular_lmp.lammps.guards import LOOKS, fastest, line_interval, look_interval

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from granular_lmp import Scene, build, run
-from granular_lmp.effects.effect import Case
+from granular_lmp.effects.case import Case
 from granular_lmp.effects.guard import NEVER, watches_part
 from granular_lmp.errors import EffectError, RunInterrupted
 from granular_lmp.lammps.guard_results import measured

@@ -16,7 +16,7 @@ from analysis.theory.green import Load
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, Shape, packed
 from granular_lmp.crystal.sphere import INERTIA_RATIO
-from granular_lmp.effects.effect import Case
+from granular_lmp.effects.case import Case
 from granular_lmp.effects.selection import select
 from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare

@@ -17,7 +17,7 @@ from analysis.theory.contact import Contact
 from analysis.theory.green import Crystal, Load
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
-from granular_lmp.effects.effect import Case
+from granular_lmp.effects.case import Case
 from granular_lmp.errors import EffectError, SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare

@@ -32,7 +32,8 @@ from analysis.theory.choice import THEORIES, TheoryError, best, holding, traits,
 from granular_lmp import Record, Scene, run
 from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.effects import selection as package_effects
-from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.case import Case, Finding
+from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.scene.sections import FORMS, MODES, SHEAR_LAWS
 from tests.conftest import PAPER

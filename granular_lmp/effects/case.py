@@ -1,0 +1,314 @@
+"""The case to which the functions of an effect apply: a scene with the effects that have been decided so far.
+
+It gives the numbers by which rules decide: stretches and slips of contacts, strengths, friction, dashpots.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from math import exp, hypot, inf
+from typing import NamedTuple
+
+import numpy as np
+
+from granular_lmp.crystal.adhesion_laws import AdhesionLaw
+from granular_lmp.crystal.contacts import Contacts, law_between
+from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, highest_frequency, row_stretches
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.at_rest import contacts_of, crystal_of, swiftness
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.schema import AUTO
+from granular_lmp.scene.sources import ROTATION
+
+# μ = 5a (adhesion) to 10a (compression) keeps F_t under 0.6 of the sliding force for every mode. Much larger is wrong
+# too: LAMMPS skips turning the shear history with the contact while its normal part is below 1e-10 of the sliding
+# force, which then freezes it.
+FRICTION_PER_AMPLITUDE = 10.0
+NOTHING = 1e-12  # rounding of a number of order 1 that vanishes by symmetry
+
+
+class Finding(NamedTuple):
+    """Result of a rule: whether the effect is called for, the number behind it, and the text behind the number."""
+
+    called_for: bool
+    number: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene with the effects that have been decided so far, and the modes that were asked for."""
+
+    scene: Scene
+    on: Mapping[str, bool] = field(default_factory=dict)
+    modes: dict[Physics, Mode] = field(default_factory=dict)
+
+    @cached_property
+    def mode(self) -> Mode:
+        """Bloch mode of the wave in the lattice with these effects; undecided effects count as on.
+
+        It is None without a wave, as `granular_lmp.problem.Problem.mode`.
+        """
+        if self.scene.wave is None:
+            return None  # what needs a mode asks for the wave first
+        shear = self.on.get("shear", True)
+        return self.mode_with(self.physics(shear, self.on.get("rotation", shear), self.rolling))
+
+    def physics(self, shear: bool = True, rotation: bool = True, rolling: float = 0.0) -> Physics:
+        """Return the degrees of freedom with some effects, in as many dimensions as the scene has."""
+        return Physics(shear, rotation, rolling, space=self.scene.space == 3)
+
+    @property
+    def rolling(self) -> float:
+        """Stiffness of the contacts against rolling, N/m; 0 if spheres roll freely."""
+        declared = self.scene.effects.rolling is not False
+        return self.scene.effects.rolling_stiffness if self.on.get("rolling", declared) else 0.0
+
+    def mode_with(self, physics: Physics) -> Mode:
+        """Return the mode of the scene's wave in a lattice with the given physics, which is solved once."""
+        if physics not in self.modes:
+            self.modes[physics] = mode_of(self.scene, physics)
+        return self.modes[physics]
+
+    @cached_property
+    def contacts(self) -> Contacts:
+        """Contacts at rest: those of one sphere of a perfect lattice, or of all spheres of another crystal."""
+        return contacts_of(self.scene)
+
+    @property
+    def overlaps(self) -> np.ndarray:
+        """Overlaps of the contacts at rest, (C,), in Δ0."""
+        return self.contacts.overlap / self.scene.sphere.static_overlap
+
+    @property
+    def hold(self) -> float:
+        """How far a contact of two spheres of the lattice holds beyond its end, in Δ0: 0 by the DMT law."""
+        return self.scene.sphere.pull_off_distance / self.scene.sphere.static_overlap
+
+    @property
+    def ends(self) -> np.ndarray:
+        """Overlaps at which the contacts part, in Δ0: (C,), or one for all; 0 by the DMT law."""
+        return np.asarray(self._law.pull_off_overlap / self.scene.sphere.static_overlap)
+
+    @cached_property
+    def stretches(self) -> tuple[np.ndarray, np.ndarray]:
+        """Amplitudes of the normal and the shear displacement of the contacts, (C,) each, in Δ0.
+
+        For a driven row they are at least those of its contacts to the next row as if that were at rest; for sources,
+        whose fields are not known beforehand, those of a row moved along x or y by the largest amplitude, and the slip
+        of a sphere that is turned by it. Strikers and a state add the bound of their own (`Scene.strike`).
+        """
+        scene, amplitude = self.scene, self.scene.amplitude
+        normal, shear = self._of_mode
+        parts = []
+        if self._waves:
+            along = "y" if self.mode.along_y else "x"
+            parts.append(self._with_rows(normal, shear, along if scene.form == "driven" else ""))
+        if scene.source:
+            shaken = self._with_rows(normal, shear, "xy")
+            if any(each.motion == ROTATION for each in scene.source):
+                shaken[1] = np.maximum(np.abs(shaken[1]), 1.0)
+            parts.append([each * self.shaken for each in shaken])
+        if len(parts) == 1 and not scene.struck:
+            return parts[0][0] * amplitude, parts[0][1] * amplitude
+        # A bound, whatever the phases
+        still = np.zeros_like(normal)
+        bounds = (sum((np.abs(each[k]) for each in parts), still) * amplitude + scene.strike for k in (0, 1))
+        return next(bounds), next(bounds)
+
+    @property
+    def _of_mode(self) -> tuple[np.ndarray, np.ndarray]:
+        """Stretch and slip of the contacts in the mode, (C,) each; 0 without a wave."""
+        if self.scene.wave is None:
+            return np.zeros(len(self.contacts)), np.zeros(len(self.contacts))
+        return contact_stretches(self.contacts, self.scene.sphere, self.mode)
+
+    @property
+    def _waves(self) -> bool:
+        """True if the wave is there, or is the unit of strikes alone."""
+        return self.scene.wave is not None and (self.scene.form != "none" or not self.scene.source)
+
+    def _with_rows(self, normal: np.ndarray, shear: np.ndarray, axes: str) -> list[np.ndarray]:
+        """Return stretches, at least those of the contacts of a row that is moved by 1 along each of some axes."""
+        for axis in axes:
+            moved = row_stretches(self.contacts, float(axis == "x"), float(axis == "y"))
+            normal, shear = (np.maximum(np.abs(a), np.abs(b)) for a, b in zip((normal, shear), moved, strict=True))
+        return [normal, shear]
+
+    @property
+    def shaken(self) -> float:
+        """Largest amplitude of the sources, in units of that of the wave; 0 without any."""
+        return max((each.largest for each in self.scene.source), default=0.0)
+
+    @property
+    def strength(self) -> float:
+        """Largest amplitude of wave and sources together, in units of that of the wave."""
+        return self.shaken + self._waves
+
+    @property
+    def no_slip_friction(self) -> float:
+        """Friction coefficient per amplitude a at which no contact slides: 10/h.
+
+        The sliding force is μ times the holding force, which is h = 1 + s of the Hertz force at rest, with the share s
+        of adhesion. Dashpots add to the force of the springs, so the friction is larger by the ratio of
+        `shear_stiffness` to κ. In a crystal that is not perfect h is that of the weakest contact: of its adhesion
+        alone, which is left when it opens, or of its force at rest if nothing adheres. Sources raise it by the largest
+        of their amplitudes, and walls by how much stiffer in shear they are for the force that holds them.
+        """
+        hold = 1 + self.adhesive_share
+        if not self.scene.perfect:
+            adhesive = self.contacts.adhesive_force.min()
+            weakest = adhesive or self.contacts.contact_force.min()
+            hold = float(weakest) / self.scene.sphere.holding_force
+        stiffer = self.shear_stiffness / self.scene.sphere.stiffness_ratio
+        strength = self.strength or 1.0  # of strikes alone that of their own amplitude
+        return FRICTION_PER_AMPLITUDE * strength * stiffer * self._stiffer_walls / hold if hold > 0 else inf
+
+    @property
+    def _stiffer_walls(self) -> float:
+        """Largest shear stiffness at rest over the holding force, of walls, over that of two spheres; at least 1."""
+        on_wall, sphere = self.contacts.on_wall, self.scene.sphere
+        holding = (self.contacts.adhesive_force + self.contacts.contact_force)[on_wall]
+        there = self.contacts.shear_stiffness[on_wall] / holding * sphere.holding_force / sphere.shear_stiffness
+        return float(there.max(initial=1.0))
+
+    @property
+    def shear_stiffness(self) -> float:
+        """Dynamic shear stiffness |κ + 2(κ+3) i c Ω| of spring and dashpot c, in k1 (k1 t0²/m = 1/(2(κ+3)))."""
+        return hypot(self.scene.sphere.stiffness_ratio, self.dashpot)
+
+    @property
+    def dashpot(self) -> float:
+        """Force amplitude D = 2(κ+3) c Ω of the dashpot c of a sheared contact, per displacement, in k1."""
+        viscosity = self.viscosity if self.on.get("damping", True) else 0.0
+        return 2 * (self.scene.sphere.stiffness_ratio + 3) * viscosity * self.frequency
+
+    @property
+    def frequency(self) -> float:
+        """Ω of the wave, rad/t0; without a wave the highest frequency of the crystal."""
+        scene = self.scene
+        if scene.wave is not None:
+            return self.mode.frequency
+        return highest_frequency(unit_contacts(scene), scene.sphere, physics_of(scene)) * swiftness(scene)
+
+    @property
+    def adhesive_share(self) -> float:
+        """Share s = F/(F + F0) of adhesion in the force that holds the contacts at rest."""
+        return self.scene.sphere.pull_off_force / self.scene.sphere.holding_force
+
+    @property
+    def friction(self) -> float:
+        """Friction coefficient of the scene, or the one at which no contact slides if it is "auto"."""
+        given = self.scene.effects.friction
+        return self.no_slip_friction * self.largest_amplitude if given == AUTO else float(given)
+
+    @property
+    def largest_amplitude(self) -> float:
+        """Amplitude a of waves, sources and strikes together, to which automatic friction is proportional."""
+        return (self.scene.amplitude if self.strength else 0.0) + self.struck_amplitude
+
+    @property
+    def struck_amplitude(self) -> float:
+        """Amplitude a that stands for strikers and a state where friction is as large as an amplitude needs."""
+        return self.scene.strike / (self.strength or 1.0) if self.scene.struck else 0.0
+
+    @property
+    def viscosity(self) -> float:
+        """Dashpot of a contact at rest, in m/t0."""
+        effects, sphere = self.scene.effects, self.scene.sphere
+        dashpot = effects.viscosity or sphere.restitution_viscosity(effects.restitution)
+        return dashpot * sphere.time_scale / sphere.mass
+
+    @property
+    def strongest_dashpot(self) -> float:
+        """Bound on the dashpot of all contacts, N s/m, in a restitution's case those of no more than the force at rest.
+
+        η = √5 ζ √(m_eff A) δ^{1/4} = √5 ζ √m_eff A^{1/3} f^{1/6} with the force f of the spring.
+        """
+        scene, crystal = self.scene, crystal_of(self.scene)
+        if scene.effects.restitution == 1:
+            return scene.effects.viscosity
+        radius = float(crystal.atoms.arrays["radius"].max()) * scene.sphere.radius
+        stiffest = max(replace(each, radius=radius).normal_coefficient for each in crystal.materials)
+        lattice, own = scene.sphere, self.contacts.mass.max()
+        stronger = np.sqrt(own / lattice.mass) * (stiffest / lattice.normal_coefficient) ** (1 / 3)
+        return lattice.restitution_viscosity(scene.effects.restitution) * max(float(stronger), 1.0)
+
+    def largest_slip(self) -> float:
+        """Return the largest ratio of shear force to sliding force of the same contact at the same time.
+
+        With the overlap δ = δ0 − n cos ϑ and a dashpot force t D sin ϑ beside that of the spring it is
+
+            max over contacts and phases ϑ of |t| |g(δ) cos ϑ − D sin ϑ| / (μ [f_N(δ) + 2F])
+
+        with the shear stiffness g = B δ^{1/2} and f_N + 2F = A δ^{3/2} + F in the DMT law.
+
+        It is infinite if contacts without adhesion open, because they slide before they open.
+        """
+        phase = np.linspace(0, 2 * np.pi, 721 if self.scene.perfect else 91)[:, None]
+        normal, shear = self.stretches
+        law, sphere = self._law, self.scene.sphere
+        overlap = (self.overlaps - normal * np.cos(phase)) * sphere.static_overlap
+        closed = overlap > law.pull_off_overlap
+        overlap = np.where(closed, overlap, law.pull_off_overlap)
+        push = law.shear_stiffness(overlap) / sphere.normal_stiffness * np.cos(phase) - self.dashpot * np.sin(phase)
+        force = np.where(closed, np.abs(shear * push), 0.0)
+        limit = law.sliding_force(overlap) / (sphere.normal_stiffness * sphere.static_overlap)
+        if not self.on.get("adhesion", True):  # LAMMPS's Hertz contacts slide at μ times the force with its dashpot
+            limit = np.maximum(limit + self.dashpot * normal * np.sin(phase), 0.0)
+        limit = self.friction * limit
+        if np.any((limit == 0) & (np.abs(shear * np.cos(phase)) > NOTHING)):
+            return inf
+        return float(np.max(np.divide(force, limit, out=np.zeros_like(force), where=limit > 0)))
+
+    @property
+    def _law(self) -> AdhesionLaw:
+        """Law of the contacts at rest: one in a perfect lattice without walls, else that of each contact."""
+        contacts, wall = self.contacts, self.scene.wall
+        law = self.scene.sphere.contact_law
+        if not self.scene.perfect:
+            at_rest = crystal_of(self.scene)
+            law = law_between(at_rest.atoms, at_rest.materials, contacts.i, contacts.j)
+        if wall is None:
+            return law
+        beside = wall.law(contacts.radius[contacts.i])
+        parts = (field.name for field in fields(law))
+        return replace(
+            law, **{name: np.where(contacts.on_wall, getattr(beside, name), getattr(law, name)) for name in parts}
+        )
+
+    @property
+    def wave_words(self) -> str:
+        """Name of the wave with its article: "a TR wave"."""
+        return self.mode.words
+
+    @property
+    def every_mode(self) -> str:
+        """What makes waves of every mode, in words; "" if nothing does."""
+        if self.scene.wave is None or self.scene.source or self.scene.struck:
+            return "sources and strikes make waves of every mode"
+        return ""
+
+    @property
+    def decay_rate(self) -> float:
+        """Decay rate of the wave's amplitude by the dashpots of the contacts, per τ."""
+        return decay_rate(
+            unit_contacts(self.scene), self.scene.sphere, self.mode, self.viscosity, shear=self.on.get("shear", True)
+        )
+
+    @property
+    def amplitude_left(self) -> float:
+        """Share of the wave's amplitude that remains at the end of the run with the dashpots."""
+        return exp(-self.decay_rate * self.scene.time.duration)
+
+    def frequency_shift(self, physics: Physics) -> str:
+        """Return a description of the change in the wave's frequency in a lattice with the given physics."""
+        if self.scene.wave is None:
+            return "waves have other frequencies"
+        full = self.mode_with(self.physics(rolling=self.rolling)).frequency
+        try:
+            less = self.mode_with(physics).frequency
+        except SceneError:
+            return f"there is no {self.mode.words.partition(' ')[2]}"
+        return f"the frequency is {less:.4g} per tau instead of {full:.4g}: {abs(less / full - 1):.2%} off"
