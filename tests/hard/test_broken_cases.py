@@ -32,7 +32,8 @@ A_LOST_SPHERE = (("group        centre id 11\n", "group        centre id 11\ndel
 SLIPPERY = (("friction index $(5.0*v_amplitude:%.17g)", "friction index 0.05"),)
 FAST_CLOCK = (("$(v_sample/v_every*v_t0:", "$(1.01*v_sample/v_every*v_t0:"),)
 FAST_STRIKE = (("equal v_sample/v_every\n", "equal 1.01*v_sample/v_every\n"),)
-WEAKER = ((" 0.34 50.0 ", " 0.34 49.0 "),)  # mJ/m², half of the work of adhesion
+# 2 % less work of adhesion, in whatever units
+WEAKER = (("0.0 0.34 ", "0.0 0.34 $(0.98*"), (" &\n             tangential", ") &\n             tangential"))
 UNLOADED = (("fix          load2", "# fix          load2"),)
 LOSSY_STRIKE = ((" 0.0 0.3 &", " 0.02 0.3 &"),)  # m/t0
 ANOTHER_INCREMENT = (("tangential mindlin/force ", "tangential mindlin "),)

@@ -163,5 +163,6 @@ def test_a_kick_that_is_stopped_says_how_to_go_on(small_toml: Path, tmp_path: Pa
     process.send_signal(signal.SIGTERM)  # as a batch system does
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert err.endswith(f"granular-lmp: error: {tmp_path / 'run'}: interrupted; run it again with --force\n")
-    assert not list((tmp_path / "run").glob("checkpoint*"))  # a kicked sheet is not continued
+    how = f"continue with: granular-lmp resume {tmp_path / 'run'}"
+    assert err.endswith(f"granular-lmp: error: {tmp_path / 'run'}: interrupted; what was recorded is kept; {how}\n")
+    assert list((tmp_path / "run").glob("checkpoint*"))

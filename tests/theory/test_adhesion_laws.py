@@ -322,7 +322,7 @@ def test_restitution_is_refused_as_with_any_adhesive_law() -> None:
 
 
 def test_impacts_have_no_adhesion_law() -> None:
-    with pytest.raises(SceneError, match="sphere.adhesion_law: unknown key"):
+    with pytest.raises(SceneError, match="sphere.adhesion_law: is of spheres that adhere"):
         ImpactScene.load("solitary_chain").with_values({"sphere.adhesion_law": "jkr"})
 
 

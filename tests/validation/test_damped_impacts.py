@@ -162,7 +162,9 @@ def test_a_damped_contact_pulls_before_it_ends(tmp_path: Path) -> None:
     result = collide(lossy, tmp_path / "run")
     assert result.restitution == pytest.approx(0.5, abs=2e-5)  # of first order in the step
     assert -0.2 < result.normal_force.min() / result.largest_force < -0.05
-    limited = with_deck(lossy, tmp_path, ("damping coeff_restitution", "damping coeff_restitution limit_damping"))
+    limited = with_deck(
+        lossy, tmp_path / "limited", ("damping coeff_restitution", "damping coeff_restitution limit_damping")
+    )
     assert limited.normal_force.min() == 0
     assert limited.restitution == pytest.approx(0.550, abs=1e-3)  # measured; the digits of the page
 

@@ -153,7 +153,7 @@ def touching(network: Network, displacement: np.ndarray) -> np.ndarray:
     pairs = search(network, np.zeros((2, len(displacement))))
     motion = np.zeros((6, len(displacement)))
     motion[:2] = displacement.T
-    return contacts(network, motion, pairs, np.zeros(len(pairs.first))).overlap > 0
+    return contacts(network, motion, pairs, np.zeros((1, len(pairs.first)))).overlap > 0
 
 
 @pytest.mark.rounding
