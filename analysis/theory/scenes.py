@@ -1,7 +1,8 @@
 """The crystal of a scene, and what its wave does there to second order: any lattice, layers, law, form and direction.
 
 The crystal is found here from the spheres and the lattice: places, contacts, modes. Rows may differ in density, in a
-pattern that repeats; then the wave, a mode of the lattice without the layers, starts as a sum of their modes.
+pattern that repeats; then the wave is a branch of theirs by its number, or starts as the sum of their modes that a mode
+of the lattice without the layers is.
 
 The start may run or stand. Whatever else a scene declares is refused by its key.
 """
@@ -283,11 +284,14 @@ class Setting:
         return np.multiply.outer(xi * self.unit, frame(self.scene.direction)[0])
 
     def mode(self) -> Wave:
-        """Return the wave of the scene, of amplitude 1, in its lattice without layers.
+        """Return the wave of the scene, of amplitude 1, in its lattice without layers, or in layers that it counts.
 
-        In a cell of several spheres the squares of all amplitudes sum to 1.
+        The number of a branch is that of the layers in a lattice of one sphere a cell in the plane, whose waves have
+        names. In a cell of several spheres the squares of all amplitudes sum to 1.
         """
-        lattice, k = self.crystal(layers=False), self.wavevector()
+        plain, k = self.crystal(layers=False), self.wavevector()
+        counted = self.scene.wave.mode.isdecimal() and len(plain) == 1 and self.scene.space == 2
+        lattice = self.crystal() if counted else plain
         return wave(lattice, k, named_branch(lattice, k, self.scene.wave.mode)).times(1 / np.sqrt(len(lattice)))
 
     def start(self) -> tuple[Crystal, tuple[Wave, ...]]:

@@ -20,6 +20,7 @@ from granular_lmp.crystal.modes import bloch_mode, highest_frequency
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.problem import Problem, prepare, step_rules
+from granular_lmp.scene.at_rest import swiftness
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 
@@ -48,8 +49,8 @@ def pair_error(frequency: float, step: float, duration: float) -> float:
 def deciding_frequency(scene: Scene) -> float:
     """Return the highest frequency in the wave and its second harmonic by linear theory, in rad/t0."""
     lattice, physics, usual = unit_contacts(scene), physics_of(scene), mode_of(scene).frequency
-    if scene.lattice.column_period > 1 or scene.space == 3:  # the second harmonic may be of any branch
-        free = highest_frequency(lattice, scene.sphere, physics)
+    if scene.wave_lattice.cell_size > 1 or scene.space == 3:  # the second harmonic may be of any branch
+        free = highest_frequency(lattice, scene.sphere, physics) * swiftness(scene)
     else:
         free = bloch_mode(lattice, scene.sphere, scene.vector.doubled, "L", physics).frequency
     own = [each.top(scene.sphere, usual) for each in scene.source]

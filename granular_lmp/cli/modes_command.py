@@ -100,7 +100,7 @@ def _modes_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     if options.json:
         say_json(
             {"wavenumber": scene.wavenumber, "direction": scene.direction, "t0_s": t0}
-            | ({} if scene.perfect else {"left_out": scene.imperfections})
+            | ({"left_out": scene.left_out} if scene.left_out else {})
             | (as_json(bands, t0) if bands else {})
             | {"modes": {row["mode"]: {key: row[key] for key in row if key != "mode"} for row in table}}
         )
@@ -126,9 +126,9 @@ def _at_wavevector(scene: "Scene") -> Table:
     from granular_lmp.crystal.lattices import lattice_constant
     from granular_lmp.crystal.modes import modes_at
     from granular_lmp.crystal.zone import group_velocities
-    from granular_lmp.scene.linear import physics_of, unit_contacts
+    from granular_lmp.scene.linear import physics_of, wave_contacts
 
-    crystal, sphere, physics = unit_contacts(scene), scene.sphere, physics_of(scene)
+    crystal, sphere, physics = wave_contacts(scene), scene.sphere, physics_of(scene)
     k = np.array(scene.vector.components) / lattice_constant(sphere)
     if physics.space:
         found = _in_space(scene, k)
@@ -154,9 +154,9 @@ def _in_space(scene: "Scene", k: "NDArray[np.float64]") -> list[tuple[float, dic
     from granular_lmp.crystal.bloch import bloch_modes
     from granular_lmp.crystal.modes import MODES, named_in_space
     from granular_lmp.crystal.zone import CHARACTERS, characters
-    from granular_lmp.scene.linear import physics_of, unit_contacts
+    from granular_lmp.scene.linear import physics_of, wave_contacts
 
-    crystal, sphere, physics = unit_contacts(scene), scene.sphere, physics_of(scene)
+    crystal, sphere, physics = wave_contacts(scene), scene.sphere, physics_of(scene)
     named = named_in_space(crystal, sphere, scene.vector, physics)
     plane = {name: named.pop(name)[0] for name in MODES if name in named}
     if named:
@@ -177,12 +177,14 @@ def _in_space(scene: "Scene", k: "NDArray[np.float64]") -> list[tuple[float, dic
 def _say_modes(scene: "Scene", table: Table) -> None:
     """Print the modes at the scene's wave vector."""
     along = "" if scene.along == "y" else f" along {scene.along}"
-    shapes = "shapes with p2 + q2 + f2 = 1" + (", roots of sums over the cell" if scene.lattice.cell_size > 1 else "")
+    shapes = "shapes with p2 + q2 + f2 = 1"
+    if scene.wave_lattice.cell_size > 1:
+        shapes += ", roots of sums over the cell"
     if scene.space == 3:
         shapes = "shares of the kinetic energy"
     say(f"xi = {scene.wavenumber!r} rad per row{along}; t0 = {scene.sphere.time_scale:.6g} s; {shapes}")
-    if not scene.perfect:
-        say(f"of the perfect lattice, as which the wave starts; left out: {scene.imperfections}")
+    if scene.left_out:
+        say(f"of the perfect lattice, as which the wave starts; left out: {scene.left_out}")
     columns = [key for key, value in table[0].items() if isinstance(value, float) and "frequency" not in key]
     width = 10 if scene.space == 3 else 12
     head = "".join(f"{column:>{width}}" for column in columns)
@@ -198,16 +200,16 @@ def _branches_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     """Say the branches along a path through the zone, or their density."""
     from granular_lmp.crystal.zone import CHARACTERS, along_path, density_of_states
     from granular_lmp.errors import SceneError
-    from granular_lmp.scene.linear import physics_of, unit_contacts
+    from granular_lmp.scene.linear import physics_of, wave_contacts
 
     if scene.wave is None:
         raise SceneError("modes --path and --dos: need a scene with [wave], whose spheres are held together at rest")
-    crystal, sphere, physics = unit_contacts(scene), scene.sphere, physics_of(scene)
+    crystal, sphere, physics = wave_contacts(scene), scene.sphere, physics_of(scene)
     hertz = 1 / sphere.time_scale / (2 * pi)
     if options.path is None:
         if options.dos < 2:
             raise SceneError(f"--dos {options.dos}: must be at least 2")
-        middle, density = density_of_states(crystal, sphere, physics, scene.lattice, options.dos)
+        middle, density = density_of_states(crystal, sphere, physics, scene.wave_lattice, options.dos)
         table: Table = [
             {"frequency": x, "frequency_Hz": x * hertz, "density_per_Hz": y / hertz}
             for x, y in zip(middle.tolist(), density.tolist(), strict=True)

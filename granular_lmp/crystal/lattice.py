@@ -70,6 +70,8 @@ class Lattice:
         Rows and layers of a primitive cell.
     film : bool
         True if the cell holds all layers, the first and the last free or on a wall.
+    densities : tuple of float
+        Densities of the rows of a cell, kg/m³, where rows differ in a pattern; () where they do not.
     """
 
     name: str
@@ -84,6 +86,7 @@ class Lattice:
     cell_rows: int = 1
     cell_layers: int = 1
     film: bool = False
+    densities: tuple[float, ...] = ()
 
     @property
     def solid(self) -> bool:
@@ -119,6 +122,10 @@ class Lattice:
         """Return the lattice of a film of this many layers; rows that are shifted along z stay in one cell."""
         rows = self.row_period if self.highest_shift(2) else self.cell_rows
         return replace(self, cell_rows=rows, cell_layers=layers, film=True)
+
+    def patterned(self, densities: tuple[float, ...]) -> "Lattice":
+        """Return the lattice of one layer whose rows have these densities in turn, as many as rows of a cell."""
+        return replace(self, cell_rows=len(densities), densities=densities)
 
     def zone_edge(self, direction: float) -> float:
         """Return the ξ at which the zone ends in a direction (degrees): a hexagon, a square where no row is shifted."""

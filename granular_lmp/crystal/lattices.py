@@ -8,7 +8,7 @@ Rows along x are stacked along y. A `Lattice` holds how, and the places of the s
 `granular_lmp.crystal.wavevector`. Others ask it for distances, wave vectors and `offsets`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -158,6 +158,8 @@ def unit_cell(sphere: Sphere, lattice: Lattice = HEXAGONAL) -> ase.Atoms:
     periodic = [lattice.sheet, True, lattice.solid and not lattice.film]
     cell = ase.Atoms(f"X{count}", positions=positions, cell=lattice.cell(a), pbc=periodic)
     cell.set_array("radius", np.ones(count))
+    if lattice.densities:
+        cell.set_array("density", np.array(lattice.densities)[np.argsort(lattice.place(row, column, layer))])
     return cell
 
 
@@ -279,9 +281,14 @@ def offsets(packing: ase.Atoms) -> tuple[Floats, Floats]:
     return _offsets(*_indices(packing), _shape_of(packing))[:2]
 
 
-def places(packing: ase.Atoms) -> Integers:
-    """Return which sphere of its cell each is, (N,), counted from 0; the centre sphere is the first of its own."""
+def places(packing: ase.Atoms, size: int = 1) -> Integers:
+    """Return which sphere of its cell each is, (N,), counted from 0; the centre sphere is the first of its own.
+
+    A cell of more spheres than the lattice has, `size`, is that of a pattern of as many rows (`Lattice.patterned`).
+    """
     shape = _shape_of(packing)
+    if size > shape.lattice.cell_size:
+        shape = replace(shape, lattice=replace(shape.lattice, cell_rows=size))
     row, column, layer = _indices(packing)
     return shape.lattice.place(row - shape.centre_row, column - shape.columns // 2, layer)
 

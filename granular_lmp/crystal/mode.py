@@ -96,11 +96,6 @@ class Mode:
         return f"{'an' if self.name[0] in 'LRSH' else 'a'} {self.name} wave"
 
     @property
-    def moved(self) -> float:
-        """Sum of |u|² over the cell."""
-        return float(np.sum(np.abs(self.shape()[:, : UZ + 1]) ** 2)) if self.cell else self.ux**2 + self.uy**2
-
-    @property
     def along_y(self) -> bool:
         """True if the spheres move along y rather than along x."""
         return self.uy > self.ux if self.cell else self.name == "L"

@@ -92,9 +92,9 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
     """
     if physics.space:
         return _in_space(lattice, sphere, vector, name, physics)
-    kind = lattice_of_contacts(lattice, sphere)
+    kind = "layered" if np.ptp(lattice.mass) else lattice_of_contacts(lattice, sphere).name
     if name not in (known := MODES if len(lattice.mass) == 1 else restored(lattice, physics)):
-        raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(known)} in the {kind.name} lattice")
+        raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(known)} in the {kind} lattice")
     if len(lattice.mass) > 1:
         return _branch(lattice, sphere, vector, name, physics)
     if name == "RT" and not physics.rotation:
@@ -102,7 +102,7 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
     if name not in (there := restored(lattice, physics)):
         cure = "effects.rolling_stiffness above 0" if physics.shear else "effects.shear, which is off"
         raise SceneError(
-            f"wave.mode = {name!r}: has the frequency 0 in the {kind.name} lattice, as no contact resists it; must be "
+            f"wave.mode = {name!r}: has the frequency 0 in the {kind} lattice, as no contact resists it; must be "
             f"{' or '.join(there)}, or needs {cure}"
         )
     columns, index = _SUBSPACE[vector.axis][name] if vector.axis else (physics.coordinates, None)
@@ -268,7 +268,7 @@ def row_stretches(lattice: Contacts, ux: float, uy: float) -> tuple[NDArray, NDA
 def decay_rate(lattice: Contacts, sphere: Sphere, mode: Mode, viscosity: float, *, shear: bool = True) -> float:
     """Return the decay rate Γ of a mode whose contacts are damped, in 1/t0: its amplitude falls as e^{−Γτ}.
 
-        Γ = ½ c Σ_contacts (δN² + δS²) / (u² + Ĩ f²)
+        Γ = ½ c Σ_contacts (δN² + δS²) / Σ_spheres (m/m0) (u² + Ĩ f²)
 
     The formula is the power of the dashpots over twice the energy of the mode and holds for weak damping (Γ ≪ Ω).
 
@@ -283,7 +283,14 @@ def decay_rate(lattice: Contacts, sphere: Sphere, mode: Mode, viscosity: float, 
     """
     normal, tangential = contact_stretches(lattice, sphere, mode)
     squares = np.sum(normal**2) + (np.sum(tangential**2) if shear else 0.0)
-    return float(viscosity * squares / (2 * (mode.moved + INERTIA_RATIO * mode.f**2)))
+    return float(viscosity * squares / (2 * sum(kinetic_parts(lattice, sphere, mode))))
+
+
+def kinetic_parts(lattice: Contacts, sphere: Sphere, mode: Mode) -> tuple[float, float]:
+    """Return Σ (m/m0) u² and Σ (m/m0) Ĩ f² over a cell: kinetic energies of displacement and of rotation."""
+    mass = lattice.mass / sphere.mass if mode.cell else np.ones(1)
+    squares = mass @ np.abs(mode.shape()) ** 2
+    return float(squares[:FX].sum()), float(INERTIA_RATIO * squares[FX:].sum())
 
 
 def _wavevector(sphere: Sphere, vector: WaveVector) -> NDArray:

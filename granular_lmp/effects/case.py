@@ -16,7 +16,7 @@ from granular_lmp.crystal.contacts import Contacts, law_between
 from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, highest_frequency, row_stretches
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.at_rest import contacts_of, crystal_of, swiftness
-from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts, wave_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.sources import ROTATION
@@ -294,7 +294,7 @@ class Case:
     def decay_rate(self) -> float:
         """Decay rate of the wave's amplitude by the dashpots of the contacts, per τ."""
         return decay_rate(
-            unit_contacts(self.scene), self.scene.sphere, self.mode, self.viscosity, shear=self.on.get("shear", True)
+            wave_contacts(self.scene), self.scene.sphere, self.mode, self.viscosity, shear=self.on.get("shear", True)
         )
 
     @property

@@ -16,7 +16,7 @@ import numpy as np
 from granular_lmp.crystal.modes import contact_rolls
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
-from granular_lmp.scene.linear import unit_contacts
+from granular_lmp.scene.linear import wave_contacts
 from granular_lmp.scene.scene import Scene
 
 
@@ -28,7 +28,7 @@ def called_for(case: Case) -> Finding:
         return Finding(True, np.inf, "no cap of the rolling force is declared")
     if case.scene.wave is None:
         return Finding(True, np.inf, case.every_mode)
-    rolls = contact_rolls(unit_contacts(case.scene), sphere, case.mode)
+    rolls = contact_rolls(wave_contacts(case.scene), sphere, case.mode)
     force = effects.rolling_stiffness / sphere.normal_stiffness * float(np.max(np.abs(rolls)))
     at_rest = sphere.contact_law.sliding_force(sphere.static_overlap)
     cap = effects.rolling_friction * at_rest / (sphere.normal_stiffness * sphere.static_overlap)  # in k1 Δ0

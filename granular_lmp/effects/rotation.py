@@ -2,11 +2,12 @@
 
 from math import inf
 
-from granular_lmp.crystal.sphere import INERTIA_RATIO
+from granular_lmp.crystal.modes import kinetic_parts
 from granular_lmp.effects.case import NOTHING, Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.freedoms import about, turns
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
+from granular_lmp.scene.linear import wave_contacts
 
 
 def preload(problem: Prepared) -> list[str]:
@@ -58,8 +59,8 @@ GUARD = Guard(
 def called_for(case: Case) -> Finding:
     if case.scene.wave is None:
         return Finding(True, inf, case.every_mode)
-    spin = INERTIA_RATIO * case.mode.f**2
-    share = spin / (case.mode.moved + spin)
+    moved, spin = kinetic_parts(wave_contacts(case.scene), case.scene.sphere, case.mode)
+    share = spin / (moved + spin)
     reason = f"of the kinetic energy of {case.wave_words} is rotation"
     if case.mode.cell:
         return Finding(True, share, reason + ", and branches are counted with it")

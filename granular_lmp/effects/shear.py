@@ -13,12 +13,12 @@ import numpy as np
 from granular_lmp.crystal.modes import bears_compression, contact_stretches
 from granular_lmp.effects.case import NOTHING, Case, Finding
 from granular_lmp.effects.effect import Effect
-from granular_lmp.scene.linear import unit_contacts
+from granular_lmp.scene.linear import wave_contacts
 from granular_lmp.scene.scene import Scene
 
 
 def called_for(case: Case) -> Finding:
-    lattice, sphere = unit_contacts(case.scene), case.scene.sphere
+    lattice, sphere = wave_contacts(case.scene), case.scene.sphere
     if sphere.contact_force and not bears_compression(lattice, shear=False):
         return Finding(True, sphere.contact_force, "N press a lattice together that would buckle without shear forces")
     if case.scene.wave is None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.rounding import moving
 from granular_lmp.crystal.modes import modes_at
 from granular_lmp.errors import RunFolderError, one_line
-from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
 from granular_lmp.scene.scene import Scene
 
 # The dashes distinguish the modes in print without colour
@@ -91,7 +91,7 @@ def dispersion_figure(scene: Scene) -> Figure:
     Along y and x the branches have the names of the modes. In other directions branches exchange their names, so all
     are drawn alike, and so are those of several spheres a cell.
     """
-    lattice, vector, physics = unit_contacts(scene), scene.vector, physics_of(scene)
+    lattice, vector, physics = wave_contacts(scene), scene.vector, physics_of(scene)
     edge = scene.lattice.zone_edge(vector.direction)
     wavenumbers = np.linspace(0.01, edge, 200)
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")

@@ -136,7 +136,7 @@ def quiet_end_of(scene: Scene) -> QuietEnd | None:
     absorb, shape = scene.absorb, scene.shape
     if absorb.rows == 0:
         return None
-    if scene.wall or len(unit_contacts(scene).mass) > 1:
+    if scene.wall or scene.wave_lattice.cell_size > 1:
         raise SceneError(
             f"absorb.rows = {absorb.rows!r}: must be 0 on a [substrate] and in a lattice of several spheres a cell, "
             "where it is not known what quiet ends reflect"

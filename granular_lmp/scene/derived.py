@@ -17,6 +17,7 @@ from granular_lmp.scene.bodies import Contact, Substrate
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.frequency import hertz_of, wavenumbers_at
 from granular_lmp.scene.monitors import Monitor
+from granular_lmp.scene.pattern import patterned
 from granular_lmp.scene.sections import (
     Absorb,
     Effects,
@@ -122,6 +123,11 @@ class Derived(Document):
         """Lattice of the packing."""
         return lattice_of(self.packing, self.substrate)
 
+    @cached_property
+    def wave_lattice(self) -> Lattice:
+        """Lattice in whose mode the wave starts: rows differ in a pattern where a branch of them has the number."""
+        return wave_lattice_of(self.wave, self.lattice, self.packing, self.space, self.material, self.inclusion)
+
     @property
     def declared_vector(self) -> WaveVector:
         """Wave vector as declared."""
@@ -190,7 +196,7 @@ class Derived(Document):
         """Values that run in place of declared ones, which a periodic cell or a sample rounds, by dotted key."""
         if self.wave is None:
             return remarks.used_step(self.time)
-        hertz = partial(hertz_of, self.vector, self.sphere, self.physics, self.wave.mode, self.lattice, self.wall)
+        hertz = partial(hertz_of, self.vector, self.sphere, self.physics, self.wave.mode, self.wave_lattice, self.wall)
         return remarks.used_vector(self.declared_vector, self.vector, hertz) | remarks.used_step(self.time)
 
     @property
@@ -209,6 +215,11 @@ class Derived(Document):
     def imperfections(self) -> str:
         """Imperfections in words, "" in a perfect lattice."""
         return words.imperfections(self.disorder, self.inclusion)
+
+    @property
+    def left_out(self) -> str:
+        """Imperfections that are not in the crystal in whose mode the wave starts, in words."""
+        return words.imperfections(self.disorder, () if self.wave_lattice.densities else self.inclusion)
 
     @property
     def layered(self) -> bool:
@@ -291,7 +302,7 @@ class Derived(Document):
             return remarks.on_step(self.time)
         said = remarks.on_packing(self.packing, self.shape) + remarks.on_vector(self.wave, self.shape, self.vector)
         if self.wave.frequency is not None:
-            found = wavenumbers_of(self.wave, self.sphere, self.physics, self.lattice, self.wall)
+            found = wavenumbers_of(self.wave, self.sphere, self.physics, self.wave_lattice, self.wall)
             said = remarks.on_frequency(self.wave, found) + said
         return said + remarks_on_space(self.lattice, self.substrate, self.space) + remarks.on_step(self.time)
 
@@ -319,6 +330,20 @@ def at_rest(material: Sphere, packing: Packing, effects: Effects, contact: Conta
 def physics_of(effects: Effects, space: int) -> Physics:
     """Return the degrees of freedom of a crystal with these effects."""
     return replace(effects.physics, space=space == 3)
+
+
+def wave_lattice_of(
+    wave: Wave | None, lattice: Lattice, packing: Packing, space: int, material: Sphere, inclusions: Sequence[Inclusion]
+) -> Lattice:
+    """Return the lattice in whose mode a wave starts.
+
+    It is that without inclusions, but for the number of a branch in a lattice whose waves are L, TR and RT.
+    """
+    numbered = wave is not None and wave.mode.isdecimal()
+    if not (numbered and inclusions) or lattice.cell_size > 1 or space == 3:
+        return lattice
+    assert wave is not None
+    return patterned(lattice, packing, material.density, inclusions, wave.mode)
 
 
 def wavenumbers_of(

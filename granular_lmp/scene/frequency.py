@@ -99,7 +99,7 @@ def hertz_of(
     named = named_in_space(lattice, sphere, vector, physics) if physics.space else {}  # one may be 0 at Γ
     if mode in named:
         return named[mode][0] / (2 * pi * sphere.time_scale)
-    several = kind.column_period > 1 or physics.space
+    several = kind.cell_size > 1 or physics.space
     branches = modes_at(lattice, sphere, vector, physics) if several else []  # one may be 0 at Γ
     found = [each for each in branches if each.name == mode] or [bloch_mode(lattice, sphere, vector, mode, physics)]
     return found[0].frequency / (2 * pi * sphere.time_scale)

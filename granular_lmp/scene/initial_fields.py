@@ -24,7 +24,7 @@ from granular_lmp.crystal.mode import TURNS
 from granular_lmp.crystal.modes import Mode, bloch_modes
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.crystal.wavevector import WaveVector
-from granular_lmp.scene.linear import physics_of, unit_contacts
+from granular_lmp.scene.linear import physics_of, wave_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sections import Envelope
 
@@ -95,7 +95,7 @@ def plane_wave(packing: ase.Atoms, mode: Mode, phase: float = 0.0) -> Fields:
     """
     along_x, along_y = offsets(packing)
     angle = mode.vector.per_row * along_y + mode.vector.per_column * along_x + phase
-    wave = np.exp(1j * angle)[:, None] * mode.shape()[places(packing)]
+    wave = np.exp(1j * angle)[:, None] * mode.shape()[places(packing, len(mode.shape()))]
     return _fields(packing, wave, -1j * mode.frequency * wave)
 
 
@@ -153,7 +153,7 @@ def _branch(scene: Scene, mode: Mode, vectors: Floats) -> tuple[Floats, NDArray[
     sphere = scene.sphere
     across = scene.lattice.column_distance(lattice_constant(sphere))
     k = vectors / [1, mode.vector.row_spacing] / across
-    frequencies, shapes = bloch_modes(unit_contacts(scene), sphere, k, physics_of(scene))
+    frequencies, shapes = bloch_modes(wave_contacts(scene), sphere, k, physics_of(scene))
     own = mode.shape() / TURNS
     likeness = shapes.conj() @ (own * np.repeat([1, INERTIA_RATIO], 3)).ravel()
     best = np.argmax(np.abs(likeness), axis=-1)[:, None]
@@ -170,7 +170,7 @@ def _sum_of_waves(
 
     Spheres of one place of their cells and of rows of one parity stand on a grid of x and y.
     """
-    (along_x, along_y), place, row = offsets(packing), places(packing), packing.arrays["row"]
+    (along_x, along_y), place, row = offsets(packing), places(packing, amplitude.shape[2]), packing.arrays["row"]
     result = np.empty((len(packing), 6), dtype=complex)
     for parity, own in product((0, 1), range(amplitude.shape[2])):
         these = (row % 2 == parity) & (place == own)

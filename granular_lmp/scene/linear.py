@@ -18,6 +18,11 @@ def unit_contacts(scene: Scene) -> Contacts:
     return unit_lattice(scene.sphere, scene.lattice, scene.wall)
 
 
+def wave_contacts(scene: Scene) -> Contacts:
+    """Return the contacts of one cell of the crystal in whose mode a wave starts: rows may differ in a pattern."""
+    return unit_lattice(scene.sphere, scene.wave_lattice, scene.wall)
+
+
 def usual_frequency(scene: Scene) -> float:
     """Return Ω of a scene's wave, rad/t0; 0 without a wave, where sources have frequencies of their own."""
     return 0.0 if scene.wave is None else mode_of(scene).frequency
@@ -26,4 +31,4 @@ def usual_frequency(scene: Scene) -> float:
 def mode_of(scene: Scene, physics: Physics | None = None) -> Mode:
     """Return the Bloch mode of a scene's wave in its lattice, or in a lattice with the given physics."""
     physics = physics_of(scene) if physics is None else replace(physics, space=scene.space == 3)
-    return bloch_mode(unit_contacts(scene), scene.sphere, scene.vector, scene.wave.mode, physics)
+    return bloch_mode(wave_contacts(scene), scene.sphere, scene.vector, scene.wave.mode, physics)

@@ -26,7 +26,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation, words
 from granular_lmp.scene.bodies import DISORDER_RULES, INCLUSION_RULES, LATTICE_SPHERE_RULES, Contact, Substrate
 from granular_lmp.scene.collision import Collision
-from granular_lmp.scene.derived import Derived, at_rest, physics_of, wavenumbers_of
+from granular_lmp.scene.derived import Derived, at_rest, physics_of, wave_lattice_of, wavenumbers_of
 from granular_lmp.scene.files import assignment as assignment
 from granular_lmp.scene.files import first_file
 from granular_lmp.scene.frequency import with_placeholder, without_wavevector
@@ -241,8 +241,10 @@ class Scene(HasCard, Derived):
         packing, substrate = records["packing"], records.get("substrate")
         sphere, lattice = at_rest(material, packing, effects, records["contact"]), lattice_of(packing, substrate)
         validation.check_sphere(material, sphere, effects, wave.amplitude)
-        physics = physics_of(effects, space_of(packing, lattice, substrate))
-        found = wavenumbers_of(wave, sphere, physics, lattice, wall_of(material, substrate, effects))
+        space, inclusions = space_of(packing, lattice, substrate), records.get("inclusion", ())
+        kind = wave_lattice_of(wave, lattice, packing, space, material, inclusions)
+        wall = wall_of(material, substrate, effects)
+        found = wavenumbers_of(wave, sphere, physics_of(effects, space), kind, wall)
         return records | {"wave": replace(wave, wavenumber=found[0])}
 
     def to_dict(self) -> dict[str, Any]:
@@ -330,7 +332,7 @@ class Scene(HasCard, Derived):
 
     def _check_wave(self) -> None:
         """Check the wave, its room and its time."""
-        wave, shape = self.wave, self.shape
+        wave, shape, _ = self.wave, self.shape, self.wave_lattice
         validation.check_line(shape.lattice, wave, self.envelope)
         validation.check_wave(wave, self.envelope, self.packing, shape)
         validation.check_packing(self.packing, wave, self.envelope, shape, self.vector)

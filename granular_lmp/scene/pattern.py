@@ -1,0 +1,64 @@
+"""Rows of other densities that repeat: the cell in which a crystal of them has its modes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from granular_lmp.crystal.disorder import Inclusion
+from granular_lmp.crystal.lattice import Lattice
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.schema import shown
+from granular_lmp.scene.sections import AUTO, Packing
+
+LONGEST = 6  # rows of a pattern: more would be a cell of 18 branches and above
+_ALLOWED = ("rows", "every", "density")
+_NEEDS = "a branch has its number where rows of other densities repeat"
+
+
+def patterned(
+    lattice: Lattice, packing: Packing, density: float, inclusions: Sequence[Inclusion], mode: str
+) -> Lattice:
+    """Return the lattice with the shortest cell whose rows repeat with their densities, the centre row first.
+
+    Parameters
+    ----------
+    density : float
+        That of the sphere of the lattice, kg/m³.
+    mode : str
+        ``wave.mode``, for the error message.
+
+    Raises
+    ------
+    SceneError
+        If inclusions are not rows of other densities, or rows do not repeat.
+    """
+    for number, each in enumerate(inclusions, 1):
+        default = Inclusion()
+        other = [key for key, value in vars(each).items() if key not in _ALLOWED and value != getattr(default, key)]
+        if other:
+            raise SceneError(
+                f"wave.mode = {mode!r}: {_NEEDS}, and inclusion {number} has {other[0]} = "
+                f"{shown(getattr(each, other[0]))}; must be L, TR or RT, or inclusions of rows, every and density alone"
+            )
+    if packing.rows == AUTO:
+        raise SceneError(f"packing.rows = {packing.rows!r}: must be a number with [[inclusion]], which counts rows")
+    rows = np.full(int(packing.rows), density)
+    for each in inclusions:
+        rows[each.rows[0] : each.rows[1] + 1 : each.every] = density if each.density is None else each.density
+    if not np.ptp(rows):
+        return lattice
+    length = _length(rows, lattice.row_period, periodic=packing.ends == "periodic")
+    if not length:
+        raise SceneError(
+            f"wave.mode = {mode!r}: {_NEEDS}, and those of {len(rows)} rows do not repeat after {LONGEST} rows or fewer"
+            f"{', all around the periodic cell' if packing.ends == 'periodic' else ''}; must be L, TR or RT"
+        )
+    return lattice.patterned(tuple(np.roll(rows, -((len(rows) - 1) // 2))[:length].tolist()))
+
+
+def _length(rows: np.ndarray, period: int, *, periodic: bool) -> int:
+    """Return after how many rows, a multiple of a period, all repeat; 0 if after none of at most `LONGEST`."""
+    for length in range(period, min(LONGEST, len(rows) - 1) + 1, period):
+        if np.array_equal(rows[length:], rows[:-length]) and not (periodic and len(rows) % length):
+            return length
+    return 0
