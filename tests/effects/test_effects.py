@@ -615,7 +615,7 @@ def test_the_mode_of_a_wave_is_asked_for_once_for_each_lattice(monkeypatch: pyte
         asked.append(physics)
         return mode_of(scene, *physics)
 
-    monkeypatch.setattr("granular_lmp.effects.effect.mode_of", counted)
+    monkeypatch.setattr("granular_lmp.effects.case.mode_of", counted)
     monkeypatch.setattr("granular_lmp.problem.mode_of", counted)
     prepare(Scene.load("tr_nonresonant"))
     assert len(asked) == len({*asked}) <= 6
