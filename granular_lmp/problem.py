@@ -105,14 +105,15 @@ class Problem:
 
     @property
     def planes(self) -> dict[str, float]:
-        """Rigid walls, "ylo" → place, radii; beside a wave those of a substrate, "zlo" and "zhi"."""
+        """Rigid walls, "ylo" → place, radii; those of a substrate are "zlo" and "zhi"."""
         if self.scene.loose:
             return self.collisions.planes
         contacts, found = self.contacts, {}
-        for sphere, way in zip(contacts.i[contacts.on_wall], contacts.vector[contacts.on_wall, 2], strict=True):
+        for sphere, vector in zip(contacts.i[contacts.on_wall], contacts.vector[contacts.on_wall], strict=True):
+            axis = int(np.argmax(np.abs(vector)))
             one = np.argmax(places(self.crystal) == sphere) if self.scene.perfect else sphere
-            foot = self.crystal.positions[one, 2] + way / self.scene.sphere.radius
-            found["zlo" if way < 0 else "zhi"] = float(foot)
+            foot = self.crystal.positions[one, axis] + vector[axis] / self.scene.sphere.radius
+            found["xyz"[axis] + ("lo" if vector[axis] < 0 else "hi")] = float(foot)
         return found
 
     @property

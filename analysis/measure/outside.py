@@ -6,7 +6,7 @@ the run, which its deck holds.
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from analysis.measure.stiffnesses import scaled
 from analysis.theory import green
 from analysis.theory.choice import TheoryError
 from analysis.theory.lattices import LATTICES
-from analysis.theory.network import Material, Network, Wall
+from analysis.theory.network import RIGID, Material, Network, Wall
 from analysis.theory.network_outside import Drive, Function
 from analysis.theory.scenes import Setting
 from granular_lmp.runs.record import Record, Scene
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 FREE, WALL, CHAIN = "free", "wall", "chain"
 _DEPTH = re.compile(r"variable +depth +atom round\(\((-?y|abs\(y\))-([-+.\de]+)\)/([-+.\de]+)\)")
-_PLANE = re.compile(r"\bzplane +(\S+) +(\S+)")
+_PLANE = re.compile(r"\b([xyz])plane +(\S+) +(\S+)")
 _LOSS = re.compile(r"variable +loss +atom \$\(([-+.\de]+)\*v_step/v_t0/2:%\.17g\)\*\(v_depth/(\d+)\)\^([.\d]+)")
 
 
@@ -58,7 +58,7 @@ def outside(record: Record, network: Network, scales: Scales) -> dict[str, Any]:
     driven = [] if scene.wave is None or scene.wave.form != "driven" else [_driven_row(scene, network, scales)]
     drives = *driven, *_sources(scene, network, scales), *_loads(scene, network)
     drag = _drag(record, network, scales) if scene.absorb.rows else None
-    walls = *_walls(scene, network), *_substrates(record, network, scales)
+    walls = *(_walls(scene, network) if scene.loose else _rigid(record, network)), *_substrates(record, network, scales)
     return {"walls": walls, "drives": drives, "drag": drag, "factors": _factors(record, network, scales)}
 
 
@@ -201,16 +201,30 @@ def _substrates(record: Record, network: Network, scales: Scales) -> Iterator[Wa
     declared = record.scene.substrate
     if declared is None:
         return
-    material, planes = scales.material(declared), _PLANE.findall(deck_of(record))
+    material, planes = scales.material(declared), list(_planes(record, "z"))
     if not planes:
         raise TheoryError("substrate: the deck of the run does not say on which height it is")
     ends = (network.materials[0], material), (scales.radius, np.inf)
     factors = scaled(*ends, network.adhesion, 0.0, _stiffnesses(declared, scales))
-    for below, above in dict.fromkeys(planes):
-        if below != "NULL":
-            yield Wall((0.0, 0.0, float(below)), (0.0, 0.0, -1.0), material, factors)
-        if above != "NULL":
-            yield Wall((0.0, 0.0, float(above)), (0.0, 0.0, 1.0), material, factors)
+    for place, way in planes:
+        yield Wall((0.0, 0.0, place), (0.0, 0.0, way), material, factors)
+
+
+def _rigid(record: Record, network: Network) -> Iterator[Wall]:
+    """Yield the rigid planes at the faces of a crystal at rest, which adhere as its spheres do."""
+    material = replace(RIGID, work_of_adhesion=network.materials[0].work_of_adhesion)
+    for axis, name in enumerate("xy"):
+        for place, way in _planes(record, name):
+            point, normal = np.zeros((2, network.dimension))
+            point[axis], normal[axis] = place, way
+            yield Wall(tuple(point), tuple(normal), material)
+
+
+def _planes(record: Record, axis: str) -> Iterator[tuple[float, float]]:
+    """Yield the place along an axis of each wall in the deck of a run, and −1 of a lower face, 1 of an upper one."""
+    for named, *places in dict.fromkeys(_PLANE.findall(deck_of(record))):
+        ends = zip(places, (-1.0, 1.0), strict=True)
+        yield from ((float(place), way) for place, way in ends if place != "NULL" and named == axis)
 
 
 def _factors(record: Record, network: Network, scales: Scales) -> tuple[float, float]:

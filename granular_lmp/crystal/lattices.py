@@ -49,9 +49,9 @@ class Shape:
     ends : "fixed" or "periodic"
         Whether the packing ends along y.
     lattice : Lattice
-    first, last : "held" or "free"
+    first, last : "held", "free" or "wall"
         The first and the last row where it ends.
-    sides : "periodic", "held" or "free"
+    sides : "periodic", "held", "free" or "wall"
         The first and the last column of a sheet; a chain has none.
     layers : int
         Layers along z.
@@ -101,7 +101,7 @@ class Shape:
     def cut(self) -> str:
         """The faces in words: "fixed ends", "periodic ends, sides free", "first row free, last row held"."""
         rows = [f"first row {self.first}", f"last row {self.last}"]
-        held = FREE not in (self.faces.get("first"), self.faces.get("last"))
+        held = not {FREE, WALL} & {self.faces.get("first"), self.faces.get("last")}
         sides = [f"sides {self.sides}"] if "sides" in self.faces else []
         return ", ".join(([f"{self.ends} ends"] if held else rows) + sides)
 
@@ -177,7 +177,7 @@ def unit_lattice(sphere: Sphere, lattice: Lattice = HEXAGONAL, wall: Wall | None
     for height in wall.heights:
         outside = height * cell.positions[:, 2]
         spheres = np.flatnonzero(outside > outside.max() - _SAME_LATTICE)
-        contacts = on_wall(contacts, wall, spheres, np.full(len(spheres), wall.overlap), height)
+        contacts = on_wall(contacts, wall, spheres, np.full(len(spheres), wall.overlap), height * np.eye(3)[2])
     return contacts
 
 

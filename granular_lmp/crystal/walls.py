@@ -1,4 +1,4 @@
-"""Rigid walls at rest under and above a crystal: the contact of a sphere with the plane face of a half-space.
+"""Walls at rest at the faces of a crystal: the contact of a sphere with the plane face of a half-space.
 
 It has the law of two spheres (`granular_lmp.crystal.adhesion_laws`) with the effective radius R in place of R/2, the
 moduli 1/E* = (1−ν₁²)/E₁ + (1−ν₂²)/E₂ and 1/G* = (2−ν₁)/G₁ + (2−ν₂)/G₂, and w = √(w₁w₂). Of one material, by the DMT law
@@ -13,6 +13,7 @@ A wall is at rest. A half-space that moves with the spheres radiates: a vertical
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 
 import numpy as np
 
@@ -74,13 +75,18 @@ class Wall:
         """Overlap at rest of a sphere of the reference radius, m."""
         return float(self.law(self.material.radius).overlap_under(0.0))
 
+    @classmethod
+    def rigid(cls, material: Sphere) -> "Wall":
+        """Return the wall of infinite moduli whose work of adhesion is that of the spheres."""
+        return cls(material, replace(material, youngs_modulus=inf))
+
     @property
     def heights(self) -> tuple[float, ...]:
         """Directions along z of the walls as seen from the crystal: −1, or −1 and +1."""
         return (-1.0, 1.0) if self.sides == BOTH else (-1.0,)
 
 
-def on_wall(contacts: Contacts, wall: Wall, spheres: Integers, overlap: Floats, height: float) -> Contacts:
+def on_wall(contacts: Contacts, wall: Wall, spheres: Integers, overlap: Floats, normal: Floats) -> Contacts:
     """Return contacts with those of some spheres with a wall added.
 
     Parameters
@@ -91,16 +97,15 @@ def on_wall(contacts: Contacts, wall: Wall, spheres: Integers, overlap: Floats, 
         Indices of the spheres.
     overlap : (W,) array
         m.
-    height : −1 or +1
-        Direction of the wall along z.
+    normal : (3,) array
+        Unit vector from the spheres to the wall.
     """
     radius = contacts.radius[spheres]
     law = wall.law(radius)
-    none = np.zeros_like(radius)
     added = {
         "i": spheres,
         "j": np.full(len(spheres), -1),
-        "vector": np.column_stack([none, none, height * (radius - overlap)]),
+        "vector": np.outer(radius - overlap, normal),
         "overlap": overlap,
         "normal_stiffness": law.normal_stiffness(overlap),
         "shear_stiffness": law.shear_stiffness(overlap),

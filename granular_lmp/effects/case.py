@@ -265,7 +265,7 @@ class Case:
     @property
     def _law(self) -> AdhesionLaw:
         """Law of the contacts at rest: one in a perfect lattice without walls, else that of each contact."""
-        contacts, wall = self.contacts, self.scene.wall
+        contacts, wall = self.contacts, self.scene.wall or self.scene.rigid
         law = self.scene.sphere.contact_law
         if not self.scene.perfect:
             at_rest = crystal_of(self.scene)

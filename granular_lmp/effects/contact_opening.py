@@ -52,7 +52,8 @@ def _meeting(case: Case) -> int:
         sphere.static_overlap / sphere.radius / 2
     )
     known, (i, j, _) = case.contacts, overlapping(near)
-    return int((~np.isin(i * len(near) + j, known.i * len(near) + known.j)).sum())
+    touching = (known.i * len(near) + known.j)[~known.on_wall]
+    return int((~np.isin(i * len(near) + j, touching)).sum())
 
 
 def loose(case: Case) -> Finding:

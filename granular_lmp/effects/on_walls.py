@@ -1,4 +1,4 @@
-"""What guards read of contacts with walls across z: of each sphere LAMMPS has whether it touches, and the force.
+"""What guards read of contacts with walls: of each sphere LAMMPS has whether it touches, and the force.
 
 A wall is named after its face, and its fix after that and the material of the spheres that it pushes: ``zlo1``.
 """
@@ -10,7 +10,9 @@ import numpy as np
 from granular_lmp.effects.guard import Prepared, read
 from granular_lmp.effects.law_formulas import FORMULAS, Formulas
 
-FACES = {"zlo": 1, "zhi": -1}  # walls across z, and the way in which they push
+# Walls by name: the axis across which they are, and the way along it in which they push
+FACES = {f"{axis}{end}": (number, way) for number, axis in enumerate("xyz") for end, way in (("lo", 1), ("hi", -1))}
+_PRESSED = 1e-9  # of the holding force: rounding leaves less where nothing presses
 
 
 @dataclass(frozen=True)
@@ -22,11 +24,11 @@ class OnWall:
     name : str
         Fix of the wall.
     inward : int
-        1 if the wall pushes along z, −1 against it.
+        1 if the wall pushes along its axis, −1 against it.
     formulas : Formulas
         Of the adhesion law.
-    adhesive_force, dashpot : float
-        In units of the deck.
+    adhesive_force, dashpot, rest : float
+        In units of the deck; `rest` is the push at rest.
     """
 
     name: str
@@ -34,6 +36,7 @@ class OnWall:
     formulas: Formulas
     adhesive_force: float
     dashpot: float = 0.0
+    rest: float = 0.0
 
     @property
     def face(self) -> str:
@@ -46,9 +49,9 @@ class OnWall:
         contacts, sphere, found = problem.contacts, problem.scene.sphere, []
         material = problem.crystal.arrays.get("material", np.zeros(len(problem.crystal), dtype=int))[contacts.i]
         dashpot = problem.scene.effects.viscosity if problem.scene.effects.damping is True else 0.0
-        for face, inward in FACES.items():
+        for face, (axis, inward) in FACES.items():
             for m in range(len(problem.materials)):
-                own = contacts.on_wall & (contacts.vector[:, 2] * inward < 0) & (material == m)
+                own = contacts.on_wall & (contacts.normals[:, axis] * inward < -0.5) & (material == m)
                 if own.any():
                     adhesive, pressed = contacts.adhesive_force[own], contacts.contact_force[own]
                     forces = (
@@ -56,20 +59,27 @@ class OnWall:
                         for each in (adhesive + pressed, adhesive)
                     )
                     holding, pull = forces
+                    rest = holding - pull if holding - pull > _PRESSED * holding else 0.0
                     formulas = FORMULAS[sphere.adhesion_law](sphere, holding)
                     loss = problem.units.number(dashpot, mass=1, time=-1)
-                    found.append(cls(f"{face}{m + 1}", inward, formulas, pull, loss))
+                    found.append(cls(f"{face}{m + 1}", inward, formulas, pull, loss, rest))
         return tuple(found)
 
     def lines(self, group: str, tag: str) -> list[str]:
         """Return the lines that measure the smallest push and the largest shear force of a group."""
-        least = "min" if self.inward > 0 else "max"
-        lines = [
-            f"compute      press_{self.name}{tag} {group} reduce {least} f_{self.name}[4]",
-            f"compute      drag_{self.name}{tag} {group} reduce maxabs f_{self.name}[2] f_{self.name}[3]",
+        least, axis = "min" if self.inward > 0 else "max", FACES[self.face][0]
+        across = " ".join(f"f_{self.name}[{number + 2}]" for number in range(3) if number != axis)
+        push, lines = f"f_{self.name}[{axis + 2}]", []
+        if self.rest:  # of spheres that are not at the wall too, whose force is 0
+            rest, at = repr(self.inward * self.rest), f"f_at_{self.face}"
+            lines.append(f"variable     push_{self.name}{tag} atom {at}*{push}+(1-{at})*({rest})")
+            push = f"v_push_{self.name}{tag}"
+        lines += [
+            f"compute      press_{self.name}{tag} {group} reduce {least} {push}",
+            f"compute      drag_{self.name}{tag} {group} reduce maxabs {across}",
         ]
         if self.dashpot:
-            lines.append(f"compute      lift_{self.name}{tag} {group} reduce maxabs vz")
+            lines.append(f"compute      lift_{self.name}{tag} {group} reduce maxabs v{self.name[0]}")
         return lines
 
     def overlap(self, of: str) -> str:
@@ -100,7 +110,7 @@ def at_rest_lines(problem: Prepared) -> list[str]:
     lines = []
     for face in fixes(problem):
         place = problem.units.number(problem.planes[face] * problem.scene.sphere.radius, length=1)
-        gap = f"z-({place!r})" if FACES[face] > 0 else f"({place!r})-z"
+        gap = f"{face[0]}-({place!r})" if FACES[face][1] > 0 else f"({place!r})-{face[0]}"
         lines += [
             f"variable     rests_{face} atom radius>{gap}",
             f"fix          at_{face} all store/state 0 v_rests_{face}",

@@ -1,4 +1,7 @@
-"""Walls: rows or columns at the faces are held. A periodic cell has none, and stands for the infinite lattice."""
+"""Walls: rows or columns at the faces are held, or touch a rigid plane.
+
+A periodic cell has none, and stands for the infinite lattice.
+"""
 
 from math import inf
 
@@ -19,7 +22,7 @@ def called_for(case: Case) -> Finding:
         return loose(case)
     if not shape.faces or not shape.lattice.sheet and shape.along_y:
         return Finding(False, float(shape.rows), "rows in a periodic cell are the infinite lattice")
-    if HELD not in shape.faces.values():
+    if not {HELD, WALL} & {*shape.faces.values()}:
         return Finding(False, case.scene.echo_time, "tau is when the echo of the free faces reaches the centre")
     what = "faces" if not shape.infinite else "held rows"
     return Finding(True, case.scene.echo_time, f"tau is when the echo of the {what} reaches the centre")

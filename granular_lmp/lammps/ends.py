@@ -45,7 +45,7 @@ def box_of(problem: Problem) -> NDArray[np.float64]:
 def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
     """Return the lines of the rigid walls that spheres of each material touch, by the law of their contacts.
 
-    A substrate has its own law, and says of each sphere whether it touches and with what force.
+    The wall of a crystal at rest has its own law, and says of each sphere whether it touches and with what force.
     """
     if not problem.planes:
         return []
@@ -54,9 +54,9 @@ def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
     groups = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(problem.materials))]
     return groups + [
         wall(
-            _against(problem, each, law) if name[0] == "z" else model(rigid(each), problem.units, **law),
+            model(rigid(each), problem.units, **law) if problem.scene.loose else _against(problem, each, law),
             f"{name[0]}plane {f'{place!r} NULL' if name.endswith('lo') else f'NULL {place!r}'}"
-            + " contacts" * (name[0] == "z"),
+            + " contacts" * (not problem.scene.loose),
             name=f"{name}{m}",
             group=f"material{m}",
         )
@@ -66,12 +66,12 @@ def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
 
 
 def _against(problem: Problem, material: Sphere, law: Mapping[str, Any]) -> str:
-    """Return the model of the contact of spheres of a material with the substrate."""
-    substrate = problem.scene.wall
-    assert substrate is not None  # walls across z are those of a substrate
+    """Return the model of the contact of spheres of a material with the walls of a crystal at rest."""
+    against = problem.scene.wall or problem.scene.rigid
+    assert against is not None  # else there is no wall
     if material != problem.materials[0]:  # whose own moduli may be scaled to measured stiffnesses
-        substrate = replace(substrate, material=material)
-    sphere, shear_modulus = of_law(substrate.law(material.radius), material.radius, material)
+        against = replace(against, material=material)
+    sphere, shear_modulus = of_law(against.law(material.radius), material.radius, material)
     return model(sphere, problem.units, **law, shear_modulus=shear_modulus)
 
 

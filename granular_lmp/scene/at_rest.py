@@ -4,6 +4,7 @@ In a perfect lattice the two are the same. Otherwise `granular_lmp.crystal.disor
 `granular_lmp.crystal.equilibrium` brings them to rest.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,11 +16,11 @@ from granular_lmp.crystal.chain_bands import cell_of
 from granular_lmp.crystal.contacts import Contacts, find_contacts
 from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
 from granular_lmp.crystal.equilibrium import Equilibrium, Progress, relax
-from granular_lmp.crystal.lattices import CHAIN, HELD, PERIODIC, Shape, centre, packed
+from granular_lmp.crystal.lattices import CHAIN, HELD, PERIODIC, WALL, Shape, centre, packed
 from granular_lmp.crystal.potential import box_load
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.touching import contacts_of_neighbours, touching
-from granular_lmp.crystal.walls import on_wall
+from granular_lmp.crystal.walls import Wall, on_wall
 from granular_lmp.errors import CrystalError
 from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.monitors import Monitor
@@ -60,7 +61,9 @@ class CrystalAtRest:
         return [words for words, count in said.items() if count]
 
 
+Floats = NDArray[np.float64]
 _MOST_KEPT = 2
+_BALANCED = 1e-6  # of the load: rounding of the normals is far below it
 _ON_FACE = 1e-6  # radii: spheres of a layer are at one height to rounding
 _KEPT: dict[tuple[Any, ...], CrystalAtRest] = {}
 
@@ -79,7 +82,7 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
         return _touching(scene)
     if scene.perfect:
         return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene))
-    if scene.space == 3:
+    if scene.space == 3 or scene.rigid:
         return _of_equal_contacts(scene)
     packing = scene.packing
     key = scene.sphere, scene.shape, scene.disorder, scene.inclusion, packing.relax, packing.relax_friction
@@ -91,18 +94,50 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
 
 
 def _of_equal_contacts(scene: Scene) -> CrystalAtRest:
-    """Return a crystal in space whose spheres differ in density or are missing: it is at rest in the lattice."""
+    """Return a crystal that is at rest in the lattice: spheres differ in density or are missing, or touch walls."""
     crystal, materials = _imperfect(scene.sphere, scene.shape, scene.disorder, scene.inclusion)
-    contacts, wall = find_contacts(crystal, materials, scene.sphere.contact_force), scene.wall
-    for height in wall.heights if wall else ():
-        outside = height * crystal.positions[:, 2]
+    contacts = find_contacts(crystal, materials, scene.sphere.contact_force)
+    push = _push(contacts)
+    for wall, outward in _walls(scene):
+        outside = crystal.positions @ outward
         spheres = np.flatnonzero(outside > outside.max() - _ON_FACE)
-        assert wall is not None
-        contacts = on_wall(contacts, wall, spheres, np.full(len(spheres), wall.overlap), height)
+        overlap = wall.law(contacts.radius[spheres]).overlap_under(push[spheres] @ outward)
+        contacts = on_wall(contacts, wall, spheres, overlap, outward)
+    _require_balance(scene, _push(contacts)[~crystal.arrays["fixed"]])
     none = np.zeros((len(crystal), 3))
     loose = int((contacts.per_sphere == 0).sum())
     rest = Equilibrium(crystal, none, none[0], contacts, none[0, :2], 0.0, loose, 0, "at rest as it is")
     return CrystalAtRest(crystal, materials, contacts, rest)
+
+
+def _walls(scene: Scene) -> Iterator[tuple[Wall, Floats]]:
+    """Yield the walls of a crystal at rest, each with the unit vector out of the crystal."""
+    x, y, z = np.eye(3)
+    if scene.wall:
+        yield from ((scene.wall, height * z) for height in scene.wall.heights)
+    if scene.rigid:
+        ways = {"first": (-y,), "last": (y,), "sides": (-x, x)}
+        faces = (name for name, face in scene.shape.faces.items() if face == WALL)
+        yield from ((scene.rigid, way) for name in faces for way in ways[name])
+
+
+def _push(contacts: Contacts) -> Floats:
+    """Return the force on each sphere, N, (N, 3), by which its contacts at rest push it."""
+    force, pairs = contacts.contact_force[:, None] * contacts.normals, ~contacts.on_wall
+    total = np.zeros((len(contacts.mass), 3))
+    np.subtract.at(total, contacts.i, force)
+    np.add.at(total, contacts.j[pairs], force[pairs])
+    return total
+
+
+def _require_balance(scene: Scene, force: Floats) -> None:
+    """Raise a CrystalError if contacts at rest leave a force on a sphere that is not held, beside rigid planes."""
+    load = scene.sphere.contact_force
+    if scene.rigid and load and np.abs(force).max(initial=0.0) > _BALANCED * load:
+        raise CrystalError(
+            f"packing.contact_force = {load!r}: must be 0 with these walls, which do not touch all spheres that the "
+            "load pushes out of the crystal"
+        )
 
 
 def _touching(scene: Scene) -> CrystalAtRest:
@@ -138,7 +173,8 @@ def chain_cell(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]] 
         return None
     contacts, sphere = contacts_of(scene), scene.sphere
     along = np.argsort(np.minimum(contacts.i, contacts.j), kind="stable")
-    within = along[np.abs(contacts.i - contacts.j)[along] == 1]  # without the contact across a periodic face
+    beside = (np.abs(contacts.i - contacts.j) == 1) & ~contacts.on_wall  # not the contact across a periodic face
+    within = along[beside[along]]
     mass = contacts.mass / sphere.mass
     stiffness = contacts.normal_stiffness[within] * sphere.time_scale**2 / sphere.mass
     count = cell_of(mass, stiffness) if len(stiffness) == len(mass) - 1 else 0

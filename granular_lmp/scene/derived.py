@@ -6,7 +6,7 @@ from functools import cached_property, partial
 from typing import Any
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import ENDS_OF_Y, QUIET, Lattice, Shape
+from granular_lmp.crystal.lattices import ENDS_OF_Y, QUIET, WALL, Lattice, Shape
 from granular_lmp.crystal.modes import Physics
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
@@ -77,6 +77,11 @@ class Derived(Document):
     def wall(self) -> Wall | None:
         """Law of the contacts with the substrate, None without one."""
         return wall_of(self.material, self.substrate, self.effects)
+
+    @cached_property
+    def rigid(self) -> Wall | None:
+        """Law of the contacts with rigid planes at the faces of a crystal at rest, None without any."""
+        return Wall.rigid(self.sphere) if WALL in self.shape.faces.values() and not self.loose else None
 
     @property
     def physics(self) -> Physics:
@@ -203,9 +208,9 @@ class Derived(Document):
     def perfect(self) -> bool:
         """True if all spheres are equal and all are there: every contact at rest is that of the infinite lattice.
 
-        Spheres at a face have fewer of them.
+        Spheres at a face have fewer of them; those that touch a rigid plane there have another one.
         """
-        return not self.inclusion and not self._random
+        return not self.inclusion and not self._random and self.rigid is None
 
     @property
     def _random(self) -> bool:

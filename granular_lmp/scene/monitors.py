@@ -183,8 +183,8 @@ def placed_monitors(
 
 def _far(contacts: Contacts, crystal: ase.Atoms, shape: Shape) -> bool:
     """Return whether two spheres touch that are not in the same row or in rows next to each other."""
-    row = crystal.arrays["row"]
-    return bool((np.abs(row_step(row[contacts.j] - row[contacts.i], shape)) > 1).any())
+    row, pairs = crystal.arrays["row"], ~contacts.on_wall
+    return bool((np.abs(row_step((row[contacts.j] - row[contacts.i])[pairs], shape)) > 1).any())
 
 
 def row_step(difference: NDArray[np.int64], shape: Shape) -> NDArray[np.int64]:

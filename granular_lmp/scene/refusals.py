@@ -115,16 +115,6 @@ def nothing_moves(scene: Derived) -> str:
     return "striker: missing; an impact has a table [[striker]], or a [start] in which a sphere moves"
 
 
-@_line("not built", loose=False)
-def wall_of_a_crystal_at_rest(scene: Derived) -> str:
-    if scene.loose:
-        return ""
-    found = (name for name in ("first", "last", "sides") if getattr(scene.packing, name) == WALL)
-    return next(
-        (f'packing.{name} = "wall": must be "held" or "free" in a crystal under load at rest' for name in found), ""
-    )
-
-
 @_line("not built")
 def held_sides(scene: Derived) -> str:
     if scene.packing.sides != HELD:

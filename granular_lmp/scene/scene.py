@@ -48,7 +48,7 @@ from granular_lmp.scene.sections import (
 )
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.sources import Source, check_quiet, check_sources
-from granular_lmp.scene.space import check_space, lattice_of, space_of, wall_of
+from granular_lmp.scene.space import check_space, check_walls, lattice_of, space_of, wall_of
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.start import located as located_state
 from granular_lmp.scene.strikers import Striker, check_strikes
@@ -312,6 +312,8 @@ class Scene(HasCard, Derived):
             self.disorder,
             self.inclusion,
         )
+        if self.rigid:
+            check_walls(self.packing, self.substrate, self.contact, self.effects, self.disorder, self.inclusion)
         wave, shape, _ = self.wave, self.shape, self.wall
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude if wave else 0.0)
         check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike)

@@ -34,7 +34,7 @@ from granular_lmp.scene.schema import AUTO, Bare, Interval, Rule, choice, count,
 from granular_lmp.scene.shape import Auto
 
 ENDS = ("fixed", "periodic", AUTO)
-FACES = (HELD, FREE, QUIET, AUTO)
+FACES = (HELD, FREE, WALL, QUIET, AUTO)
 SHEAR_LAWS = ("secant", "incremental")
 RESCALED = "rescaled"  # "secant" with a shear displacement that shrinks as the contact does; no theory holds it
 NOT_BARE = Bare(None, None)  # of a key that a scene without [wave] does not have
@@ -57,9 +57,9 @@ class Packing(Remembering):
     ``absorb.rows`` alone makes both ends quiet.
 
     A ``wall`` is a rigid plane (``fix wall/gran``) that touches the row, of unequal spheres the outermost one, with the
-    contact law of its spheres on a rigid body: A is 2√2 times that of two spheres. Where the `contact_force` presses
-    the chain of an impact together, walls and held spheres bear it; at a free end a constant force pushes the last
-    sphere.
+    contact law of its spheres on a rigid body: A is 2√2 times that of two spheres. At rest it adheres as they do, and
+    carries the force of the row. Where the `contact_force` presses the chain of an impact together, walls and held
+    spheres bear it; at a free end a constant force pushes the last sphere.
     """
 
     lattice: str = choice(
@@ -99,7 +99,7 @@ class Packing(Remembering):
     )
     sides: str = choice(
         "first and last column of a sheet",
-        (PERIODIC, HELD, FREE),
+        (PERIODIC, HELD, FREE, WALL),
         default=PERIODIC,
         bare=choice("of a sheet: periodic needs at least 3 columns", (FREE, PERIODIC, HELD, WALL), default=FREE),
     )

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattice import LATTICES, Lattice, orientations_of
-from granular_lmp.crystal.lattices import FREE, PERIODIC
+from granular_lmp.crystal.lattices import ENDS_OF_Y, FREE, PERIODIC, WALL
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import BOTH, Wall
 from granular_lmp.errors import SceneError
@@ -180,3 +180,27 @@ def check_space(
             f"packing.contact_force = {packing.contact_force!r}: must be 0 with vacancies where packing.space is 3, as "
             "spheres would be pressed into them"
         )
+
+
+def check_walls(
+    packing: Packing,
+    substrate: Substrate | None,
+    contact: Contact,
+    effects: Effects,
+    disorder: Disorder,
+    inclusions: Sequence[Inclusion],
+) -> None:
+    """Check that a crystal at rest whose faces are rigid planes has equal contacts, and holds its place there."""
+    rolls = effects.rolling_stiffness or effects.rolling is True or effects.twisting is True
+    missing = disorder.vacancies or any(each.vacancy for each in inclusions)
+    unequal = disorder.radius or any(each.of_material or each.radius is not None for each in inclusions)
+    troubles = {
+        "[substrate]": substrate is not None,
+        "[contact]": contact != Contact(),
+        "effects.rolling and effects.twisting": rolls,
+        "spheres that differ in radius, moduli or adhesion": unequal,
+        "vacancies under packing.contact_force": missing and packing.contact_force,
+    }
+    if found := next((what for what, there in troubles.items() if there), ""):
+        face = next(name for name in (*ENDS_OF_Y, "sides") if getattr(packing, name) == WALL)
+        raise SceneError(f'packing.{face} = "wall": must be "held" or "free" in a crystal at rest with {found}')

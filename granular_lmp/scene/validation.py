@@ -9,7 +9,18 @@ from math import ceil, pi
 from typing import Any
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import CHAIN, ENDS_OF_Y, FREE, HELD, QUIET, SQUARE, Lattice, Shape, unit_lattice
+from granular_lmp.crystal.lattices import (
+    CHAIN,
+    ENDS_OF_Y,
+    FREE,
+    HELD,
+    QUIET,
+    SQUARE,
+    WALL,
+    Lattice,
+    Shape,
+    unit_lattice,
+)
 from granular_lmp.crystal.modes import bears_compression
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
@@ -90,8 +101,10 @@ def check_faces(packing: Packing, shape: Shape, unset: str = AUTO) -> None:
             f"packing.contact_force = {packing.contact_force!r}: must be 0 with free faces ({', '.join(shape.free)}), "
             "on which nothing presses; adhesion holds such a crystal together"
         )
-    if packing.sides == HELD and not shape.lattice.sheet:
-        raise SceneError('packing.sides = "held": must be "free" or left out in a chain, which has no other spheres')
+    if packing.sides in (HELD, WALL) and not shape.lattice.sheet:
+        raise SceneError(
+            f'packing.sides = "{packing.sides}": must be "free" or left out in a chain, which has no other spheres'
+        )
     if "sides" not in shape.faces:
         return
     if packing.columns == AUTO or shape.columns < FEWEST_BETWEEN_SIDES:
@@ -242,8 +255,8 @@ def check_imperfections(
     for name, needed in (("rows", not perfect), ("columns", not layered), ("ends", not perfect)):
         if needed and getattr(packing, name) == AUTO:
             raise SceneError(
-                f'packing.{name} = "auto": must be declared where spheres differ or are missing, as the size of the '
-                "crystal is then part of the answer"
+                f'packing.{name} = "auto": must be declared where spheres differ, are missing or touch a wall, as '
+                "the size of the crystal is then part of the answer"
             )
 
 
@@ -276,10 +289,10 @@ def check_absorb(
                 raise SceneError(f'absorb.rows = 0: must be above 0 or "auto" with packing.{name} = "quiet"')
         return
     for name, row in zip(ENDS_OF_Y, (0, shape.rows - 1), strict=True):
-        if name in quiet and shape.faces.get(name) == FREE and not any(each.is_in_row(row) for each in sources):
+        if name in quiet and shape.faces.get(name) in (FREE, WALL) and not any(each.is_in_row(row) for each in sources):
             raise SceneError(
-                f'packing.{name} = "free": must be "held" or "auto" with absorb.rows = {absorb.rows!r}, which are in '
-                "front of a held row; only an end with a source, which does not absorb, may be free"
+                f'packing.{name} = "{shape.faces[name]}": must be "held" or "auto" with absorb.rows = {absorb.rows!r}, '
+                "which are in front of a held row; only an end with a source, which does not absorb, may be free"
             )
     if shape.along_y:
         raise SceneError(f'absorb.rows = {absorb.rows!r}: needs packing.ends = "fixed"; a periodic cell has no ends')

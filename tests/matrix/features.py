@@ -83,6 +83,7 @@ WAVES: dict[str, Settings] = {
     | {"packing.first": "free", "packing.last": "quiet", "absorb.rows": 10, "absorb.reflection": 0.45}
     | AT_REST
     | source(rows=[18, 18], force="y", signal="tone"),
+    "wall end": FIXED | {"packing.last": "wall"},
 }
 
 IMPACT = ImpactScene.load("point_impact").with_values(

@@ -14,18 +14,18 @@ from analysis.theory import green
 from analysis.theory.choice import TheoryError
 from analysis.theory.green import Load
 from granular_lmp import Record, Scene, build, run
-from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, Shape, packed
+from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL, Shape, packed
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.selection import select
-from granular_lmp.errors import SceneError
+from granular_lmp.errors import CrystalError, RunInterrupted, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.runs.launch import resume
 from granular_lmp.studies.identity import names_of
 from tests.conftest import PAPER
 from tests.scene.test_sources import crystal_of, worst
 from tests.scene.test_sources import extrapolated as extrapolated_fields
-from tests.validation.test_imperfect_in_lammps import FIELDS, extrapolated, network_fields
+from tests.validation.test_imperfect_in_lammps import FIELDS, STEPS, extrapolated, network_fields
 
 PAGE = (Path(__file__).parents[2] / "docs" / "experiments.md").read_text("utf-8")
 SIDES, ENDS = {"packing.sides": FREE}, {"packing.first": FREE, "packing.last": FREE}
@@ -33,6 +33,8 @@ SHEET = PAPER.with_values(
     {"packing.rows": 9, "packing.columns": 7, "wave.amplitude": 0.05, "time.allow_echo": True, "name": "faces"}
     | {"time.duration": 15.0, "time.sample": 1.0, "output.particles": 1.0}
 )
+WALLED = {"packing.first": WALL, "packing.last": WALL}
+LOAD = {"sphere.work_of_adhesion": 0.0, "packing.contact_force": 1e-7}
 FACES: dict[str, dict[str, Any]] = {
     "a free end": {"packing.last": FREE},
     "free sides": SIDES,
@@ -47,13 +49,25 @@ FACES: dict[str, dict[str, Any]] = {
     "unequal spheres": SIDES | ENDS | {"disorder.radius": 5e-5},
     "a vacancy at a corner": SIDES | ENDS | {"inclusion": [{"spheres": [[0, 0]], "vacancy": True}]},
     "a striker at a corner": SIDES | ENDS | {"wave.form": "none", "striker": [{"spheres": [[0, 0]], "velocity": 1e-2}]},
+    "a wall": {"packing.first": WALL},
+    "walls along three sides": {"packing.first": WALL, "packing.sides": WALL},
+    "walls under load": WALLED | LOAD,
+    "a square sheet between four walls": WALLED | LOAD | {"packing.sides": WALL, "packing.lattice": "square"},
+    "walls that adhere under load": WALLED | {"packing.contact_force": 1e-8},
+    "walls of JKR spheres": WALLED | {"sphere.adhesion_law": "jkr"},
+    "a chain between walls under load": WALLED
+    | LOAD
+    | {"packing.lattice": "chain", "packing.columns": 1, "wave.mode": "L"},
+    "densities and vacancies between walls": WALLED | {"disorder.density": 0.1, "disorder.vacancies": 0.05},
     "struck rows between held sides": {"packing.sides": HELD, "striker": [{"rows": [3, 3], "velocity": 1e-2}]},
 }
 
 
 @pytest.mark.parametrize("changes", FACES.values(), ids=FACES)
 def test_every_sphere_moves_as_in_the_network_of_the_same_faces(changes: dict[str, Any], tmp_path: Path) -> None:
-    pair = extrapolated(SHEET.with_values(changes), tmp_path)
+    # Contacts with walls are the stiffest: a row turns faster there, and half the step leaves 1/16 of the error
+    steps = (0.025, 0.0125) if WALL in changes.values() else STEPS
+    pair = extrapolated(SHEET.with_values(changes), tmp_path, steps)
     first = first_snapshot(pair.record)
     fields = network_fields(first, pair.record.tau)
     assert np.abs(pair.fields - fields).max() < FIELDS
@@ -62,6 +76,77 @@ def test_every_sphere_moves_as_in_the_network_of_the_same_faces(changes: dict[st
     wrong = replace(first.network, held=np.zeros_like(held) if held.any() else height < height.min() + first.radius)
     other = network_fields(replace(first, network=wrong), pair.record.tau)
     assert np.abs(pair.fields - other).max() > 1e-2
+
+
+@pytest.mark.parametrize(
+    ("changes", "force"),
+    [({}, 0.0), (LOAD, np.sqrt(3) * 1e-7), (LOAD | {"packing.lattice": "square", "packing.sides": WALL}, 1e-7)],
+    ids=["adhesion", "load", "square"],
+)
+def test_a_wall_is_where_its_contact_carries_the_force_of_the_row(changes: dict[str, Any], force: float) -> None:
+    problem = prepare(SHEET.with_values(WALLED | changes))
+    sphere, contacts = problem.scene.sphere, problem.contacts
+    at_wall = contacts.on_wall
+    # Two contacts at 60° of the hexagonal lattice, one of the square one; twice the moduli and twice the radius
+    np.testing.assert_allclose(contacts.contact_force[at_wall], force, rtol=1e-9, atol=1e-6 * sphere.holding_force)
+    stiffer, pull = 2 * np.sqrt(2) * sphere.normal_coefficient, 2 * sphere.pull_off_force
+    overlap = ((force + pull) / stiffer) ** (2 / 3)
+    np.testing.assert_allclose(contacts.overlap[at_wall], overlap, rtol=1e-9)
+    if not changes:
+        assert overlap == pytest.approx(2 ** (-1 / 3) * sphere.static_overlap, rel=1e-9)
+    y, place = problem.crystal.positions[:, 1], (sphere.radius - overlap) / sphere.radius
+    assert problem.planes["ylo"] == pytest.approx(y.min() - place, abs=1e-12)
+    assert problem.planes["yhi"] == pytest.approx(y.max() + place, abs=1e-12)
+
+
+def test_a_guard_sees_the_row_that_leaves_its_wall(tmp_path: Path) -> None:
+    pull = {"rows": [0, 0], "force": "y", "signal": "step", "ramp": 4.0}
+    scene = SHEET.with_values({"effects.friction": 0.5, "effects.sliding": True, "time.timestep": 0.05})
+    for amplitude, opens in ((20.0, False), (100.0, True)):
+        changes = WALLED | {"effects.contact_opening": True, "source": [pull | {"amplitude": amplitude}]}
+        guards = run(scene.with_values(changes), tmp_path / str(amplitude)).info["guards"]
+        assert (guards["open_contacts"]["value"] > 0) == opens
+
+
+def test_a_run_between_walls_continues_to_the_same_bytes(tmp_path: Path) -> None:
+    scene = SHEET.with_values(WALLED | LOAD | {"time.duration": 600.0, "time.timestep": 0.05, "packing.columns": 12})
+    scene = scene.with_values({"output.checkpoint": 1e-4, "output.particles": 100.0})
+    run(scene, tmp_path / "whole")
+
+    def stop(step: int, steps: int) -> None:
+        if steps / 3 < step < steps:
+            raise KeyboardInterrupt
+
+    with pytest.raises(RunInterrupted):
+        run(scene, tmp_path / "stopped", progress=stop)
+    resume(tmp_path / "stopped")
+    whole, stopped = ((tmp_path / name / "trajectory.csv").read_bytes() for name in ("whole", "stopped"))
+    assert whole == stopped
+
+
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "radii": ({"disorder.radius": 1e-5}, "spheres that differ in radius, moduli or adhesion"),
+    "moduli": ({"inclusion": [{"rows": [3, 3], "youngs_modulus": 1e9}]}, "spheres that differ"),
+    "vacancies": (LOAD | {"disorder.vacancies": 0.05}, "vacancies under packing.contact_force"),
+    "rolling": ({"effects.rolling_stiffness": 1.0}, "effects.rolling"),
+    "stiffnesses": ({"contact.normal_stiffness": 500.0}, r"\[contact\]"),
+    "a film": (
+        {"substrate": {"youngs_modulus": 7e10, "poisson_ratio": 0.2, "work_of_adhesion": 0.06}},
+        r"\[substrate\]",
+    ),
+    "a chain": ({"packing.lattice": "chain", "packing.columns": 1, "packing.sides": WALL, "wave.mode": "L"}, "a chain"),
+}
+
+
+@pytest.mark.parametrize(("changes", "sentence"), REFUSED.values(), ids=REFUSED)
+def test_a_wall_refuses_what_it_does_not_know(changes: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(SceneError, match=rf'packing.(last|sides) = "wall": must be .*{sentence}'):
+        SHEET.with_values({"packing.last": WALL} | changes)
+
+
+def test_a_load_that_walls_do_not_carry_is_refused() -> None:
+    with pytest.raises(CrystalError, match=r"packing.contact_force = 1e-07: must be 0 with these walls"):
+        prepare(SHEET.with_values(WALLED | LOAD | {"packing.sides": WALL}))  # every other row ends half a column before
 
 
 def test_a_source_at_the_corner_of_a_finite_sheet_makes_the_waves_of_the_linear_crystal(tmp_path: Path) -> None:
