@@ -188,7 +188,7 @@ def with_walls(contacts: Contacts, z: np.ndarray, wall: Wall) -> Contacts:
     """Return contacts with those of the outermost spheres with walls."""
     for height, face in zip(wall.heights, (z.min(), z.max()), strict=False):
         spheres = np.flatnonzero(np.abs(z - face) < 1e-6)
-        contacts = on_wall(contacts, wall, spheres, np.full(len(spheres), wall.overlap), height)
+        contacts = on_wall(contacts, wall, spheres, np.full(len(spheres), wall.overlap), height * np.eye(3)[2])
     return contacts
 
 

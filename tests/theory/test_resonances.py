@@ -195,8 +195,8 @@ def test_wrong_options_are_told(arguments: list[str], words: str, capsys: pytest
 
 
 def test_a_branch_by_number_is_refused_where_branches_have_names(tmp_path: Path) -> None:
-    scene = tmp_path / "layers.toml"
-    scene.write_text(LAYERED.with_values({"wave.mode": "2"}).to_toml())
+    scene = tmp_path / "uniform.toml"
+    scene.write_text(Scene.load("tr_periodic").with_values({"wave.mode": "2"}).to_toml())
     with pytest.raises(SystemExit, match=r"mode = '2' is none of this crystal; allowed: L, TR, RT"):
         script.main([str(scene)])
 

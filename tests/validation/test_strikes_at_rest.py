@@ -187,7 +187,6 @@ def test_a_scene_reads_back_as_it_was_written() -> None:
     ("changes", "message"),
     [
         ({"striker": []}, "striker: missing; an impact has a table [[striker]], or a [start]"),
-        ({"packing.first": "wall"}, 'packing.first = "wall": must be "held" or "free" in a crystal under load at rest'),
         ({"packing.ends": "periodic"}, "packing.rows = 13: must be even in a periodic cell"),
         (
             {"packing.rows": 12, "packing.ends": "periodic", "packing.last": "held"},
