@@ -39,9 +39,9 @@ def differing_lines(committed: str, made: str) -> list[str]:
     """Return the lines of a deck's file that differ from the committed ones by more than rounding.
 
     The last digits of a cosine or of a matrix depend on the processor. The wave is rounded to 1e-13 D0, and may fall to
-    either side: 1e-12 D0 is far below what a run resolves. A position at rest is a sum over the crystal, and is known to
-    the rounding of the box's length (2e-12 in 27,000 on Haswell). Every other number is a few operations from those of
-    the scene, and keeps 14 digits.
+    either side: 1e-12 D0 is far below what a run resolves. A position at rest is a sum over the crystal,
+    and is known to the rounding of the box's length (2e-12 in 27,000 on Haswell). Every other number is a few
+    operations from those of the scene, and keeps 14 digits.
     """
 
     def equal(one: str, other: str, floor: float) -> bool:
