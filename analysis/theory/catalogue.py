@@ -42,7 +42,7 @@ IN_SPACE = (
     {said("packing.lattice", name) for name in ("cubic", "fcc", "hcp")}
     | {f"packing.{name}" for name in ("space", "layers", "depth", "orientation")}
     | {f"substrate.{name}" for name in (*_MATERIAL, "normal_stiffness", "shear_stiffness", "sides")}
-    | {"contact.normal_stiffness", "contact.shear_stiffness"}
+    | {"contact.normal_stiffness", "contact.shear_stiffness", "effects.creep"}
     | {said("wave.mode", f"{family}{number}") for family in "SH" for number in range(1, MOST_BRANCHES + 1)}
 )
 SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))

@@ -129,6 +129,13 @@ def stretch_rows(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, lis
     return moves(contacts.normals), [moves(way) for way in tangents], turns
 
 
+def twist_rows(contacts: Contacts, wavevectors: NDArray) -> NDArray:
+    """Return the rows (..., C, 6N) of a shape (u, f) that give −i times (φ_i + φ_j)·n; k in 1/m."""
+    part = np.hstack([np.zeros_like(contacts.normals), contacts.normals])
+    phase_i, phase_j = _phases(contacts, wavevectors)
+    return _rows(contacts, phase_i * part, phase_j * part)
+
+
 def _turn_rows(contacts: Contacts, tangent: NDArray, on_i: NDArray, on_j: NDArray) -> NDArray:
     """Return the rows (..., C, 6N) of the rotations about n × t, from factors (..., C, 1) of spheres i and j."""
     part = np.hstack([np.zeros_like(tangent), np.cross(contacts.normals, tangent)])

@@ -33,6 +33,10 @@ def _second_order(scene: Scene) -> int:
     return 2
 
 
+def _every(scene: Scene) -> bool:
+    return True
+
+
 @dataclass(frozen=True)
 class Effect:
     """One effect.
@@ -63,6 +67,8 @@ class Effect:
         Reason why the choice is not possible, Case → sentence, or "" if it is possible.
     order : callable
         Scene → order of LAMMPS's error in the time step while the effect is on: 2, 1, or 0 if the error is no series.
+    concerns : callable
+        Scene → True if the effect is one of such scenes.
     guard : Guard, optional
         Guard that proves that the effect did not occur.
     instead : (callable, Guard), optional
@@ -89,6 +95,7 @@ class Effect:
     required: Callable[[Scene], str] = _not_required
     refuse: Callable[[Case], str] = _nothing_refused
     order: Callable[[Scene], int] = _second_order
+    concerns: Callable[[Scene], bool] = _every
     guard: Guard | None = None
     instead: tuple[Callable[[Scene], bool], Guard] | None = None
     always: bool = False
@@ -103,7 +110,9 @@ class Effect:
 
     def rule(self, scene: Scene) -> Callable[[Case], Finding] | None:
         """Return the rule that decides in a scene; None if the effect is none of such scenes."""
-        return self.loose if scene.loose else self.called_for
+        if scene.loose:
+            return self.loose
+        return self.called_for if self.called_for and self.concerns(scene) else None
 
     def wanted(self, scene: Scene) -> bool | Auto:
         """Return whether a scene forces the effect on or off, or "auto"; true of loose spheres is read as "auto"."""

@@ -6,6 +6,7 @@ from granular_lmp.crystal.modes import Mode, Physics
 from granular_lmp.effects.adhesion import ADHESION
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.contact_opening import CONTACT_OPENING
+from granular_lmp.effects.creep import CREEP
 from granular_lmp.effects.damping import DAMPING
 from granular_lmp.effects.deep_overlap import DEEP_OVERLAP, LONG_STEP
 from granular_lmp.effects.effect import Chosen, Effect
@@ -28,13 +29,14 @@ EFFECTS: tuple[Effect, ...] = (
     *(ADHESION, SHEAR, ROTATION, TRACKING, DAMPING, SLIDING, CONTACT_OPENING),
     *(ROLLING, TWISTING, WALLS, QUIET_ENDS, WIDTH),
 )
-# Limits of the model of spheres that meet, which fail their runs: no effects of a deck
-LIMITS: tuple[Effect, ...] = (DEEP_OVERLAP, LONG_STEP)
+# Limits of what a run shows, which fail it: of the model of spheres that meet, and of the time of a wave; no effects of
+# a deck
+LIMITS: tuple[Effect, ...] = (DEEP_OVERLAP, LONG_STEP, CREEP)
 
 
 def of(scene: Scene) -> tuple[Effect, ...]:
-    """Return the effects of a scene; of loose spheres those that they know, and the limits of the model."""
-    return tuple(each for each in (*EFFECTS, *(LIMITS if scene.loose else ())) if each.rule(scene))
+    """Return the effects of a scene and the limits of what its run shows, those that are of such scenes."""
+    return tuple(each for each in (*EFFECTS, *LIMITS) if each.rule(scene))
 
 
 def guards() -> dict[str, Guard]:

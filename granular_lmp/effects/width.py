@@ -20,14 +20,14 @@ def spread(problem: Prepared) -> list[str]:
     row, parts = 1 + np.flatnonzero(alike), range(1, problem.scene.space + 1)
     apart = "+".join(f"look(c_most[{part}])-look(c_least[{part}])" for part in parts)
     return [
-        f"group        row id {_ids(row)}",
+        f"group        row id {identifiers(row)}",
         f"compute      most  row reduce max {' '.join(f'c_u[{part}]' for part in parts)}",
         f"compute      least row reduce min {' '.join(f'c_u[{part}]' for part in parts)}",
         f"variable     spread_looks vector ({apart})/v_D0  # in the centre row",
     ]
 
 
-def _ids(row: NDArray[np.int64]) -> str:
+def identifiers(row: NDArray[np.int64]) -> str:
     """Return ascending identifiers for ``group NAME id``: first, last and what they are apart, or one by one."""
     apart = np.unique(np.diff(row))
     if len(apart) > 1:

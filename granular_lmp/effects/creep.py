@@ -1,0 +1,96 @@
+"""Creep: slip that winds up moves a layer away, in proportion to time. LAMMPS has it; it limits how long a run may be.
+
+It is predicted (`granular_lmp.crystal.creep`) and measured where a running plane wave fills a perfect crystal in space
+whose contacts neither part nor slide, as the mean displacement along x and y of the spheres at one place of all cells,
+at that which creeps most. Along z the mean holds a static shift too, which does not grow.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.creep import creep_velocities
+from granular_lmp.crystal.lattices import places
+from granular_lmp.effects import contact_opening, sliding
+from granular_lmp.effects.case import Case, Finding
+from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.guard import Guard, Prepared
+from granular_lmp.effects.width import identifiers
+from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
+from granular_lmp.scene.scene import Scene
+
+SHARE = 0.01  # of D0, above which creep is part of what a run shows
+# Near a resonance the second harmonic adds as much again, so that a run is expected to creep from half of it on
+_EXPECTED = SHARE / 2
+_SILENT = 1e-15  # D0/t0: rounding of a velocity that vanishes by symmetry
+
+
+def _velocities(scene: Scene) -> NDArray[np.float64]:
+    """Return the velocities (P, 2) along x and y of the spheres of a cell, D0/t0."""
+    incremental = scene.effects.shear_law == "incremental"
+    contacts, mode = wave_contacts(scene), mode_of(scene)
+    found = creep_velocities(contacts, scene.sphere, mode, physics_of(scene), incremental=incremental)
+    return found[:, :2] * scene.displacement_amplitude
+
+
+def _fastest(scene: Scene) -> float:
+    return float(np.linalg.norm(_velocities(scene), axis=1).max())
+
+
+def winds_up(scene: Scene) -> bool:
+    """Return whether the wave of a scene creeps as is known; contacts that part or slide move it too."""
+    plane = scene.space == 3 and scene.form == "running" and not scene.envelope.finite and not scene.shape.faces
+    if not plane or not scene.perfect or scene.source or scene.struck or _fastest(scene) <= _SILENT:
+        return False
+    return not any(each.called_for(Case(scene)).called_for for each in (contact_opening, sliding))
+
+
+def expected(scene: Scene) -> bool:
+    return winds_up(scene) and _fastest(scene) * scene.time.duration > _EXPECTED
+
+
+def called_for(case: Case) -> Finding:
+    speed = _fastest(case.scene)
+    period = speed * 2 * np.pi / case.mode.frequency
+    return Finding(
+        expected(case.scene),
+        speed * case.scene.time.duration,
+        f"D0 is how far slip that winds up moves spheres in the run, {period:.2g} D0 a period",
+    )
+
+
+def measured(problem: Prepared) -> list[str]:
+    """Return the lines of the mean displacement along x and y of the spheres that creep most."""
+    speeds, group, lines = np.linalg.norm(_velocities(problem.scene), axis=1), "all", []
+    if len(speeds) > 1:
+        own = np.flatnonzero(places(problem.crystal) == int(np.argmax(speeds)))
+        group, lines = "creeping", [f"group        creeping id {identifiers(own + 1)}"]
+    return [
+        *lines,
+        f"compute      slow {group} reduce ave c_u[1] c_u[2]",
+        "variable     creep_looks vector sqrt(look(c_slow[1])^2+look(c_slow[2])^2)/v_D0  # mean displacement, in D0",
+    ]
+
+
+def loss(case: Case) -> str:
+    return "the deck is the same: LAMMPS winds up slip by itself"
+
+
+GUARD = Guard(
+    title="largest_creep",
+    name="creep",
+    lines=measured,
+    limit=SHARE,
+    meaning="in D0, the mean displacement of the spheres along the layer: slip that winds up moves the layer away",
+    cure="set a shorter time.duration or a smaller wave.amplitude",
+)
+CREEP = Effect(
+    "creep",
+    called_for,
+    cost="1.00",
+    loss=loss,
+    guard=GUARD,
+    always=True,
+    switch="time.duration",
+    declared=expected,
+    concerns=winds_up,
+)
