@@ -48,7 +48,7 @@ from analysis.theory.partners import LARGEST, SILICA, design, table
 from analysis.theory.partners import Resonance as Resonance
 from analysis.theory.partners import compressed as compressed
 from analysis.theory.rows import Rows, heavy_rows
-from analysis.theory.scenes import CRYSTAL_KEYS, MOTION, VARIED, Setting
+from analysis.theory.scenes import CRYSTAL_KEYS, MOTION, OUT_OF_PLANE, VARIED, Setting
 from analysis.theory.variation import Resonance as Resonant
 from analysis.theory.variation import Spot, Value
 from granular_lmp.runs.record import GranularError, Scene
@@ -137,10 +137,11 @@ class Question:
     def passing(self) -> Passing:
         """Return the share of the scene's wave that passes its rows of other densities.
 
-        Raises ValueError for a key that is no density, and a wave or crystal that `transfer` leaves out.
+        Raises ValueError for a key that is no density, and a wave or crystal that `heavy_rows` leaves out: radii and
+        stiffnesses of rows, measured stiffnesses, the third dimension, and spheres that do not turn.
         """
         scene, setting = self.scene, Setting(self.scene)
-        setting.refuse(CRYSTAL_KEYS - MOTION)
+        setting.refuse(CRYSTAL_KEYS - MOTION - OUT_OF_PLANE)
         if scene.packing.lattice != "hexagonal" or scene.direction != 90 or not scene.inclusion:
             raise ValueError("passing is of a wave along y at [[inclusion]] of rows in a hexagonal crystal")
         if other := [key for key in self.keys if not key.endswith(".density")]:
@@ -153,7 +154,8 @@ class Question:
             first, last = each.rows
             owners[first : last + 1 : each.every] = number
         owners = np.trim_zeros(owners)
-        contact = Contact.of(scene.sphere)
+        turns = {name: getattr(scene.effects, name) is not False for name in ("shear", "rotation")}
+        contact = Contact.of(scene.sphere, **turns)
         names = ["sphere.density", *(f"inclusion.{n}.density" for n in range(1, len(scene.inclusion) + 1))]
         given = dict(zip(names, [scene.sphere.density, *(each.density for each in scene.inclusion)], strict=True))
 
@@ -165,6 +167,7 @@ class Question:
             changes = [np.pad(mine / value, 2) for mine, value in zip(own, values, strict=True)]
             return heavy_rows(contact, masses.tolist()), np.array(changes)
 
+        rows(np.array(self.bounds)[:, 0])  # Tells what is not held, which looking for the best values does not
         return Passing(rows, float(setting.mode().frequency) * scene.sphere.time_scale, scene.wave.mode)
 
 

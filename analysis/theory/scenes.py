@@ -53,6 +53,10 @@ CRYSTAL_KEYS = frozenset({"name", "inclusion", "monitor", "source", "disorder.se
 MOTION = frozenset(
     {"source", "envelope.length", "envelope.width", "absorb.rows", "effects.sliding", "effects.contact_opening"}
 )
+# Keys of crystals that are not of one layer of equal contacts in the plane
+OUT_OF_PLANE = frozenset(
+    key for key in CRYSTAL_KEYS if key.partition(".")[0] in ("contact", "substrate")
+) | {f"packing.{name}" for name in ("space", "layers", "depth", "orientation")}
 FORMS = ("running", "standing")
 DEFAULT = {"cubic": "[001]", "fcc": "[001]", "hcp": "c"}  # orientations that a scene leaves out
 LONGEST = 6  # rows of a pattern: its modes meet in pairs, 10 s of processor time for six

@@ -14,6 +14,7 @@ from granular_lmp.crystal.modes import bloch_mode, highest_frequency, named_in_s
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.crystal.stability import frequency_bound
 from granular_lmp.crystal.walls import BOTH, Wall, on_wall
+from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import CrystalError, SceneError
 
 SILICA = Sphere(5e-7, 73e9, 0.17, 0.063, 2200.0)
@@ -220,6 +221,16 @@ def test_a_layer_that_is_pressed_together_without_a_substrate_leaves_its_plane()
     lattice = PLANE_LATTICES["hexagonal"]
     with pytest.raises(CrystalError, match="the crystal is not stable: a mode has the squared frequency -"):
         highest_frequency(unit_lattice(pressed, lattice), pressed, SPACE)
+
+
+@pytest.mark.parametrize("name", ["square", "chain"])
+def test_motions_that_nothing_resists_are_no_sign_of_buckling(name: str) -> None:
+    # Without shear nothing holds a sphere across a chain; adhesion pushes it by the rounding of a force that is 0
+    lattice, vector = unit_lattice(SILICA, PLANE_LATTICES[name], WALL), WaveVector(0.0, pi / 4)
+    found = named_in_space(lattice, SILICA, vector, Physics(shear=False, rotation=False, space=True))
+    assert {branch: frequency > 1e-3 for branch, (frequency, _) in found.items()} == {
+        "S1": True, "S2": True, "H1": False
+    }  # fmt: skip
 
 
 def test_walls_leave_the_inertia_of_pairs_as_it_is() -> None:

@@ -292,6 +292,22 @@ def test_options_of_another_question_are_refused(
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"contact.normal_stiffness": 600.0}, "leaves out contact.normal_stiffness = 600.0"),
+        ({"packing.space": 3}, "leaves out packing.space = 3"),
+        ({"effects.rotation": False}, "contact: must have shear and rotation"),
+        ({"inclusion": [{"rows": [30, 30], "density": 4400.0, "radius": 4e-7}]}, "rows and density, not rows, radius"),
+    ],
+)
+def test_passing_refuses_what_its_rows_do_not_hold(changes: dict[str, Any], said: str) -> None:
+    rows = [{"rows": [30, 30], "density": 4400.0}]
+    scene = Scene.load("tr_periodic").with_values({"packing.rows": 64, "inclusion": rows} | changes)
+    with pytest.raises(ValueError, match=said):
+        Question(scene, ("inclusion.1.density",), ((2500.0, 6000.0),), "passing").passing()
+
+
 def test_passing_needs_rows() -> None:
     with pytest.raises(SystemExit, match="inclusion 1 must have rows and density, not"):
         cli.main(["design", "tr_impurity", "--best", "passing", "--vary", "inclusion.1.density", "2300", "4000"])
