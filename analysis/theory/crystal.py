@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.theory.bonds import Bonds, Measured, ShearLaw, dmt, jkr
-from analysis.theory.mirror import images, mirrored
+from analysis.theory.mirror import Mirror, images, mirrored
 from analysis.theory.network import Material, ShearMixing, mixed
 
 Floats = NDArray[np.float64]
@@ -113,8 +113,8 @@ class Crystal:
         np.add.at(total, bonds.second[bonds.second >= 0], stiff[bonds.second >= 0])
         return float(np.sqrt(np.max(2 * total / self.mass[:, list(self.freedoms)].min(axis=1))))
 
-    def mirror(self, normal: ArrayLike) -> Floats | None:
-        """Return how the mirror across a unit vector (3,) acts on what moves (F, F), None if the crystal has none."""
+    def mirror(self, normal: ArrayLike) -> Mirror | None:
+        """Return the mirror across a unit vector (3,), None if the crystal has none."""
         across = np.asarray(normal, dtype=float)
         reflection, units = np.eye(3) - 2 * np.outer(across, across), self.whole(np.eye(self.moving(self.mass).size))
         askew = _ASKEW[: len(self.vectors)] @ self.reciprocal.real
@@ -123,28 +123,27 @@ class Crystal:
             places = images(self.position.real, self.vectors.real, self.mass.real, reflection, to)
             image = None if places is None else self.moving(mirrored(units, reflection, places)).T.real
             if image is not None and np.abs(image @ matrix - matrix @ image).max() < _MIRRORED * np.abs(matrix).max():
-                return np.asarray(image)
+                return Mirror(across, np.asarray(image))
         return None
 
     @cached_property
-    def symmetry(self) -> tuple[Floats, Floats] | None:
-        """Return the mirror that tells modes of one frequency apart, its normal and its action; None in the plane.
+    def symmetry(self) -> Mirror | None:
+        """Return the mirror that tells modes of one frequency apart; None in the plane.
 
         It is z → −z, or else x → −x: waves along y have it in most lattices.
         """
         normals = np.eye(3)[[2, 0]] if 2 in self.freedoms else np.zeros((0, 3))
-        return next(((normal, image) for normal in normals if (image := self.mirror(normal)) is not None), None)
+        return next((mirror for normal in normals if (mirror := self.mirror(normal)) is not None), None)
 
-    def parity(self, shapes: Complexes, wavevector: ArrayLike, mirror: tuple[Floats, Floats] | None = None) -> Floats:
+    def parity(self, shapes: Complexes, wavevector: ArrayLike, mirror: Mirror | None = None) -> Floats:
         """Return 1 for modes (..., B, 6) that are even under a mirror with k in it, by default `symmetry`.
 
         −1 for odd ones, and 0 for others, or without a mirror.
         """
-        normal, image = mirror or self.symmetry or (np.zeros(3), None)
-        moved = self.moving(shapes)
-        if image is None or not _across(padded(wavevector), normal):
+        mirror, moved = mirror or self.symmetry, self.moving(shapes)
+        if mirror is None or not _across(padded(wavevector), mirror.normal):
             return np.zeros(moved.shape[:-1])
-        share = np.sum(moved.conj() * (moved @ image.T), axis=-1).real / np.sum(np.abs(moved) ** 2, axis=-1)
+        share = np.sum(moved.conj() * (moved @ mirror.action.T), axis=-1).real / np.sum(np.abs(moved) ** 2, axis=-1)
         return np.asarray(np.where(np.abs(share) > 1 - _ONE_SIGN, np.sign(share), 0.0))
 
     def stiffness(self, wavevector: ArrayLike) -> Complexes:
@@ -188,8 +187,10 @@ class Crystal:
         root = np.sqrt(self.moving(self.mass))
         matrix = self.stiffness(k) / (root[:, None] * root)
         if self.even:
-            if parted := self.symmetry is not None and _across(k, self.symmetry[0]):
-                matrix = matrix - self.highest**2 * self.symmetry[1]  # even and odd ones, whatever their frequencies
+            if parted := self.symmetry is not None and _across(k, self.symmetry.normal):
+                matrix = (
+                    matrix - self.highest**2 * self.symmetry.action
+                )  # even and odd ones, whatever their frequencies
             _, vectors = np.linalg.eigh(0.5 * (matrix + np.swapaxes(matrix, -1, -2).conj()))
             inverse = np.swapaxes(vectors, -1, -2).conj()
         else:

@@ -1,12 +1,24 @@
 """Mirrors of a crystal: where its spheres go, and how fields change."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 _SAME = 1e-9  # share of a vector of the lattice, and of a mass, that is rounding
+
+
+class Mirror(NamedTuple):
+    """A mirror of a crystal: its unit normal (3,), and how it acts on the components that move (F, F)."""
+
+    normal: Floats
+    action: Floats
+
+    @property
+    def reflection(self) -> Floats:
+        """Return the matrix (3, 3) by which it turns vectors round."""
+        return np.eye(3) - 2 * np.outer(self.normal, self.normal)
 
 
 def images(position: Floats, vectors: Floats, mass: Floats, reflection: Floats, to: int) -> NDArray[np.intp] | None:

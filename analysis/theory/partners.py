@@ -159,7 +159,7 @@ def design(
     found: list[Resonance] = []
     for guess in guesses:
         pair = _root(guess, ratio, lambda omega: Contact.of(under_pressure(omega)))
-        if pair is None or forbidden(pair)[guess.target]:
+        if pair is None or forbidden(pair.mixed)[guess.target]:
             continue
         omega = float(pair.tones[0][0])
         each = Resonance(pair, guess.target, under_pressure(omega), frequency)
@@ -169,7 +169,7 @@ def design(
     if not found and sphere.work_of_adhesion:
         held = Contact.of(resting)
         pairs = [(guess, _root(guess, ratio, lambda _: held)) for guess in guesses]
-        omegas = [float(pair.tones[0][0]) for guess, pair in pairs if pair and not forbidden(pair)[guess.target]]
+        omegas = [float(pair.tones[0][0]) for guess, pair in pairs if pair and not forbidden(pair.mixed)[guess.target]]
         lowest = min(omegas, default=0.0) / (2 * np.pi * resting.time_scale)
         if frequency < lowest:
             raise ValueError(f"frequency is {frequency:g}; allowed: {lowest:.4g} Hz and above, without a pull")

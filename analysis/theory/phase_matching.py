@@ -13,6 +13,7 @@ their polarisation is arbitrary; a pair of crossings between two points of the g
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -21,16 +22,16 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from analysis.theory.crystal import Crystal, padded
-from analysis.theory.mirror import images, mirrored
+from analysis.theory.mirror import Mirror
 from analysis.theory.second_order import Mixed, Wave, branch_of
+from analysis.theory.selection import mirrors, parity
 
 Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 COUNT = 200  # wave numbers on a line
 _FLOPPY = 1e-6  # a branch below this share of the highest frequency all along has the frequency 0
 _SILENT = 1e-9  # share of the largest force on any branch that is rounding, or a zero that was found
-_SYMMETRIC = 1e-9  # share of D by which a mirror may miss, and of a mode by which it may not be even or odd
+_FACING = 1e-9  # share of a reciprocal vector that is rounding
 _REACH = 3  # reciprocal vectors up to this many of each
 
 
@@ -67,7 +68,7 @@ def last_number(crystal: Crystal, unit: NDArray[Any]) -> Any:
     counts = product(range(-_REACH, _REACH + 1), repeat=len(crystal.vectors))
     vectors = np.array([count for count in counts if any(count)]) @ crystal.reciprocal
     towards, squares = vectors @ unit, np.sum(vectors**2, axis=1)
-    facing = towards.real > _SYMMETRIC * np.sqrt(squares.real) * np.linalg.norm(unit)
+    facing = towards.real > _FACING * np.sqrt(squares.real) * np.linalg.norm(unit)
     numbers = squares[facing] / (2 * towards[facing])
     return numbers[np.argmin(numbers.real)]
 
@@ -111,6 +112,10 @@ class _Line:
 
     crystal: Crystal
     along: Floats
+
+    @cached_property
+    def mirrors(self) -> list[Mirror]:
+        return list(mirrors(self.crystal))
 
     def wave(self, number: ArrayLike, branch: int) -> Wave:
         return branch_of(self.crystal, np.multiply.outer(np.asarray(number, dtype=float), self.along), branch)
@@ -168,48 +173,13 @@ class _Line:
 
     def selection(self, pair: Mixed, target: int) -> str:
         """Return which mirror forbids that a wave drives a branch at 2k."""
-        for mirror in mirrors(self.crystal, self.along):
-            parities = [parity(mirror, shape) for shape in (pair.first.shape, pair.targets.shapes[target])]
-            if parities[0] and parities[1] == -1:
-                names = {1: "even", -1: "odd"}
-                return f"a mirror: {names[parities[0]]} + {names[parities[0]]} is even, and this branch is odd"
+        answer = Wave(pair.wavevector, pair.targets.frequencies[target], pair.targets.shapes[target])
+        for mirror in self.mirrors:
+            own, other = (int(parity(self.crystal, mirror, each)) for each in (pair.first, answer))
+            if own and other == -1:
+                name = "even" if own > 0 else "odd"
+                return f"a mirror: {name} + {name} is even, and this branch is odd"
         return "vanishes, by no mirror along the wave"
-
-
-def mirrors(crystal: Crystal, along: Floats) -> list[tuple[Floats, NDArray[np.intp]]]:
-    """Return the mirrors that contain a direction: the reflection (3, 3), and where each sphere goes (B,)."""
-    normals: list[Floats] = []
-    for contact in crystal.bonds.normal:
-        for normal in (np.cross(along, contact), contact - (along @ contact) * along):
-            size = np.linalg.norm(normal)
-            if size > _SYMMETRIC and not any(abs(normal / size @ other) > 1 - _SYMMETRIC for other in normals):
-                normals.append(normal / size)
-    # A wave vector at which a crystal without the mirror would not be symmetric by accident
-    k = 0.37 * zone_edge(crystal, along) * along
-    found = []
-    for normal in normals:
-        reflection = np.eye(3) - 2 * np.outer(normal, normal)
-        for to in range(len(crystal)):
-            places = images(crystal.position, crystal.vectors, crystal.mass, reflection, to)
-            if places is not None and _commutes(crystal, k, reflection, places):
-                found.append((reflection, places))
-                break
-    return found
-
-
-def _commutes(crystal: Crystal, k: Floats, reflection: Floats, places: NDArray[np.intp]) -> bool:
-    size = len(crystal.moving(crystal.mass))
-    units = crystal.whole(np.eye(size))
-    image = crystal.moving(mirrored(units, reflection, places)).T
-    matrix = crystal.stiffness(k)
-    return bool(np.abs(image @ matrix - matrix @ image).max() < _SYMMETRIC * np.abs(matrix).max())
-
-
-def parity(mirror: tuple[Floats, NDArray[np.intp]], shape: Complexes) -> int:
-    """Return 1 for a mode (B, 6) that is even under a mirror, −1 for an odd one, 0 for one that is neither."""
-    image = mirrored(shape, *mirror)
-    missed = {sign: np.abs(image - sign * shape).max() for sign in (1, -1)}
-    return next((sign for sign, miss in missed.items() if miss < 1e-6 * np.abs(shape).max()), 0)
 
 
 def _unit(direction: ArrayLike) -> Floats:

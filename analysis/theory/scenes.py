@@ -54,9 +54,9 @@ MOTION = frozenset(
     {"source", "envelope.length", "envelope.width", "absorb.rows", "effects.sliding", "effects.contact_opening"}
 )
 # Keys of crystals that are not of one layer of equal contacts in the plane
-OUT_OF_PLANE = frozenset(
-    key for key in CRYSTAL_KEYS if key.partition(".")[0] in ("contact", "substrate")
-) | {f"packing.{name}" for name in ("space", "layers", "depth", "orientation")}
+OUT_OF_PLANE = frozenset(key for key in CRYSTAL_KEYS if key.partition(".")[0] in ("contact", "substrate")) | {
+    f"packing.{name}" for name in ("space", "layers", "depth", "orientation")
+}
 FORMS = ("running", "standing")
 DEFAULT = {"cubic": "[001]", "fcc": "[001]", "hcp": "c"}  # orientations that a scene leaves out
 LONGEST = 6  # rows of a pattern: its modes meet in pairs, 10 s of processor time for six
@@ -387,15 +387,15 @@ def names_of(crystal: Crystal, wavevector: ArrayLike) -> dict[str, int]:
     k = np.asarray(wavevector, dtype=float)
     shapes, solid, along = crystal.modes(k).shapes, 2 in crystal.freedoms, padded(k) / np.linalg.norm(k)
     found: dict[str, Any] = {}
-    flat = solid and crystal.symmetry is not None and crystal.symmetry[0][2] != 0
+    flat = solid and crystal.symmetry is not None and crystal.symmetry.normal[2] != 0
     level = crystal.parity(shapes, k) if flat else np.zeros(len(shapes))
     inside = np.flatnonzero(level > 0) if solid else np.arange(len(shapes))
     if len(crystal) == 1 and len(inside):
         longitudinal = inside[np.argmax(np.abs(shapes[inside, 0, :3] @ along))]
         found |= dict(zip(NAMES, [longitudinal, *inside[inside != longitudinal]], strict=False))
     across = np.cross([0.0, 0.0, 1.0], along)
-    if solid and (image := crystal.mirror(across)) is not None:
-        sides = crystal.parity(shapes, k, (across, image))
+    if solid and (mirror := crystal.mirror(across)) is not None:
+        sides = crystal.parity(shapes, k, mirror)
         for letter, side in (("S", 1), ("H", -1)):
             found |= {f"{letter}{n + 1}": branch for n, branch in enumerate(np.flatnonzero(sides == side))}
     if solid or len(crystal) > 1:

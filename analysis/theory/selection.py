@@ -1,76 +1,94 @@
-"""Selection rules: which waves two waves cannot make of each other, because a mirror of the lattice forbids it.
+"""Selection rules: which waves two waves cannot make of each other, because a mirror of the crystal forbids it.
 
-The hexagonal lattice has six mirrors, along 0°, 30°, … 150° from a close-packed row. A mirror reflects (u, v), and
-turns rotations round, φ → −φ. Where it leaves a wave vector where it is (up to a reciprocal lattice vector), each
-mode there is even or odd: on a line through Γ, L is even, TR and RT are odd. The quadratic forces have the symmetry of
-the lattice, so that what they drive at k1 ± k2 is
+A mirror reflects displacements, and turns rotations round: φ, which is an axial vector, gets the opposite sign. Where
+it leaves a wave vector where it is (up to a reciprocal lattice vector), each mode there is even or odd: in the plane,
+on a line through Γ, L is even, TR and RT are odd. The quadratic forces have the symmetry of the crystal, so that what
+they drive at k1 ± k2 is
 
     of the parity of the product,   if the mirror leaves both waves where they are:
                                     even + even → even,  odd + odd → even,  even + odd → odd;
     even,                           if it exchanges the two waves of a sum, which are then of one branch;
 
 and modes of the other parity at k1 ± k2 get nothing, at any time and any contact law. So of two collinear waves along
-y or x, two L make L only, two shear waves make L only, and L with a shear wave makes shear waves only; of two mirrored
-waves of one branch, the sum is L. In the paper's geometry and law, whose drive knows no frequencies, the difference of
-two mirrored waves is L too, to second order: for it the second wave is (−k2, (u, v, −f)), and the mirror across
-exchanges them.
+y or x of the hexagonal lattice, two L make L only, two shear waves make L only, and L with a shear wave makes shear
+waves only; of two mirrored waves of one branch, the sum is L. Where the drive knows no frequencies, as in the paper's
+geometry and law, the difference of two mirrored waves is L too, to second order: for it the second wave runs backward
+in time, and the mirror across exchanges the two.
 
 Rules of whole orders, at any amplitude, follow for a single wave: odd waves along y hold q and φ in odd harmonics only.
 
 When it breaks: where branches touch, a mode has no parity, and nothing is forbidden.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory.bloch import BONDS
-from analysis.theory.mixing import Pair
+from analysis.theory.crystal import Crystal
+from analysis.theory.mirror import Mirror
+from analysis.theory.second_order import Mixed, Wave
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 
-MIRRORS = np.radians(np.arange(0.0, 180.0, 30.0))  # directions that a mirror leaves as they are
 # Modes and wave vectors are computed to 1e-15, and modes of branches that lie 1e-6 apart to 1e-9. What is no symmetry
-# misses by more, unless it lies that near to one.
+# misses by more, unless it lies that near to one; an overlap misses by the square.
 SAME = 1e-7
+_WHOLE = 1 - 1e-13
 
 
-def reflection(angle: float) -> Floats:
-    """Return the matrix (3, 3) of a mirror along an angle, in rad, on W = (u, v, f)."""
-    cosine, sine = np.cos(2.0 * angle), np.sin(2.0 * angle)
-    return np.array([[cosine, sine, 0.0], [sine, -cosine, 0.0], [0.0, 0.0, -1.0]])
+def mirrors(crystal: Crystal) -> Iterator[Mirror]:
+    """Yield the mirrors of a crystal: each leaves the contacts where they are, or exchanges some two directions."""
+    directions = _apart(crystal.bonds.normal)
+    sums = (directions[:, None] + directions).reshape(-1, 3), (directions[:, None] - directions).reshape(-1, 3)
+    crosses = np.cross(directions[:, None], directions).reshape(-1, 3)
+    for normal in _apart(np.concatenate([directions, *sums, crosses])):
+        if (mirror := crystal.mirror(normal)) is not None:
+            yield mirror
 
 
-def same_wavevector(one: Floats, other: Floats) -> bool:
-    """Return whether two wave vectors (2,) name one wave: whether they differ by a reciprocal lattice vector."""
-    return bool(np.all(np.abs(np.exp(1j * BONDS @ (one - other)) - 1.0) < SAME))
-
-
-def parity(shape: Floats, mirror: Floats) -> int:
-    """Return 1 for a mode W (3,) that is even under a mirror, −1 for an odd one, 0 for one that is neither."""
-    reflected = mirror @ shape
-    return next((sign for sign in (1, -1) if np.abs(reflected - sign * shape).max() < SAME), 0)
-
-
-def forbidden(pair: Pair) -> NDArray[np.bool_]:
+def forbidden(pair: Mixed) -> NDArray[np.bool_]:
     """Return for each branch at k1 ± k2 whether symmetry forbids that a pair of waves drives it, (J,).
 
     Parameters
     ----------
     pair : a single one
     """
-    (_, first), (_, second) = pair.tones
-    one = np.asarray(pair.first.wavevector, dtype=float)
-    other = pair.sign * np.asarray(pair.second.wavevector, dtype=float)
-    shapes = pair.targets[1]
-    exchangeable = pair.sign == 1 or not pair.contact.has_history  # a history tells which wave is differentiated
-    result = np.zeros(len(shapes), dtype=bool)
-    for mirror in map(reflection, MIRRORS):
-        of_one, of_other = mirror[:2, :2] @ one, mirror[:2, :2] @ other
-        driven = 0
-        if same_wavevector(of_one, one) and same_wavevector(of_other, other):
-            driven = parity(first, mirror) * parity(second, mirror)
-        elif exchangeable and same_wavevector(of_one, other) and same_wavevector(of_other, one):
-            driven = int(min(np.abs(mirror @ first - sign * second).max() for sign in (1, -1)) < SAME)
-        if driven:
-            result |= [parity(shape, mirror) == -driven for shape in shapes]
+    crystal, first, second = pair.crystal, pair.first, pair.second
+    targets = Wave(pair.wavevector, pair.targets.frequencies, pair.targets.shapes)
+    # A history tells which wave is differentiated
+    exchangeable = not crystal.bonds.has_history or first.frequency * second.frequency > 0
+    result = np.zeros(targets.frequency.shape, dtype=bool)
+    for mirror in mirrors(crystal):
+        driven = parity(crystal, mirror, first) * parity(crystal, mirror, second)
+        if exchangeable and np.abs(_share(crystal, mirror, first, second)) > _WHOLE:
+            driven = np.array(1)
+        result |= (driven != 0) & (parity(crystal, mirror, targets) == -driven)
     return result
+
+
+def parity(crystal: Crystal, mirror: Mirror, wave: Wave) -> NDArray[np.intp]:
+    """Return 1 for waves (...) that are even under a mirror, −1 for odd ones, 0 for those that are neither."""
+    share = _share(crystal, mirror, wave, wave).real
+    return np.where(np.abs(share) > _WHOLE, np.sign(share), 0).astype(np.intp)
+
+
+def _share(crystal: Crystal, mirror: Mirror, one: Wave, other: Wave) -> Complexes:
+    """Return the overlap (...) of the image of a wave with another; 0 if it has another wave vector."""
+    beyond = mirror.reflection @ one.wavevector - other.wavevector
+    if np.abs(np.exp(1j * crystal.vectors @ beyond) - 1.0).max() > SAME:
+        return np.zeros(one.shape.shape[:-2], dtype=complex)
+    turned = np.repeat(np.exp(1j * crystal.position @ beyond), len(crystal.freedoms))
+    image, shape = crystal.moving(one.shape) @ mirror.action.T * turned, crystal.moving(other.shape)
+    size = np.linalg.norm(image, axis=-1) * np.linalg.norm(shape, axis=-1)
+    return np.asarray(np.sum(shape.conj() * image, axis=-1) / size)
+
+
+def _apart(vectors: Floats) -> Floats:
+    """Return the directions of vectors (N, 3), each of them and of their opposites once."""
+    found: list[Floats] = []
+    for vector, size in zip(vectors, np.linalg.norm(vectors, axis=1), strict=True):
+        if size > SAME and not any(abs(vector @ other) > (1 - SAME**2) * size for other in found):
+            found.append(vector / size)
+    return np.array(found)

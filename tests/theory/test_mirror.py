@@ -27,7 +27,7 @@ def test_modes_along_y_are_even_or_odd_whatever_their_frequencies(name: tuple[st
     solid, k = crystal(*name), np.array([0.0, 0.9 / APART, 0.0])
     modes = solid.modes(k)
     moved = solid.moving(modes.shapes)
-    images = moved @ solid.symmetry[1].T
+    images = moved @ solid.symmetry.action.T
     np.testing.assert_allclose(images, solid.parity(modes.shapes, k)[:, None] * moved, atol=1e-10)
     assert np.all(np.diff(modes.frequencies) > -1e-9 * modes.frequencies[-1])
     # Half of the modes move within the mirror and turn about its normal
@@ -52,12 +52,12 @@ def test_a_layer_on_a_wall_is_its_own_image_across_x_alone() -> None:
     flat = Crystal.of(vectors[:, :2], [[0.0, 0.0]], R, 2.2e-3, [SILICA])
     assert flat.symmetry is None
     alone = Crystal.of(vectors, [[0.0, 0.0, 0.0]], R, 2.2e-3, [SILICA])
-    assert list(alone.symmetry[0]) == [0, 0, 1]
+    assert list(alone.symmetry.normal) == [0, 0, 1]
     deep = 2 ** (1 / 3) * DEPTH  # at which nothing is left of the force of the wall
     wall = Wall((0.0, 0.0, deep - R), (0.0, 0.0, -1.0), SILICA)
     layer = Crystal.of(vectors, [[0.0, 0.0, 0.0]], R, 2.2e-3, [SILICA], walls=[wall])
     assert layer.mirror([0.0, 0.0, 1.0]) is None
-    assert list(layer.symmetry[0]) == [1, 0, 0]
+    assert list(layer.symmetry.normal) == [1, 0, 0]
     # Sagittal modes are even under it: they move along y and z, and turn about x
     k = np.array([0.0, 0.9 / APART, 0.0])
     even = layer.parity(layer.modes(k).shapes, k) > 0

@@ -156,7 +156,7 @@ def test_the_distance_sees_one_percent_and_a_wrong_sign() -> None:
 @pytest.mark.parametrize("name", [name for name in PAIRS if name.startswith(("along", "mirrored"))])
 def test_what_symmetry_forbids_is_not_in_the_exact_lattice(name: str, sign: int) -> None:
     pair = pair_of(name, sign)
-    banned = forbidden(pair)
+    banned = forbidden(pair.mixed)
     assert 0 < banned.sum() < 3
     field = component(crossed_field(name, PAPER), SHEET.rest, pair.wavevector)
     shapes = modes(pair.wavevector, PAPER)[1] * pair.contact.masses
@@ -199,7 +199,7 @@ def test_symmetry_forbids_every_drive_that_vanishes_and_no_other(where: str) -> 
             continue
         drives = np.abs(pair.mixed.steady)
         # Rounding is 1e-16 of sums of nine numbers of order one; the smallest drive of these that is none is 1e-5
-        assert ((drives < 1e-12) == forbidden(pair)).all(), (first, second, sign)
+        assert ((drives < 1e-12) == forbidden(pair.mixed)).all(), (first, second, sign)
 
 
 @pytest.mark.parametrize("angle", [90.0, 0.0])
@@ -213,7 +213,9 @@ def test_waves_along_y_and_x_make_what_the_product_of_parities_says(
     one, other = turned(0.8, angle), turned(1.1, angle)
     first, second = (Tone(k, branch_index(name, k, PAPER)) for k, name in zip((one, other), names, strict=True))
     pair = Pair(first, second, 1, PAPER)
-    allowed = {name for name in ("L", "TR", "RT") if not forbidden(pair)[branch_index(name, pair.wavevector, PAPER)]}
+    allowed = {
+        name for name in ("L", "TR", "RT") if not forbidden(pair.mixed)[branch_index(name, pair.wavevector, PAPER)]
+    }
     assert ", ".join(sorted(allowed, reverse=True)) == made
 
 

@@ -1,11 +1,13 @@
 """Resonances and antiresonances of any crystal: those of the paper's in closed form, others in LAMMPS."""
 
 import csv
+from itertools import product
 from math import pi
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from analysis import resonances as script
 from analysis import second_harmonic as sh
@@ -13,9 +15,12 @@ from analysis.cases.growth import case as growth
 from analysis.theory.bloch import hexagonal
 from analysis.theory.contact import Contact
 from analysis.theory.crystal import Crystal
+from analysis.theory.lattices import LATTICES
 from analysis.theory.network import Material
-from analysis.theory.phase_matching import Match, matches, mirrors, zone_edge
+from analysis.theory.phase_matching import Match, matches, zone_edge
 from analysis.theory.scenes import Setting
+from analysis.theory.second_order import Mixed, branch_of
+from analysis.theory.selection import forbidden, mirrors
 from granular_lmp import Scene, run
 
 ROOT3 = np.sqrt(3)
@@ -61,15 +66,36 @@ def test_every_sign_of_a_detuning_that_changes_is_found() -> None:
 
 
 def test_mirrors_are_found_and_only_those() -> None:
-    crystal = hexagonal(Contact(0.17))
-    in_plane = [
-        len([each for each in mirrors(crystal, np.array(way)) if abs(each[0][2, 2] - 1) < 1e-9])
-        for way in ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.6, 0.8, 0.0))
-    ]
-    assert in_plane == [1, 1, 0]
+    angles = sorted(_angle(each.normal) for each in mirrors(hexagonal(Contact(0.17))) if abs(each.normal[2]) < 1e-9)
+    assert angles == pytest.approx([0, 30, 60, 90, 120, 150])
     # Rows of two densities have the mirror along y and the one along x; without it nothing would be forbidden
-    layered = Setting(LAYERED).crystal()
-    assert len([each for each in mirrors(layered, np.array([0.0, 1.0, 0.0])) if each[0][2, 2] > 0]) == 1
+    layered = [_angle(each.normal) for each in mirrors(Setting(LAYERED).crystal()) if abs(each.normal[2]) < 1e-9]
+    assert sorted(layered) == pytest.approx([0, 90])
+
+
+def _angle(normal: NDArray[np.float64]) -> float:
+    """Return the angle of a direction from x, in degrees, the same of its opposite."""
+    return round(float(np.degrees(np.arctan2(normal[1], normal[0]))), 9) % 180
+
+
+CELLS = {"square": ("", [0.7, 0.0]), "honeycomb": ("", [0.0, 0.5]), "fcc": ("[001]", [0.0, 0.6, 0.0])}
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_what_two_waves_of_any_crystal_may_not_make_they_do_not(name: str) -> None:
+    orientation, k = CELLS[name]
+    lattice, apart = LATTICES[name, orientation], 1000 - 0.2498514361612
+    vectors, basis = apart * lattice.vectors[:, : len(k)], apart * lattice.basis[:, : len(k)]
+    crystal = Crystal.of(vectors, basis, 500.0, 2.2e-3, [Material(73e3, 0.17, 63.0)])
+    one, other = np.array(k) / apart, np.array([*reversed(k[:2]), *k[2:]]) / apart
+    found = []
+    for second, first, partner in product((1.3 * one, other), range(4), range(4)):
+        if max(first, partner) < 3 * len(basis):
+            pair = Mixed(crystal, branch_of(crystal, one, first), branch_of(crystal, second, partner))
+            banned, drives = forbidden(pair), np.abs(pair.steady)
+            assert drives[banned].max(initial=0.0) < 1e-9 * crystal.highest**2
+            found += [*banned]
+    assert 0 < sum(found) < len(found)
 
 
 def test_honeycomb_has_resonances_that_a_chain_of_formulas_would_not_find() -> None:

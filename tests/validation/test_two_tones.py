@@ -91,7 +91,7 @@ def test_in_lammps_two_waves_make_what_the_closed_form_says(name: str, sign: int
 @pytest.mark.parametrize("name", [name for name in PAIRS if name.startswith(("along", "mirrored"))])
 def test_in_lammps_nothing_is_made_that_symmetry_forbids(name: str, sign: int) -> None:
     seen, pair, _ = seen_and_pair(name, sign)
-    banned = forbidden(pair)
+    banned = forbidden(pair.mixed)
     assert banned.any() == (not pair.mixed.winds)  # contacts that wind up know which wave is which
     shares = np.abs(seen @ (modes(pair.wavevector, pair.contact)[1] * pair.contact.masses).conj().T).max(axis=0)
     # Rounding of positions, 1e-16 of 1e4 nm, over a²Δ0 = 1e-4 nm: 1e-8, grown over 20 τ and doubled by extrapolation
