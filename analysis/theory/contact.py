@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.second_harmonic import SOLID_SPHERE, Ratios, ratios
-from analysis.theory.adhesion import LAWS as ADHESION_LAWS
-from analysis.theory.adhesion import Adhesion, Dmt, Jkr
+from analysis.theory.adhesion import Adhesion, AtRest
 
 Law = Literal["secant", "incremental", "potential"]
 LAWS: tuple[Law, ...] = get_args(Law)
@@ -58,8 +57,8 @@ class Contact:
     adhesion_law: Adhesion = "dmt"
 
     def __post_init__(self) -> None:
-        if self.adhesion_law not in ADHESION_LAWS:
-            raise ValueError(f"adhesion_law = {self.adhesion_law!r} is none of {tuple(ADHESION_LAWS)}")
+        if self.adhesion_law not in get_args(Adhesion):
+            raise ValueError(f"adhesion_law = {self.adhesion_law!r} is none of {get_args(Adhesion)}")
         if self.adhesion_law == "jkr" and not 0.0 <= self.prestress < 1.0:
             raise ValueError(f"adhesion_law = 'jkr' needs prestress in [0, 1), not {self.prestress}: it adheres")
         if self.adhesion_law == "jkr" and self.law == "potential":
@@ -105,9 +104,9 @@ class Contact:
         return 2 * (1 - self.poisson_ratio) / (2 - self.poisson_ratio) * self.adhesion.excess
 
     @cached_property
-    def adhesion(self) -> Dmt | Jkr:
+    def adhesion(self) -> AtRest:
         """Normal force and contact radius by overlap."""
-        return ADHESION_LAWS[self.adhesion_law](self.prestress)
+        return AtRest(self.adhesion_law, self.prestress)
 
     @cached_property
     def shear_stiffness(self) -> float:

@@ -102,7 +102,7 @@ def law_power(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats
         _refuse(contact)
         return np.zeros(state.shape[-1])
     now, tangential = _contacts(state, contact, neighbours)
-    softening = contact.shear_stiffness * contact.adhesion.growth(now.root)
+    softening = contact.shear_stiffness * contact.adhesion.growth(now.overlap, now.root)
     stretching = neighbours.deform(state[3:6])[0]
     power: Floats = -0.5 * WORK_SIGN[contact.law] * (softening * tangential**2 * stretching).sum(axis=0)
     return power
