@@ -25,7 +25,8 @@ Everything follows from the coefficients A = (4/3) E* √Rc, B = 8 G* √Rc and 
 https://docs.lammps.org/pair_granular.html
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -218,3 +219,17 @@ class Jkr(_Law):
 _STEPS = 8
 AdhesionLaw = Dmt | Jkr
 ADHESION_LAWS: dict[str, type[Dmt] | type[Jkr]] = {"dmt": Dmt, "jkr": Jkr}
+
+
+def joined(laws: Sequence[AdhesionLaw]) -> AdhesionLaw:
+    """Return the law of the contacts of several laws of one name, those of each after those of the one before."""
+    return _combined(laws, np.concatenate)
+
+
+def chosen(which: Numbers, laws: Sequence[AdhesionLaw]) -> AdhesionLaw:
+    """Return the law of contacts (C,) each of which has one of several laws of one name, by index `which` (C,)."""
+    return _combined(laws, lambda each: np.choose(which, each))
+
+
+def _combined(laws: Sequence[AdhesionLaw], how: Callable[[list[Numbers]], Numbers]) -> AdhesionLaw:
+    return replace(laws[0], **{each.name: how([getattr(law, each.name) for law in laws]) for each in fields(laws[0])})

@@ -59,7 +59,7 @@ def balance(
     CrystalError
         When a force above `BALANCED` is left after `_STEPS`.
     """
-    order = dissection(potential.crystal.positions[:, :2], pairs.i, pairs.j)
+    order = _order(potential, pairs)
     added, searched, failed, normal = _FIRST, state, 0, pairs.contact_stiffness(state.overlap)
     factors: _Factors | None = None
     for step in range(_STEPS):
@@ -104,10 +104,18 @@ def balance(
     )
 
 
+def _order(potential: Potential, pairs: Pairs) -> Integers:
+    """Return the order of all bodies in which factors stay sparse; walls couple to no sphere."""
+    places = np.zeros((len(potential.free), potential.axes))
+    places[: len(potential.crystal)] = potential.crystal.positions[:, : potential.axes]
+    return dissection(places, pairs.i[: pairs.between], pairs.j[: pairs.between])
+
+
 def _bounded(potential: Potential, change: Floats) -> tuple[Floats, Floats]:
-    """Return the changes of u (N, 2) and e (2,) of a step, without a shift of the whole crystal, and not too long."""
-    u, e = change[:-2].reshape(-1, 2), change[-2:]
-    shifted = potential.crystal.pbc[:2] & potential.free.all()  # nothing holds the crystal as a whole
+    """Return the changes of u (N, D) and e (D,) of a step, without a shift of the whole crystal, and not too long."""
+    axes = potential.axes
+    u, e = change[:-axes].reshape(-1, axes), change[-axes:]
+    shifted = potential.crystal.pbc[:axes] & potential.free.all()  # nothing holds the crystal as a whole
     u = u - np.where(shifted, u.mean(axis=0), 0.0)
     share = min(1.0, _LONGEST_STEP / potential.unit / max(float(np.abs(u).max()), 1e-300))
     return share * u, share * e
@@ -134,7 +142,7 @@ def _secant(before: State, after: State) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _Tangent:
-    """K + λ m over all u and then e: blocks by u (2N, 2N, sparse), by both (2N, 2) and by e (2, 2)."""
+    """K + λ m over all u and then e: blocks by u (DN, DN, sparse), by both (DN, D) and by e (D, D)."""
 
     by_u: Any
     by_both: Floats
@@ -148,7 +156,7 @@ class _Tangent:
         return self.by_u, self.by_both, self.by_e
 
     def __matmul__(self, x: Floats) -> Floats:
-        u, e = x[:-2], x[-2:]
+        u, e = x[: -len(self.by_e)], x[-len(self.by_e) :]
         product = np.append(self.by_u @ u + self.by_both @ e, self.by_both.T @ u + self.by_e @ e)
         return product + self.added * self.mass * x
 
@@ -159,15 +167,15 @@ class _Factors:
     def __init__(self, tangent: _Tangent, order: Integers) -> None:
         import scipy.sparse as sparse  # slow to import, and only crystals at rest need it
 
-        self._by_both = tangent.by_both
+        self._by_both, self._axes = tangent.by_both, len(tangent.by_e)
         added = tangent.added * tangent.mass
-        self._solve = factorised(tangent.by_u.tocsr() + sparse.diags(added[:-2], format="csr"), order)
+        self._solve = factorised(tangent.by_u.tocsr() + sparse.diags(added[: -self._axes], format="csr"), order)
         self._answer = self._solve(tangent.by_both)
-        self._schur = tangent.by_e - tangent.by_both.T @ self._answer + np.diag(added[-2:])
+        self._schur = tangent.by_e - tangent.by_both.T @ self._answer + np.diag(added[-self._axes :])
 
     def __call__(self, force: Floats) -> Floats:
-        u = self._solve(force[:-2])
-        e = np.linalg.solve(self._schur, force[-2:] - self._by_both.T @ u)
+        u = self._solve(force[: -self._axes])
+        e = np.linalg.solve(self._schur, force[-self._axes :] - self._by_both.T @ u)
         return np.append(u - self._answer @ e, e)
 
 

@@ -41,6 +41,7 @@ from granular_lmp.crystal.friction import require_friction
 from granular_lmp.crystal.let_go import DRAG, SETTLED, let_go
 from granular_lmp.crystal.potential import Pairs, Potential, State, displaced, potential_of
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.walls import Face, on_wall
 from granular_lmp.errors import CrystalError
 
 Floats = NDArray[np.float64]
@@ -61,13 +62,15 @@ class Equilibrium:
     strain : (3,) array
         e of the box; 0 along axes on which it does not breathe.
     contacts : Contacts
-        With overlaps to 12 digits, also where the positions have fewer.
-    box_load : (2,) array
+        With overlaps to 12 digits, also where the positions have fewer; those with walls last.
+    box_load : (2,) array, in space (3,)
         Σ f d_a²/|d|, N m: the load that the contacts bear; over the length of the box, the force on its faces.
     residual : float
         The largest force on a free sphere, in k1 Δ0 of the first material.
     loose : int
         Free spheres without any contact, which stay where they are.
+    lifted : int
+        Free spheres that touched a wall at their places, and do not at rest.
     steps : int
         Newton steps.
     protocol : str
@@ -81,18 +84,19 @@ class Equilibrium:
     box_load: Floats
     residual: float
     loose: int
+    lifted: int
     steps: int
     protocol: str
 
     @property
     def crystal(self) -> ase.Atoms:
         """The crystal at rest, positions rounded to those of double precision."""
-        return displaced(self.lattice, self.displacement[:, :2], self.strain[:2])
+        return displaced(self.lattice, self.displacement, self.strain)
 
     @property
     def contacts_per_sphere(self) -> float:
-        """Z, mean over all spheres."""
-        return 2 * len(self.contacts) / len(self.lattice)
+        """Z, mean over all spheres; a wall is one contact of its sphere."""
+        return float(self.contacts.per_sphere.sum() / len(self.lattice))
 
     def summary(self) -> dict[str, Any]:
         """Return what tells this rest from another one, as plain numbers and words.
@@ -100,7 +104,7 @@ class Equilibrium:
         ``disorder`` (spreads and seed) and ``isolated`` are those of `granular_lmp.crystal.disorder.imperfect`, and
         None for a crystal that was not made there; ``residual`` is in k1 Δ0, ``box`` in radii, ``box_load`` in N m.
         """
-        info = self.lattice.info
+        info, axes = self.lattice.info, len(self.box_load)
         return {
             "protocol": self.protocol,
             "disorder": info.get("disorder"),
@@ -110,8 +114,8 @@ class Equilibrium:
             "contacts_per_sphere": self.contacts_per_sphere,
             "residual": self.residual,
             "newton_steps": self.steps,
-            "box": (np.diag(self.lattice.cell.array)[:2] * (1 + self.strain[:2])).tolist(),
-            "strain": self.strain[:2].tolist(),
+            "box": (np.diag(self.lattice.cell.array) * (1 + self.strain))[:axes].tolist(),
+            "strain": self.strain[:axes].tolist(),
             "box_load": self.box_load.tolist(),
         }
 
@@ -123,6 +127,8 @@ def relax(
     box: str = "box",
     load: Floats | None = None,
     friction: float = 0.0,
+    faces: Sequence[Face] = (),
+    space: bool = False,
     progress: Progress | None = None,
 ) -> Equilibrium:
     """Return the rest that a crystal comes to when its spheres are let go at their places; see the module.
@@ -130,18 +136,23 @@ def relax(
     Parameters
     ----------
     crystal : ase.Atoms
-        A sheet of spheres in a rectangular cell, as `granular_lmp.crystal.disorder.imperfect` makes it.
+        Spheres in a rectangular cell, as `granular_lmp.crystal.disorder.imperfect` makes them; a sheet, or in space.
     materials : sequence of Sphere
         By index. The contact force of the first is that of its lattice.
     box : "box" or "fixed"
         Whether the box breathes, along periodic axes and between held spheres, or stays.
-    load : (2,) array, optional
+    load : (2,) or (3,) array, optional
         T of `granular_lmp.crystal.potential.box_load`, N m, with which the box is pressed; needed where the lattice is
         compressed and the box breathes, else 0.
     friction : float
         Coefficient μ of Coulomb friction, at least 0, of a first letting go with the shear springs of
         `granular_lmp.crystal.friction`; 0 leaves it out. The springs are released before the spheres come to rest, as
         LAMMPS starts every contact without shear: friction changes which contacts there are, and no force at rest.
+    faces : sequence of Face, optional
+        Walls beside the crystal. Spheres that touch one at their places are let go where they touch it, whatever their
+        radius: those of a layer lie on their substrate.
+    space : bool
+        True if spheres may leave the plane.
     progress : callable, optional
         Called with the stage ("let go with friction", "let go" or "balance"), the steps done, the largest force in
         k1 Δ0, without that of shear springs, and the energy in k1 Δ0².
@@ -149,7 +160,8 @@ def relax(
     Raises
     ------
     CrystalError
-        When the crystal cannot be at rest, or is not after the steps of `granular_lmp.crystal.balance`.
+        When the crystal cannot be at rest, or is not after the steps of `granular_lmp.crystal.balance`; for friction in
+        space or beside walls, which is not known.
 
     Notes
     -----
@@ -164,8 +176,11 @@ def relax(
     breathes = box == "box"
     if load is None and breathes and materials[0].contact_force:
         raise CrystalError(f"contact_force = {materials[0].contact_force!r}: give the load on the box that makes it")
-    potential = potential_of(crystal, materials, np.zeros(2) if load is None else load, breathes=breathes)
-    u, e = np.zeros((len(crystal), 2)), np.zeros(2)
+    if friction and (space or faces):
+        raise CrystalError(f"friction = {friction!r}: must be 0 in space and beside walls, where spheres roll freely")
+    load = np.zeros(3 if space else 2) if load is None else load
+    potential = potential_of(crystal, materials, load, breathes=breathes, faces=faces)
+    u, e = potential.start()
     pairs = potential.pairs(u, e)
     require_friction(friction, pairs)
     state = potential.state(pairs, u, e)
@@ -180,25 +195,39 @@ def relax(
 
 def _record(potential: Potential, pairs: Pairs, state: State, steps: int, protocol: str) -> Equilibrium:
     """Return the record of a crystal at rest, in its units."""
-    unit, length = potential.unit, potential.materials[0].static_overlap
-    on = np.flatnonzero(pairs.law.closed(state.overlap))
+    unit, length, crystal = potential.unit, potential.materials[0].static_overlap, potential.crystal
+    touching = pairs.law.closed(state.overlap)
+    on = np.flatnonzero(touching[: pairs.between])
     i, j = pairs.i[on], pairs.j[on]
-    vector = np.column_stack([*state.vector[:, on], np.zeros(len(on))]) * length
-    contacts = contacts_between(potential.crystal, potential.materials, i, j, vector, state.overlap[on] * length)
-    touched = np.bincount(np.concatenate([i, j]), minlength=len(state.u)) > 0
-    bearing = potential.free[i] | potential.free[j]
+    vector = _in_space(state.vector[:, on].T) * length
+    contacts = contacts_between(crystal, potential.materials, i, j, vector, state.overlap[on] * length)
+    lifted = np.zeros(len(crystal), dtype=bool)
+    for number, face in enumerate(potential.faces):
+        on = pairs.between + np.flatnonzero(touching[pairs.between :] & (pairs.face == number))
+        spheres = pairs.i[on]
+        law = face.wall.law_of(crystal, potential.materials, spheres)
+        contacts = on_wall(contacts, face.wall, spheres, state.overlap[on] * length, face.outward, law)
+        lifted |= face.touches(crystal) & ~np.isin(np.arange(len(crystal)), spheres)
+    free = potential.free[: len(crystal)]
+    bearing = free[contacts.i] | ~contacts.on_wall & free[contacts.j]
     push = bearing * contacts.contact_force / contacts.length
     return Equilibrium(
-        lattice=potential.crystal,
-        displacement=np.column_stack([state.u * unit, np.zeros(len(state.u))]),
-        strain=np.append(state.e, 0.0),
+        lattice=crystal,
+        displacement=_in_space(state.u[: len(crystal)] * unit),
+        strain=np.append(state.e, np.zeros(3 - len(state.e))),
         contacts=contacts,
-        box_load=vector[:, :2].T ** 2 @ push,
+        box_load=contacts.vector[:, : potential.axes].T ** 2 @ push,
         residual=potential.residual(state),
-        loose=int((potential.free & ~touched).sum()),
+        loose=int((free & (contacts.per_sphere == 0)).sum()),
+        lifted=int((free & lifted).sum()),
         steps=steps,
         protocol=protocol,
     )
+
+
+def _in_space(vectors: Floats) -> Floats:
+    """Return vectors (N, D) with three components, (N, 3)."""
+    return np.column_stack([vectors, np.zeros((len(vectors), 3 - vectors.shape[1]))])
 
 
 def _in_words(steps: int, box: str, friction: float) -> str:

@@ -63,7 +63,8 @@ class Lattice:
     places : tuple of (x, y)
         Places of the spheres of a cell in one row, column by column: x in columns, y in rows. The first is (0, 0).
     collapses : bool
-        True if it resists no shear without friction: spheres that press on each other would leave their places.
+        True if lines of contacts run through it and resist no shear without friction: unequal spheres would press each
+        other out of them. A honeycomb has so few contacts that each can come to rest alone.
     layer_spacing : float
         Distance of the layers along z, in that of the columns; 0 of a lattice of one layer.
     cell_rows, cell_layers : int
@@ -258,7 +259,6 @@ HONEYCOMB = Lattice(
     ((0.0, 0.0), (pi / 2, sqrt(3) * pi / 6), (2 * pi / 3, 0.0)),
     column_spacing=sqrt(3) / 2,
     places=((0.0, 0.0), (1.0, -1 / 3)),
-    collapses=True,
 )
 # Close-packed layers: A, B, C by column and by a third of the rows of the layer
 _ABC = ((0.0, 0.0), (0.5, 1 / 3), (0.0, 2 / 3))

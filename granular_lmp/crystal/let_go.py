@@ -31,7 +31,7 @@ def let_go(
     With `friction` contacts have shear springs and spheres turn; the springs are forgotten at the end.
     """
     count, box = len(state.u), _BOX_INERTIA * potential.mass[-1]
-    velocity, spin, rate = np.zeros_like(state.u), np.zeros(count), np.zeros(2)
+    velocity, spin, rate = np.zeros_like(state.u), np.zeros(count), np.zeros_like(state.e)
     slip = np.zeros(len(pairs.i))
     force, torque, stress = state.force, spin, state.stress
     time, step, searched = 0.0, 0, state
@@ -49,7 +49,7 @@ def let_go(
                 slip, pairs = shear.carried_over(pairs, new, slip), new
                 searched = state = potential.state(pairs, state.u, state.e)
             stiffness = shear.stiffest(pairs, state) if friction else pairs.contact_stiffness(state.overlap)
-            dt = _STEP / np.sqrt(2 * _stiffest_sphere(pairs, stiffness, count))
+            dt = _STEP / np.sqrt(2 * _stiffest_sphere(pairs, stiffness, len(potential.crystal)))
         velocity = (velocity + dt * force) / (1 + DRAG * dt)
         rate = (rate + dt * stress / box) / (1 + _BOX_DRAG * dt)
         before, state = state, potential.state(pairs, state.u + dt * velocity, state.e + dt * rate)
@@ -64,4 +64,5 @@ def let_go(
 
 def _stiffest_sphere(pairs: Pairs, stiffness: Floats, count: int) -> float:
     """Return the largest sum of the stiffnesses of the contacts of a sphere, k1; at least that of one contact."""
-    return max(float((np.bincount(pairs.i, stiffness, count) + np.bincount(pairs.j, stiffness, count)).max()), 1.0)
+    sums = np.bincount(pairs.i, stiffness, count + 1) + np.bincount(pairs.j, stiffness, count + 1)
+    return max(float(sums[:count].max()), 1.0)  # without that of the walls

@@ -1,7 +1,8 @@
-"""Energy of a crystal in the plane as a function of where its spheres are and of the size of its box.
+"""Energy of a crystal as a function of where its spheres are and of the size of its box.
 
-A sphere whose place in the lattice is X and whose displacement is u sits at x = (1 + e)(X + u), with the strains
-e = (e_x, e_y) of the box. Without friction the energy of the crystal, less the work of the loads T on the box, is
+A sphere whose place in the lattice is X and whose displacement is u sits at x = (1 + e)(X + u), with the strains e of
+the box. All have D components: 3 in space, 2 of spheres that stay in their plane. Without friction the energy of the
+crystal, less the work of the loads T on the box, is
 
     E(u, e) = Σ_pairs V(δ) + T·e,    V(δ) = ∫ f_N dδ from where the contact ends, and 0 beyond
 
@@ -18,22 +19,26 @@ kept apart from places, and the stretch of a pair is taken from the displacement
 |d|). Overlaps then have a relative rounding of 1e-12 in a crystal of any size; positions of 1e5 spheres lose 300 times
 that.
 
+**Walls** (`Face`) are planes at rest. They are one more body behind the N spheres, which does not move; a sphere at a
+wall is a pair with it whose vector has a component across the wall only. A plane moves with the box, as held spheres.
+
 Units here: length Δ0, force k1 Δ0 and energy k1 Δ0², each of the contact between two spheres of the first material.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, reduce
 from typing import Any
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.adhesion_laws import AdhesionLaw
-from granular_lmp.crystal.contacts import law_between
+from granular_lmp.crystal.adhesion_laws import AdhesionLaw, joined
+from granular_lmp.crystal.contacts import find_contacts, law_between
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.walls import Face, on_wall
 from granular_lmp.errors import CrystalError
 
 Floats = NDArray[np.float64]
@@ -46,19 +51,22 @@ _SAME_VECTOR = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Pairs of spheres that touch or are near each other, at their places in the lattice.
+    """Pairs of spheres that touch or are near each other or a wall, at their places in the lattice.
 
     Attributes
     ----------
     i, j : (C,) int arrays
-    vector : (2, C) array
-        d, from the place of i to that of j or of its image.
+        The last pairs are those with walls, which have j = N.
+    vector : (D, C) array
+        d, from the place of i to that of j or of its image, or to the foot point on the wall.
     length, overlap : (C,) arrays
         |d|, and δ at these places.
     law : AdhesionLaw
         Law of each contact.
     bearing : (C,) bool array
         False between two held spheres, which bear all and do not push.
+    face : (W,) int array
+        Index of the wall of each of the last W pairs.
     """
 
     i: Integers
@@ -68,6 +76,12 @@ class Pairs:
     overlap: Floats
     law: AdhesionLaw
     bearing: NDArray[np.bool_]
+    face: Integers = field(default_factory=lambda: np.empty(0, dtype=int))
+
+    @property
+    def between(self) -> int:
+        """Number of pairs of two spheres, which are the first."""
+        return len(self.i) - len(self.face)
 
     def closed(self, overlap: Floats) -> NDArray[np.bool_]:
         """Return which pairs touch at overlaps (C,), and push."""
@@ -84,17 +98,17 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Energy of each pair and the forces, at displacements u (N, 2) and strains e (2,).
+    """Energy of each pair and the forces, at displacements u (N, D) and strains e (D,).
 
     Attributes
     ----------
-    vector : (2, C) array
+    vector : (D, C) array
         From sphere to sphere.
     length, overlap, contact_force, energy : (C,) arrays
         The overlap is negative where there is a gap.
-    force : (N, 2) array
+    force : (N, D) array
         −∂E/∂u; 0 on held spheres.
-    stress : (2,) array
+    stress : (D,) array
         −∂E/∂e, less the loads; 0 along axes on which the box does not breathe.
     """
 
@@ -119,11 +133,12 @@ class Potential:
         Spheres at their places in the lattice, lengths in radii of the first material.
     materials : tuple of Sphere
     free : (N,) bool array
-        Spheres that move on their own; the others move with the box.
-    breathing : (2,) bool array
+        Spheres that move on their own; the others move with the box. With walls there is one body more, (N + 1,).
+    breathing : (D,) bool array
         Axes along which the box does.
-    load : (2,) array
+    load : (D,) array
         T.
+    faces : tuple of Face
     """
 
     crystal: ase.Atoms
@@ -131,6 +146,12 @@ class Potential:
     free: NDArray[np.bool_]
     breathing: NDArray[np.bool_]
     load: Floats
+    faces: tuple[Face, ...] = ()
+
+    @property
+    def axes(self) -> int:
+        """D, the dimensions in which spheres move."""
+        return len(self.load)
 
     @cached_property
     def unit(self) -> float:
@@ -145,7 +166,7 @@ class Potential:
     @cached_property
     def mass(self) -> Floats:
         """Mass 1 of every u and N (2R)² of each e, with which a strain weighs as much as the motion that it makes."""
-        return np.append(np.ones(2 * len(self.free)), np.full(2, len(self.free) * self.neighbour**2))
+        return np.append(np.ones(self.axes * len(self.free)), np.full(self.axes, len(self.free) * self.neighbour**2))
 
     def energy(self, state: State) -> float:
         """Return E, which falls on the way to rest, k1 Δ0²."""
@@ -162,15 +183,36 @@ class Potential:
         # A strain moves neighbours by a part of their distance, of about two radii
         return float(alone + np.abs(after.e - before.e).max() * 2)
 
+    def start(self) -> tuple[Floats, Floats]:
+        """Return u and e from which spheres are let go: at their places, or put against the wall that they touch."""
+        u, beside = np.zeros((len(self.free), self.axes)), [face.touches(self.crystal) for face in self.faces]
+        larger = (self.crystal.arrays["radius"] - 1) / self.unit
+        for face, touches in zip(self.faces, beside, strict=True):
+            alone = np.flatnonzero(touches & (np.sum(beside, axis=0) == 1))
+            u[alone, face.axis] = -face.way * larger[alone]
+        return u, np.zeros(self.axes)
+
     def pairs(self, u: Floats, e: Floats) -> Pairs:
         """Return the pairs that touch or are less than `SKIN` apart; two held spheres, which bear all, do not push."""
-        wider = displaced(self.crystal, u * self.unit, e)
+        wider = displaced(self.crystal, u[: len(self.crystal)] * self.unit, e)
         radius = self.crystal.arrays["radius"]
         wider.arrays["radius"] = radius + SKIN / 2
         i, j, now = overlapping(wider)
-        vector = _lattice_vectors(now[:, :2] / (1 + e) - (u[j] - u[i]) * self.unit)
-        length = np.hypot(*vector.T)
-        law = law_between(self.crystal, self.materials, i, j)
+        vector = _lattice_vectors(now[:, : self.axes] / (1 + e) - (u[j] - u[i]) * self.unit)
+        length = reduce(np.hypot, vector.T)
+        # 1 + 1 less the length first: between equal spheres of the lattice this is exact
+        overlap = (2 - length) + (radius[i] - 1) + (radius[j] - 1)
+        laws, face = [law_between(self.crystal, self.materials, i, j)], np.empty(0, dtype=int)
+        for number, each in enumerate(self.faces):
+            distance = each.distance(self.crystal, self.materials[0].radius)
+            near = np.flatnonzero(radius - distance + each.way * u[:-1, each.axis] * self.unit > -SKIN)
+            across = np.zeros((len(near), self.axes))
+            across[:, each.axis] = each.way * distance[near]
+            i, j = np.append(i, near), np.append(j, np.full(len(near), len(self.crystal)))
+            vector, length = np.vstack([vector, across]), np.append(length, distance[near])
+            deep = each.overlap / self.materials[0].radius - each.depth(self.crystal) + (radius - 1)
+            overlap, face = np.append(overlap, deep[near]), np.append(face, np.full(len(near), number))
+            laws.append(each.wall.law_of(self.crystal, self.materials, near))
         unit = self.materials[0].static_overlap
         force = self.materials[0].normal_stiffness * unit
         return Pairs(
@@ -178,10 +220,10 @@ class Potential:
             j=j,
             vector=np.ascontiguousarray(vector.T) / self.unit,
             length=length / self.unit,
-            # 1 + 1 less the length first: between equal spheres of the lattice this is exact
-            overlap=((2 - length) + (radius[i] - 1) + (radius[j] - 1)) / self.unit,
-            law=law.scaled(unit, force),
+            overlap=overlap / self.unit,
+            law=joined(laws).scaled(unit, force),
             bearing=self.free[i] | self.free[j],
+            face=face,
         )
 
     def state(self, pairs: Pairs, u: Floats, e: Floats) -> State:
@@ -194,17 +236,18 @@ class Potential:
             apart -= along_axis.take(pairs.i)
             apart *= 1 + e[axis]
             apart += e[axis] * place
+            apart[pairs.between :] *= place[pairs.between :] != 0  # along a wall its foot point follows the sphere
             np.add(place, apart, out=vector[axis])
             apart *= vector[axis] + place
             squared += apart  # |d + w|² − |d|²
-        length = np.sqrt(vector[0] * vector[0] + vector[1] * vector[1])
+        length = np.sqrt(sum(part * part for part in vector))
         overlap = squared / (length + pairs.length)
         np.subtract(pairs.overlap, overlap, out=overlap)
         push, energy = pairs.law.push_and_energy(overlap)
         push *= pairs.bearing
         energy *= pairs.bearing
-        over_length, force, stress = push / length, np.empty_like(u), np.empty(2)
-        for axis in range(2):
+        over_length, force, stress = push / length, np.empty_like(u), np.empty(self.axes)
+        for axis in range(self.axes):
             along = over_length * vector[axis]
             force[:, axis] = np.bincount(pairs.j, along, len(u)) - np.bincount(pairs.i, along, len(u))
             stress[axis] = np.einsum("c,c", along, vector[axis]) / (1 + e[axis])
@@ -213,7 +256,8 @@ class Potential:
         return State(u, e, vector, length, overlap, push, energy, force, stress)
 
     def stiffness(self, pairs: Pairs, state: State, normal: Floats, across: Floats) -> tuple[Any, Floats, Floats]:
-        """Return the second derivatives of the energy: by u (sparse, 2N × 2N), by u and e (2N, 2), and by e (2, 2).
+        """Return the second derivatives of the energy: by u (sparse, DN × DN), by u and e (DN, D), and by e
+        (D, D).
 
         `normal` and `across` are the stiffnesses of each pair along its normal and across it, (C,): at the state itself
         `Pairs.contact_stiffness` and −f_N/|d|. A pair without the first has none of both. Rows of held spheres, and of
@@ -221,41 +265,41 @@ class Potential:
         """
         import scipy.sparse as sparse  # slow to import, and only crystals at rest need it
 
-        on, count = np.flatnonzero(normal > 0), len(self.free)
+        on, count, axes = np.flatnonzero(normal > 0), len(self.free), self.axes
         i, j, vector, length = pairs.i[on], pairs.j[on], state.vector[:, on], state.length[on]
-        across = across[on]
+        across = np.where(on < pairs.between, across[on], 0.0)  # a wall is as near everywhere
         direction = vector / length
-        spring = (normal[on] - across) * direction[:, None] * direction + np.eye(2)[..., None] * across
+        spring = (normal[on] - across) * direction[:, None] * direction + np.eye(axes)[..., None] * across
 
         scale, breathing = 1 + state.e, self.breathing / (1 + state.e)
         strained = spring * vector * breathing[:, None]  # by component of the force and axis of the strain
         by_e = np.einsum("ac,abc->ab", vector * breathing[:, None], strained)
-        by_both = np.empty((count, 2, 2))
-        for a, b in np.ndindex(2, 2):
+        by_both = np.empty((count, axes, axes))
+        for a, b in np.ndindex(axes, axes):
             by_both[:, a, b] = np.bincount(j, strained[a, b], count) - np.bincount(i, strained[a, b], count)
         by_both *= self.free[:, None, None] * scale[:, None]
         # A strain also turns and stretches the displacements themselves; at rest this term is zero
-        by_both[:, [0, 1], [0, 1]] -= breathing * state.force
+        by_both[:, range(axes), range(axes)] -= breathing * state.force
 
         blocks = np.moveaxis(spring * np.multiply.outer(scale, scale)[..., None], -1, 0)
         mutual = blocks * (self.free[i] & self.free[j])[:, None, None]
-        own = np.empty((count, 2, 2))
-        for a, b in np.ndindex(2, 2):
+        own = np.empty((count, axes, axes))
+        for a, b in np.ndindex(axes, axes):
             own[:, a, b] = np.bincount(i, blocks[:, a, b], count) + np.bincount(j, blocks[:, a, b], count)
         own *= self.free[:, None, None]
         row, column = np.concatenate([np.arange(count), i, j]), np.concatenate([np.arange(count), j, i])
         data = np.concatenate([own, -mutual, -mutual])
         order = np.argsort(row, kind="stable")
         starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))])
-        by_u = sparse.bsr_matrix((data[order], column[order], starts), shape=(2 * count, 2 * count))
-        return by_u, by_both.reshape(2 * count, 2), by_e
+        by_u = sparse.bsr_matrix((data[order], column[order], starts), shape=(axes * count, axes * count))
+        return by_u, by_both.reshape(axes * count, axes), by_e
 
 
 def displaced(lattice: ase.Atoms, displacement: Floats, strain: Floats) -> ase.Atoms:
-    """Return a crystal with its spheres displaced (N, 2) in radii from their places and its box strained (2,)."""
+    """Return a crystal with its spheres displaced (N, D) in radii from their places and its box strained (D,)."""
     moved = lattice.copy()
-    scale = np.append(1 + strain, 1.0)
-    moved.positions[:, :2] += displacement
+    scale = np.append(1 + strain, np.ones(3 - len(strain)))
+    moved.positions[:, : len(strain)] += displacement
     moved.positions *= scale
     moved.cell = moved.cell.array * scale
     moved.set_celldisp(np.ravel(moved.get_celldisp()) * scale)
@@ -269,7 +313,7 @@ def _lattice_vectors(vector: Floats) -> Floats:
     """
     key = np.round(vector / _SAME_VECTOR)
     # A vector and its opposite are alike too: few contacts cross a periodic face, all rounded in the same way
-    sign = np.sign(np.where(key[:, 1] == 0, key[:, 0], key[:, 1]))[:, None]
+    sign = np.sign(reduce(lambda before, part: np.where(part == 0, before, part), key.T))[:, None]
     _, first, like = np.unique(key * sign, axis=0, return_index=True, return_inverse=True)
     like, vector = like.ravel(), vector * sign
     away = vector - vector[first][like]  # small: a sum of many whole vectors would be rounded more than they are
@@ -278,28 +322,38 @@ def _lattice_vectors(vector: Floats) -> Floats:
     return (vector[first] + mean)[like] * sign
 
 
-def box_load(lattice: ase.Atoms, sphere: Sphere) -> Floats:
-    """Return the loads T (N m, (2,)) that press a lattice together with the force of its sphere in each contact.
+def box_load(lattice: ase.Atoms, sphere: Sphere, faces: Sequence[Face] = (), axes: int = 2) -> Floats:
+    """Return the loads T (N m, (D,)) that press a lattice together with the force of its sphere in each contact.
 
-        T_a = Σ_contacts F0 d_a²/|d|,    F0 = `Sphere.contact_force`
+        T_a = Σ_contacts f d_a²/|d|,    f = `Sphere.contact_force` between spheres
 
     It is the force on a face of the box times its distance from the opposite one; contacts between held spheres, which
     bear all, are left out.
     """
-    i, j, vector = overlapping(lattice)
     held = lattice.arrays.get("fixed", np.zeros(len(lattice), dtype=bool))
-    vector = vector[~(held[i] & held[j]), :2] * sphere.radius
-    return sphere.contact_force * np.sum(vector**2 / np.hypot(*vector.T)[:, None], axis=0)
+    contacts = find_contacts(lattice, [sphere], sphere.contact_force)
+    for face in faces:
+        spheres = np.flatnonzero(face.touches(lattice))
+        contacts = on_wall(contacts, face.wall, spheres, np.full(len(spheres), face.overlap), face.outward)
+    bearing = ~(held[contacts.i] & (held[contacts.j] | contacts.on_wall))
+    return np.asarray(contacts.vector.T**2 @ (bearing * contacts.contact_force / contacts.length))[:axes]
 
 
-def potential_of(crystal: ase.Atoms, materials: Sequence[Sphere], load: Floats, *, breathes: bool) -> Potential:
-    """Return the energy of a crystal under loads on its box (N m).
+def potential_of(
+    crystal: ase.Atoms,
+    materials: Sequence[Sphere],
+    load: Floats,
+    *,
+    breathes: bool,
+    faces: Sequence[Face] = (),
+) -> Potential:
+    """Return the energy of a crystal under loads (D,) on its box (N m).
 
     Raises
     ------
     CrystalError
-        When the spheres are not in one plane z = const, the cell is skew, nothing presses the spheres together, or
-        there is a load and no box that could take it.
+        When the cell is skew, spheres that stay in their plane are not in one z = const, nothing presses the spheres
+        together, or there is a load and no box that could take it.
     """
     first = materials[0]
     if not first.holding_force > 0:
@@ -307,15 +361,24 @@ def potential_of(crystal: ase.Atoms, materials: Sequence[Sphere], load: Floats, 
             f"sphere.work_of_adhesion = {first.work_of_adhesion!r}, contact_force = {first.contact_force!r}: nothing "
             "presses the spheres together; give one of them above 0"
         )
-    cell = crystal.cell.array
-    if np.ptp(crystal.positions[:, 2]) or crystal.pbc[2] or (cell - np.diag(np.diag(cell))).any():
+    cell, axes = crystal.cell.array, len(load)
+    sheet = axes == 3 or not (np.ptp(crystal.positions[:, 2]) or crystal.pbc[2])
+    if not sheet or (cell - np.diag(np.diag(cell))).any():
         raise CrystalError("the crystal is not a sheet in the plane z = const in a rectangular cell, which is needed")
     held = np.asarray(crystal.arrays.get("fixed", np.zeros(len(crystal), dtype=bool)), dtype=bool)
-    spread = np.ptp(crystal.positions[held, :2], axis=0) if held.any() else np.zeros(2)
-    breathing = (crystal.pbc[:2] | (spread > 0)) & breathes
+    breathing = (crystal.pbc[:axes] | _bounded(crystal.positions[held], faces)[:axes]) & breathes
     energy = first.normal_stiffness * first.static_overlap**2
     if breathes and load.any() and not breathing.any():
         raise CrystalError(
             f"contact_force = {first.contact_force!r}: needs periodic faces or held spheres, on which the load can act"
         )
-    return Potential(crystal, tuple(materials), ~held, breathing, np.where(breathing, load / energy, 0.0))
+    free = np.append(~held, np.zeros(int(bool(faces)), dtype=bool))
+    return Potential(crystal, tuple(materials), free, breathing, np.where(breathing, load / energy, 0.0), tuple(faces))
+
+
+def _bounded(held: Floats, faces: Sequence[Face]) -> NDArray[np.bool_]:
+    """Return the axes along which the box ends twice, (3,): by held spheres and walls, along z by walls alone."""
+    walls = np.bincount([face.axis for face in faces], minlength=3)
+    spread = np.ptp(held, axis=0) > 0 if len(held) else np.zeros(3, dtype=bool)
+    both = spread | (len(held) > 0) & (walls > 0)
+    return np.asarray(np.append(both[:2], False) | (walls > 1))

@@ -11,17 +11,21 @@ A wall is at rest. A half-space that moves with the spheres radiates: a vertical
 11 for silica on silica, which a rigid wall does not show.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
 
+import ase
 import numpy as np
+from numpy.typing import NDArray
 
-from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw, chosen
 from granular_lmp.crystal.contacts import Contacts, Floats, Integers, mixed
 from granular_lmp.crystal.sphere import Sphere
 
 BELOW, BOTH = "below", "both"
+_OUTERMOST = 1e-6  # radii: spheres of a layer are at one height to rounding
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,16 @@ class Wall:
             pull_off_force=bare.pull_off_force * normal,
         )
 
+    def beside(self, materials: Sequence[Sphere]) -> list["Wall"]:
+        """Return the wall as spheres of each material of a crystal touch it, of which the first is that of the wall."""
+        return [self, *(replace(self, material=each) for each in materials[1:])]
+
+    def law_of(self, crystal: ase.Atoms, materials: Sequence[Sphere], spheres: Integers) -> AdhesionLaw:
+        """Return the law of the contacts of spheres of a crystal (W,) with the wall, whether they touch or not."""
+        radius = crystal.arrays["radius"][spheres] * materials[0].radius
+        material = crystal.arrays.get("material", np.zeros(len(crystal), dtype=int))[spheres]
+        return chosen(material, [each.law(radius) for each in self.beside(materials)])
+
     def _computed(self, radius: Floats | float) -> AdhesionLaw:
         law = ADHESION_LAWS[self.material.adhesion_law]
         modulus, shear_modulus, adhesion = (float(each[0]) for each in mixed(self.material, self.substrate))
@@ -86,7 +100,55 @@ class Wall:
         return (-1.0, 1.0) if self.sides == BOTH else (-1.0,)
 
 
-def on_wall(contacts: Contacts, wall: Wall, spheres: Integers, overlap: Floats, normal: Floats) -> Contacts:
+@dataclass(frozen=True, eq=False)
+class Face:
+    """A plane at rest beside a crystal, which its outermost spheres touch at their places in the lattice.
+
+    Attributes
+    ----------
+    wall : Wall
+    outward : (3,) array
+        Unit vector out of the crystal, along an axis.
+    overlap : float
+        Overlap of the outermost spheres of the reference radius at their places, m.
+    """
+
+    wall: Wall
+    outward: Floats
+    overlap: float
+
+    @cached_property
+    def axis(self) -> int:
+        """Axis across which the plane is."""
+        return int(np.argmax(np.abs(self.outward)))
+
+    @property
+    def way(self) -> float:
+        """Direction of the plane along its axis as seen from the crystal, −1 or 1."""
+        return float(self.outward[self.axis])
+
+    def depth(self, crystal: ase.Atoms) -> Floats:
+        """Return how far the spheres are behind the outermost ones, (N,), radii."""
+        outside = self.way * crystal.positions[:, self.axis]
+        return np.asarray(outside.max() - outside)
+
+    def distance(self, crystal: ase.Atoms, radius: float) -> Floats:
+        """Return the distances of the spheres at their places from the plane, (N,), radii (m, `radius`)."""
+        return self.depth(crystal) + 1 - self.overlap / radius
+
+    def touches(self, crystal: ase.Atoms) -> NDArray[np.bool_]:
+        """Return which spheres are the outermost ones, (N,)."""
+        return self.depth(crystal) < _OUTERMOST
+
+
+def on_wall(
+    contacts: Contacts,
+    wall: Wall,
+    spheres: Integers,
+    overlap: Floats,
+    normal: Floats,
+    law: AdhesionLaw | None = None,
+) -> Contacts:
     """Return contacts with those of some spheres with a wall added.
 
     Parameters
@@ -99,9 +161,11 @@ def on_wall(contacts: Contacts, wall: Wall, spheres: Integers, overlap: Floats, 
         m.
     normal : (3,) array
         Unit vector from the spheres to the wall.
+    law : AdhesionLaw, optional
+        Of spheres of other materials than that of the wall (`Wall.law_of`).
     """
     radius = contacts.radius[spheres]
-    law = wall.law(radius)
+    law = wall.law(radius) if law is None else law
     added = {
         "i": spheres,
         "j": np.full(len(spheres), -1),

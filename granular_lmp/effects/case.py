@@ -4,7 +4,7 @@ It gives the numbers by which rules decide: stretches and slips of contacts, str
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import exp, hypot, inf
 from typing import NamedTuple
@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from granular_lmp.crystal.adhesion_laws import AdhesionLaw
-from granular_lmp.crystal.contacts import Contacts, law_between
+from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, highest_frequency, row_stretches
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.at_rest import contacts_of, crystal_of, swiftness
+from granular_lmp.scene.at_rest import contacts_of, crystal_of, law_at_rest, swiftness
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts, wave_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
@@ -265,18 +265,7 @@ class Case:
     @property
     def _law(self) -> AdhesionLaw:
         """Law of the contacts at rest: one in a perfect lattice without walls, else that of each contact."""
-        contacts, wall = self.contacts, self.scene.wall or self.scene.rigid
-        law = self.scene.sphere.contact_law
-        if not self.scene.perfect:
-            at_rest = crystal_of(self.scene)
-            law = law_between(at_rest.atoms, at_rest.materials, contacts.i, contacts.j)
-        if wall is None:
-            return law
-        beside = wall.law(contacts.radius[contacts.i])
-        parts = (field.name for field in fields(law))
-        return replace(
-            law, **{name: np.where(contacts.on_wall, getattr(beside, name), getattr(law, name)) for name in parts}
-        )
+        return law_at_rest(self.scene)
 
     @property
     def wave_words(self) -> str:

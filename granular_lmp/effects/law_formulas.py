@@ -20,16 +20,16 @@ class Formulas(Protocol):
         F + F0 in units of the deck.
     cutoff : str
         Cutoff with which local computes list all contacts.
-    mark : str
-        Further columns of such a compute, which tell contacts from other pairs; "" where it lists contacts alone.
     """
 
     @property
     def holding_force(self) -> float: ...
     @property
     def cutoff(self) -> str: ...
-    @property
-    def mark(self) -> str: ...
+
+    @staticmethod
+    def mark(axes: int) -> str:
+        """Return further columns of such a compute, which tell contacts from other pairs; "" if it lists no others."""
 
     def above_pull_off(self, x: str) -> str:
         """Return f_N + F of two equal spheres of the overlap x, in Δ0, or a lower bound of it, in units of the deck."""
@@ -45,7 +45,10 @@ class DmtFormulas:
     sphere: Sphere
     holding_force: float
     cutoff: str = "radius"
-    mark: str = ""
+
+    @staticmethod
+    def mark(axes: int) -> str:
+        return ""
 
     def above_pull_off(self, x: str) -> str:
         return f"{self.holding_force!r}*{x}^1.5"
@@ -65,7 +68,10 @@ class JkrFormulas:
     sphere: Sphere
     holding_force: float
     cutoff: str = "type"
-    mark: str = " p10 p11"
+
+    @staticmethod
+    def mark(axes: int) -> str:
+        return "".join(f" p{10 + axis}" for axis in range(axes))
 
     def above_pull_off(self, x: str) -> str:
         hold = self.sphere.pull_off_distance / self.sphere.static_overlap

@@ -6,29 +6,29 @@ that adhere beyond (`FORMULAS` says of which law) it begins at an overlap of 0, 
 * *at rest* all spheres are made wider for a moment, by more than any pull-off distance. All contacts begin, and those
   that have no contact at rest end again when the spheres have their size back;
 * *equal spheres* are counted within the pull-off distance, sphere by sphere;
-* *of other spheres* LAMMPS counts its own contacts. Of a pair without contact the components ``p10`` and ``p11`` of the
-  vector between the centres are 0, so contacts are the pairs in which one of the two is beyond ±R/2. Those along x,
-  along y or both, as the crystal needs it, are counted in a histogram of three bins, which has LAMMPS compute the
+* *of other spheres* LAMMPS counts its own contacts. Of a pair without contact the components from ``p10`` on of the
+  vector between the centres are 0, so contacts are the pairs in which one of them is beyond ±R/2. Those along one axis
+  or along all, as the crystal needs it, are counted in a histogram of three bins, which has LAMMPS compute the
   contacts once more at a look. All spheres are counted, also those that cannot affect the record. A contact that forms
   in the look in which another opens makes up for it. One that opens comes back to overlap 0 before it forms again:
   where that takes more than a look (`_lingers`), no opening is missed, and no contact is suspected of one because it is
   pulled as hard as the weakest can bear.
 """
 
+from functools import reduce
+
 import numpy as np
 
-from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.effects import on_walls
 from granular_lmp.effects.guard import LOOKS, Prepared, watches_part
 from granular_lmp.effects.law_formulas import FORMULAS
 from granular_lmp.effects.reading import alike, bounded, nearly_open
-from granular_lmp.scene.at_rest import contacts_of, crystal_of
+from granular_lmp.scene.at_rest import contacts_of, crystal_of, law_at_rest
 from granular_lmp.scene.scene import Scene
 
 PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is counted, against rounding
 WIDER = 1.2  # times the largest pull-off distance, so that no rounding leaves a contact out
-_AXES = ("x", "y")
 _NEAR = 0.2  # R: pairs with a larger gap at rest do not meet
 _MAY = "  # one that hardly touches may open between looks"
 _OPEN_LOOKS = "variable     open_looks vector look(v_changed)"
@@ -57,10 +57,7 @@ def begin(problem: Prepared) -> list[str]:
     """Return the block that begins all contacts at rest, empty where LAMMPS does by itself."""
     if problem.scene.loose or not begins_wider(problem.scene):
         return []
-    at_rest = crystal_of(problem.scene)
-    contacts = at_rest.contacts
-    law = law_between(at_rest.atoms, at_rest.materials, contacts.i, contacts.j)
-    reach = float(np.max(-law.pull_off_overlap / contacts.radii))
+    reach = float(np.max(-law_at_rest(problem.scene).pull_off_overlap / contacts_of(problem.scene).radii))
     return [
         "# --- begin: LAMMPS begins a contact at overlap 0, and some adhere beyond: wider for a moment, all begin",
         "fix          own all store/state 0 diameter",
@@ -107,18 +104,18 @@ def changed_lines(problem: Prepared, *, everywhere: bool = False) -> list[str]:
         ]
     if everywhere:
         return ["variable     open_all equal v_changed"]
-    law = FORMULAS[scene.sphere.adhesion_law]
-    axes = _axes(scene)
+    law, axes = FORMULAS[scene.sphere.adhesion_law], _axes(scene)
+    mark = law.mark(scene.space)
     off = [
-        f"variable     off_{_AXES[axis]} equal abs(f_along_{_AXES[axis]}[1][2]+f_along_{_AXES[axis]}[3][2]-{count})"
+        f"variable     off_{axis} equal abs(f_along_{axis}[1][2]+f_along_{axis}[3][2]-{count})"
         for axis, count in axes.items()
     ]
-    most = "ternary(v_off_x>v_off_y,v_off_x,v_off_y)" if len(axes) > 1 else f"v_off_{_AXES[next(iter(axes))]}"
+    most = reduce(lambda one, other: f"ternary({one}>{other},{one},{other})", (f"v_off_{axis}" for axis in axes))
     left, sums = on_walls.missed(problem)[1:], "compute      missing all reduce sum v_missed"
     return [
         "# contacts that were there at rest and are not now, or new",
         *([f"variable     missed atom {left}", sums] if left else []),
-        *([f"compute      pairs all pair/local{law.mark} cutoff {law.cutoff}"] if watches_part(scene) else []),
+        *([f"compute      pairs all pair/local{mark} cutoff {law.cutoff}"] if watches_part(scene) else []),
         *off,
         f"variable     changed equal {most}{'+c_missing' if left else ''}",
         _OPEN_LOOKS if _lingers(scene) else near,
@@ -133,15 +130,16 @@ def counted_lines(problem: Prepared) -> list[str]:
     # Bins are R wide. Pairs without contact are in the middle one, and those that are farther than 1.5 R in the outer
     most = repr(1.5 * problem.units.number(scene.sphere.radius, length=1))
     # Columns of `contact_lines`, or of the pairs of all spheres
-    columns = [f"c_pairs[{n}]" if watches_part(scene) else f"c_contact[{n + 3}]" for n in (1, 2)]
+    column = "c_pairs[{}]" if watches_part(scene) else "c_contact[{}]"
+    first = 1 if watches_part(scene) else 4
     return [
-        f"fix          along_{_AXES[axis]} all ave/histo ${{look}} 1 ${{look}} -{most} {most} 3 {columns[axis]} "
-        "mode vector kind local beyond end"
+        f"fix          along_{axis} all ave/histo ${{look}} 1 ${{look}} -{most} {most} 3 "
+        f"{column.format(first + 'xyz'.index(axis))} mode vector kind local beyond end"
         for axis in _axes(scene)
     ]
 
 
-def _axes(scene: Scene) -> dict[int, int]:
+def _axes(scene: Scene) -> dict[str, int]:
     """Return the axes along which contacts are counted, and how many have a component above R/2 along them at rest.
 
     One axis is enough if all contacts, and all pairs that may form one, have that component: x in a hexagonal lattice,
@@ -149,7 +147,8 @@ def _axes(scene: Scene) -> dict[int, int]:
     """
     wider = crystal_of(scene).atoms.copy()
     wider.arrays["radius"] = wider.arrays["radius"] + _NEAR / 2
-    near = np.abs(overlapping(wider)[2][:, :2]) > 0.5
-    counts = (np.abs(contacts_of(scene).vector[:, :2]) > scene.sphere.radius / 2).sum(axis=0)
+    near = np.abs(overlapping(wider)[2][:, : scene.space]) > 0.5
+    contacts = contacts_of(scene)
+    counts = (np.abs(contacts.vector[~contacts.on_wall]) > scene.sphere.radius / 2).sum(axis=0)
     enough = np.flatnonzero(near.all(axis=0))[:1]
-    return {int(axis): int(counts[axis]) for axis in (enough if len(enough) else range(2))}
+    return {"xyz"[axis]: int(counts[axis]) for axis in (enough if len(enough) else range(scene.space))}

@@ -33,6 +33,8 @@ class Reading:
         Adhesion of the weakest contact and dashpot of the strongest one, in units of the deck.
     walls : tuple of OnWall
         Contacts with walls.
+    axes : int
+        Dimensions in which spheres move.
     """
 
     lengths: bool
@@ -42,6 +44,7 @@ class Reading:
     adhesive_force: float = 0.0
     dashpot: float = 0.0
     walls: tuple[OnWall, ...] = ()
+    axes: int = 2
 
     @classmethod
     def of(cls, problem: Prepared) -> "Reading":
@@ -49,14 +52,15 @@ class Reading:
         scene, units, sphere = problem.scene, problem.units, problem.scene.sphere
         holding = units.number(sphere.holding_force, mass=1, length=1, time=-2)
         case = Case(scene, problem.on)
-        weakest = sphere.pull_off_force if scene.perfect else float(case.contacts.adhesive_force.min())
+        spheres = case.contacts.adhesive_force[~case.contacts.on_wall]
+        weakest = sphere.pull_off_force if scene.perfect else float(spheres.min())
         adhesive, walls = units.number(weakest, mass=1, length=1, time=-2), OnWall.all_of(problem)
         formulas = FORMULAS[sphere.adhesion_law](sphere, holding)
         if scene.effects.damping is not True:
-            return cls(scene.perfect, formulas, adhesive_force=adhesive, walls=walls)
+            return cls(scene.perfect, formulas, adhesive_force=adhesive, walls=walls, axes=scene.space)
         same, whole = alike(scene), scene.effects.adhesion is not True
         dashpot = units.number(case.strongest_dashpot, mass=1, time=-1)
-        return cls(same, formulas, not same, whole, adhesive, dashpot, walls)
+        return cls(same, formulas, not same, whole, adhesive, dashpot, walls, scene.space)
 
     @property
     def forces(self) -> bool:
@@ -92,7 +96,7 @@ def contact_lines(group: str, tag: str, how: Reading) -> list[str]:
         End of the names of the computes: "" for the spheres that are judged, "_all" for all.
     how : Reading
     """
-    forces = f" force{how.formulas.mark} cutoff {how.formulas.cutoff}" if how.forces else ""
+    forces = f" force{how.formulas.mark(how.axes)} cutoff {how.formulas.cutoff}" if how.forces else ""
     lines = [
         f"compute      contact{tag} {group} pair/local dist p4{forces}",
         f"compute      extreme{tag} {group} reduce max c_contact{tag}[1] c_contact{tag}[2] inputs local",
@@ -100,7 +104,8 @@ def contact_lines(group: str, tag: str, how: Reading) -> list[str]:
     if how.forces:
         lines.append(f"compute      weakest{tag} {group} reduce min c_contact{tag}[3] inputs local")
     if how.dashpots:
-        lines.append(f"compute      swift{tag} {group} reduce maxabs vx vy")
+        velocity = " ".join(f"v{axis}" for axis in "xyz"[: how.axes])
+        lines.append(f"compute      swift{tag} {group} reduce maxabs {velocity}")
     return lines + [line for each in how.walls for line in each.lines(group, tag)]
 
 
@@ -143,7 +148,8 @@ def _between(of: str, how: Reading, style: str) -> list[str]:
     if not how.dashpots:
         overlap = how.formulas.overlap(f"(({least}>0)*({least})/{holding})")
         return [f"variable     {name} {style} {overlap}  # of the smallest normal force, in Delta0"]
-    swift, spring = f"sqrt({read('swift', of, 1)}^2+{read('swift', of, 2)}^2)", f"v_spring_{of}"
+    squares = (f"{read('swift', of, axis)}^2" for axis in range(1, how.axes + 1))
+    swift, spring = f"sqrt({'+'.join(squares)})", f"v_spring_{of}"
     share = f"(1e-9+({spring}>0)*(({spring}<1)*{spring}+({spring}>=1)))"
     # The dashpot of a restitution grows with the force: its bound, and so that of the overlap, are of the force at rest
     return [

@@ -4,13 +4,11 @@ Quiet ends are an effect (`granular_lmp.effects.quiet_ends`).
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps.contact import model, of_law, rigid, wall
 from granular_lmp.problem import Problem
 
@@ -54,7 +52,7 @@ def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
     groups = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(problem.materials))]
     return groups + [
         wall(
-            model(rigid(each), problem.units, **law) if problem.scene.loose else _against(problem, each, law),
+            model(rigid(each), problem.units, **law) if problem.scene.loose else _against(problem, m - 1, law),
             f"{name[0]}plane {f'{place!r} NULL' if name.endswith('lo') else f'NULL {place!r}'}"
             + " contacts" * (not problem.scene.loose),
             name=f"{name}{m}",
@@ -65,13 +63,12 @@ def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _against(problem: Problem, material: Sphere, law: Mapping[str, Any]) -> str:
-    """Return the model of the contact of spheres of a material with the walls of a crystal at rest."""
-    against = problem.scene.wall or problem.scene.rigid
-    assert against is not None  # else there is no wall
-    if material != problem.materials[0]:  # whose own moduli may be scaled to measured stiffnesses
-        against = replace(against, material=material)
-    sphere, shear_modulus = of_law(against.law(material.radius), material.radius, material)
+def _against(problem: Problem, material: int, law: Mapping[str, Any]) -> str:
+    """Return the model of the contact of spheres of a material, by its index, with the walls of a crystal at rest."""
+    declared = problem.scene.wall or problem.scene.rigid
+    assert declared is not None  # else there is no wall
+    against, own = declared.beside(problem.materials)[material], problem.materials[material]
+    sphere, shear_modulus = of_law(against.law(own.radius), own.radius, own)
     return model(sphere, problem.units, **law, shear_modulus=shear_modulus)
 
 

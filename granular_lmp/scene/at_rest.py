@@ -12,15 +12,17 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.adhesion_laws import AdhesionLaw, chosen
+from granular_lmp.crystal.balance import Progress
 from granular_lmp.crystal.chain_bands import cell_of
-from granular_lmp.crystal.contacts import Contacts, find_contacts
+from granular_lmp.crystal.contacts import Contacts, find_contacts, law_between
 from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
-from granular_lmp.crystal.equilibrium import Equilibrium, Progress, relax
+from granular_lmp.crystal.equilibrium import Equilibrium, relax
 from granular_lmp.crystal.lattices import CHAIN, HELD, PERIODIC, WALL, Shape, centre, packed
 from granular_lmp.crystal.potential import box_load
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.touching import contacts_of_neighbours, touching
-from granular_lmp.crystal.walls import Wall, on_wall
+from granular_lmp.crystal.walls import Face, Wall
 from granular_lmp.errors import CrystalError
 from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.monitors import Monitor
@@ -50,13 +52,15 @@ class CrystalAtRest:
     equilibrium: Equilibrium | None = None
 
     def remarks(self) -> list[str]:
-        """Return a sentence for spheres that were left out, and for those that touch no other at rest."""
+        """Return a sentence for spheres that were left out, touch no other at rest, or were pushed off their wall."""
         if self.equilibrium is None:
             return []
         isolated, loose = self.equilibrium.lattice.info["isolated"], self.equilibrium.loose
+        lifted = self.equilibrium.lifted
         said = {
             f"{isolated} spheres that vacancies leave without a neighbour are left out": isolated,
             f"{loose} spheres touch no other at rest, and stay where they are until they are hit": loose,
+            f"{lifted} spheres were pushed off their wall as the crystal came to rest, and do not touch it": lifted,
         }
         return [words for words, count in said.items() if count]
 
@@ -64,7 +68,6 @@ class CrystalAtRest:
 Floats = NDArray[np.float64]
 _MOST_KEPT = 2
 _BALANCED = 1e-6  # of the load: rounding of the normals is far below it
-_ON_FACE = 1e-6  # radii: spheres of a layer are at one height to rounding
 _KEPT: dict[tuple[Any, ...], CrystalAtRest] = {}
 
 
@@ -82,32 +85,48 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
         return _touching(scene)
     if scene.perfect:
         return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene))
-    if scene.space == 3 or scene.rigid:
-        return _of_equal_contacts(scene)
-    packing = scene.packing
-    key = scene.sphere, scene.shape, scene.disorder, scene.inclusion, packing.relax, packing.relax_friction
+    packing, walls = scene.packing, (scene.wall, scene.rigid)
+    key = scene.sphere, scene.shape, scene.disorder, scene.inclusion, *walls, packing.relax, packing.relax_friction
     if key not in _KEPT:
-        _KEPT[key] = _relaxed(*key, progress)
+        _KEPT[key] = _relaxed(scene, progress)
         while len(_KEPT) > _MOST_KEPT:
             del _KEPT[next(iter(_KEPT))]
     return _KEPT[key]
 
 
-def _of_equal_contacts(scene: Scene) -> CrystalAtRest:
-    """Return a crystal that is at rest in the lattice: spheres differ in density or are missing, or touch walls."""
-    crystal, materials = _imperfect(scene.sphere, scene.shape, scene.disorder, scene.inclusion)
-    contacts = find_contacts(crystal, materials, scene.sphere.contact_force)
-    push = _push(contacts)
-    for wall, outward in _walls(scene):
-        outside = crystal.positions @ outward
-        spheres = np.flatnonzero(outside > outside.max() - _ON_FACE)
-        overlap = wall.law(contacts.radius[spheres]).overlap_under(push[spheres] @ outward)
-        contacts = on_wall(contacts, wall, spheres, overlap, outward)
-    _require_balance(scene, _push(contacts)[~crystal.arrays["fixed"]])
-    none = np.zeros((len(crystal), 3))
-    loose = int((contacts.per_sphere == 0).sum())
-    rest = Equilibrium(crystal, none, none[0], contacts, none[0, :2], 0.0, loose, 0, "at rest as it is")
-    return CrystalAtRest(crystal, materials, contacts, rest)
+def law_at_rest(scene: Scene) -> AdhesionLaw:
+    """Return the law of the contacts at rest, of spheres and with walls: one in a perfect lattice, else of each."""
+    law, wall, contacts = scene.sphere.contact_law, scene.wall or scene.rigid, contacts_of(scene)
+    if scene.perfect:
+        beside = wall and wall.law(contacts.radius[contacts.i])
+    else:
+        rest = crystal_of(scene)
+        law = law_between(rest.atoms, rest.materials, contacts.i, contacts.j)
+        beside = wall and wall.law_of(rest.atoms, rest.materials, contacts.i)
+    return chosen(contacts.on_wall.astype(int), [law, beside]) if beside else law
+
+
+def _faces(scene: Scene) -> list[Face]:
+    """Return the walls beside the lattice of a scene, each as deep in its outermost spheres as these are pushed out.
+
+    Raises
+    ------
+    CrystalError
+        If the load pushes spheres out of the lattice that no wall holds.
+    """
+    walls = list(_walls(scene))
+    if not walls:
+        return []
+    lattice, sphere = packed(scene.sphere, scene.shape), scene.sphere
+    push, faces = _push(find_contacts(lattice, [sphere], sphere.contact_force)), list[Face]()
+    for wall, outward in walls:
+        outermost = Face(wall, outward, 0.0).touches(lattice)
+        load = float((push[outermost] @ outward).max())
+        faces.append(Face(wall, outward, float(wall.law(sphere.radius).overlap_under(load))))
+        push[outermost] -= load * outward
+    if scene.rigid:
+        _require_balance(sphere, push[~lattice.arrays["fixed"]])
+    return faces
 
 
 def _walls(scene: Scene) -> Iterator[tuple[Wall, Floats]]:
@@ -122,18 +141,18 @@ def _walls(scene: Scene) -> Iterator[tuple[Wall, Floats]]:
 
 
 def _push(contacts: Contacts) -> Floats:
-    """Return the force on each sphere, N, (N, 3), by which its contacts at rest push it."""
-    force, pairs = contacts.contact_force[:, None] * contacts.normals, ~contacts.on_wall
+    """Return the force on each sphere, N, (N, 3), by which its contacts with others push it at rest."""
+    force = contacts.contact_force[:, None] * contacts.normals
     total = np.zeros((len(contacts.mass), 3))
     np.subtract.at(total, contacts.i, force)
-    np.add.at(total, contacts.j[pairs], force[pairs])
+    np.add.at(total, contacts.j, force)
     return total
 
 
-def _require_balance(scene: Scene, force: Floats) -> None:
+def _require_balance(sphere: Sphere, force: Floats) -> None:
     """Raise a CrystalError if contacts at rest leave a force on a sphere that is not held, beside rigid planes."""
-    load = scene.sphere.contact_force
-    if scene.rigid and load and np.abs(force).max(initial=0.0) > _BALANCED * load:
+    load = sphere.contact_force
+    if load and np.abs(force).max(initial=0.0) > _BALANCED * load:
         raise CrystalError(
             f"packing.contact_force = {load!r}: must be 0 with these walls, which do not touch all spheres that the "
             "load pushes out of the crystal"
@@ -216,19 +235,22 @@ def _imperfect(
     return imperfect(lattice, sphere, disorder, inclusions, recorded=centre(lattice))
 
 
-def _relaxed(
-    sphere: Sphere,
-    shape: Shape,
-    disorder: Disorder,
-    inclusions: tuple[Inclusion, ...],
-    box: str,
-    friction: float,
-    progress: Progress | None,
-) -> CrystalAtRest:
-    crystal, materials = _imperfect(sphere, shape, disorder, inclusions)
-    load = box_load(packed(sphere, shape), sphere) if sphere.contact_force and box == "box" else None
-    rest = relax(crystal, materials, box=box, load=load, friction=friction, progress=progress)
-    if not len(rest.contacts):
+def _relaxed(scene: Scene, progress: Progress | None) -> CrystalAtRest:
+    sphere, shape, packing = scene.sphere, scene.shape, scene.packing
+    crystal, materials = _imperfect(sphere, shape, scene.disorder, scene.inclusion)
+    faces, box = _faces(scene), packing.relax
+    pressed = sphere.contact_force and box == "box"
+    rest = relax(
+        crystal,
+        materials,
+        box=box,
+        load=box_load(packed(sphere, shape), sphere, faces, scene.space) if pressed else None,
+        friction=packing.relax_friction,
+        faces=faces,
+        space=scene.space == 3,
+        progress=progress,
+    )
+    if rest.contacts.on_wall.all():
         raise CrystalError("no two spheres touch at rest: all are too small for their places in the lattice")
     if shape.lattice == CHAIN:
         _require_whole(rest, shape)
@@ -240,7 +262,7 @@ def _require_whole(rest: Equilibrium, shape: Shape) -> None:
     row = rest.lattice.arrays["row"]
     neighbours = int(np.count_nonzero(np.diff(row) == 1))
     neighbours += shape.along_y and row[0] == 0 and row[-1] == shape.rows - 1
-    if (parted := neighbours - len(rest.contacts)) > 0:
+    if (parted := neighbours - int(np.count_nonzero(~rest.contacts.on_wall))) > 0:
         raise CrystalError(
             f"the chain at rest is parted at {parted} of {neighbours} contacts: spheres that are too small for their "
             "places in the lattice do not reach their neighbours; let radii differ less"

@@ -33,6 +33,7 @@ from granular_lmp.scene.frequency import with_placeholder, without_wavevector
 from granular_lmp.scene.monitors import Monitor, check_monitors
 from granular_lmp.scene.records import said
 from granular_lmp.scene.refusals import NEEDS_REST, NEEDS_WAVE, UNWAVED, is_loose, refuse, refuse_tables
+from granular_lmp.scene.relaxation import check_arrangement, check_in_space, check_walls
 from granular_lmp.scene.samples import located
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.sections import (
@@ -48,7 +49,7 @@ from granular_lmp.scene.sections import (
 )
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.sources import Source, check_quiet, check_sources
-from granular_lmp.scene.space import check_space, check_walls, lattice_of, space_of, wall_of
+from granular_lmp.scene.space import check_space, lattice_of, space_of, wall_of
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.start import located as located_state
 from granular_lmp.scene.strikers import Striker, check_strikes
@@ -302,18 +303,9 @@ class Scene(HasCard, Derived):
         if self.loose:
             check_monitors(self.monitor, self.packing, self.shape)
             return
-        check_space(
-            self.packing,
-            self.substrate,
-            self.effects,
-            self.absorb,
-            self.lattice,
-            self.space,
-            self.disorder,
-            self.inclusion,
-        )
+        check_space(self.packing, self.substrate, self.effects, self.absorb, self.lattice, self.space)
         if self.rigid:
-            check_walls(self.packing, self.substrate, self.contact, self.effects, self.disorder, self.inclusion)
+            check_walls(self.packing, self.substrate, self.contact, self.effects)
         wave, shape, _ = self.wave, self.shape, self.wall
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude if wave else 0.0)
         check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike)
@@ -325,7 +317,9 @@ class Scene(HasCard, Derived):
         validation.check_lattice(shape, self.packing, self.effects, self.sphere)
         validation.check_straight(self.lattice, self.packing, words.across(wave, self.source, self.start))
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
-        validation.check_arrangement(self.lattice, self.packing, self.material, self.disorder, self.inclusion)
+        check_arrangement(self.lattice, self.packing, self.material, self.disorder, self.inclusion)
+        if self.space == 3:
+            check_in_space(self.lattice, self.substrate, self.contact, self.material, self.disorder, self.inclusion)
         validation.check_absorb(self.absorb, self.packing, self.quiet, self.form, self.envelope, shape, self.source)
         if wave is None:
             validation.check_motion(self.sphere, shape, self.moved)

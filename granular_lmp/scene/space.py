@@ -1,11 +1,9 @@
 """The third dimension of a scene: its lattice with orientation and layers, its walls, and measured stiffnesses."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
-from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattice import LATTICES, Lattice, orientations_of
-from granular_lmp.crystal.lattices import ENDS_OF_Y, FREE, PERIODIC, WALL
+from granular_lmp.crystal.lattices import FREE, PERIODIC
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import BOTH, Wall
 from granular_lmp.errors import SceneError
@@ -13,7 +11,6 @@ from granular_lmp.scene.bodies import Contact, Substrate
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.sections import Absorb, Effects, Packing
 
-_AT_REST = "spheres that differ in their contacts come to rest in the plane only; density and vacancies may differ"
 _ROUNDS = 60  # of a scale that each round brings nearer by a third of its error at least
 
 
@@ -142,14 +139,7 @@ def wall_of(material: Sphere, substrate: Substrate | None, effects: Effects) -> 
 
 
 def check_space(
-    packing: Packing,
-    substrate: Substrate | None,
-    effects: Effects,
-    absorb: Absorb,
-    lattice: Lattice,
-    space: int,
-    disorder: Disorder,
-    inclusions: Sequence[Inclusion],
+    packing: Packing, substrate: Substrate | None, effects: Effects, absorb: Absorb, lattice: Lattice, space: int
 ) -> None:
     """Check what is asked of a crystal in space."""
     if space == 2:
@@ -168,39 +158,8 @@ def check_space(
         raise SceneError(
             f"packing.contact_force = {packing.contact_force!r}: must be 0 in a film, on whose faces nothing presses"
         )
-    if disorder.radius:
-        raise SceneError(f"disorder.radius = {disorder.radius!r}: must be 0 where packing.space is 3; {_AT_REST}")
-    for number, each in enumerate(inclusions, 1):
-        for key, value in (each.of_material | ({} if each.radius is None else {"radius": each.radius})).items():
-            raise SceneError(
-                f"inclusion {number}: {key} = {value!r}: must be left out where packing.space is 3; {_AT_REST}"
-            )
-    if packing.contact_force and (disorder.vacancies or any(each.vacancy for each in inclusions)):
+    if packing.relax_friction:
         raise SceneError(
-            f"packing.contact_force = {packing.contact_force!r}: must be 0 with vacancies where packing.space is 3, as "
-            "spheres would be pressed into them"
+            f"packing.relax_friction = {packing.relax_friction!r}: must be 0 where packing.space is 3; spheres that "
+            "rub as they come to rest stay in the plane"
         )
-
-
-def check_walls(
-    packing: Packing,
-    substrate: Substrate | None,
-    contact: Contact,
-    effects: Effects,
-    disorder: Disorder,
-    inclusions: Sequence[Inclusion],
-) -> None:
-    """Check that a crystal at rest whose faces are rigid planes has equal contacts, and holds its place there."""
-    rolls = effects.rolling_stiffness or effects.rolling is True or effects.twisting is True
-    missing = disorder.vacancies or any(each.vacancy for each in inclusions)
-    unequal = disorder.radius or any(each.of_material or each.radius is not None for each in inclusions)
-    troubles = {
-        "[substrate]": substrate is not None,
-        "[contact]": contact != Contact(),
-        "effects.rolling and effects.twisting": rolls,
-        "spheres that differ in radius, moduli or adhesion": unequal,
-        "vacancies under packing.contact_force": missing and packing.contact_force,
-    }
-    if found := next((what for what, there in troubles.items() if there), ""):
-        face = next(name for name in (*ENDS_OF_Y, "sides") if getattr(packing, name) == WALL)
-        raise SceneError(f'packing.{face} = "wall": must be "held" or "free" in a crystal at rest with {found}')

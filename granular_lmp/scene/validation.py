@@ -8,14 +8,13 @@ from collections.abc import Collection, Mapping, Sequence
 from math import ceil, pi
 from typing import Any
 
-from granular_lmp.crystal.disorder import Disorder, Inclusion
+from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattices import (
     CHAIN,
     ENDS_OF_Y,
     FREE,
     HELD,
     QUIET,
-    SQUARE,
     WALL,
     Lattice,
     Shape,
@@ -163,41 +162,6 @@ def check_straight(lattice: Lattice, packing: Packing, across: str) -> None:
         raise SceneError(
             f"packing.contact_force = {packing.contact_force!r}: must be 0 in a chain with {across}, which would "
             "buckle: nothing holds it sideways; along y it stays on its line"
-        )
-
-
-def check_arrangement(
-    lattice: Lattice,
-    packing: Packing,
-    material: Sphere,
-    disorder: Disorder,
-    inclusions: tuple[Inclusion, ...],
-) -> None:
-    """Check that spheres that differ do not press a lattice out of its arrangement as they come to rest.
-
-    Spheres come to rest without friction. A square lattice resists no shear then, so every contact must be at rest
-    where it is; a chain resists no shift sideways, so it must not be compressed.
-    """
-    sized = {"disorder.radius": disorder.radius} if disorder.radius else {}
-    for number, inclusion in enumerate(inclusions, start=1):
-        own = inclusion.of_material | ({} if inclusion.radius is None else {"radius": inclusion.radius})
-        sized |= {f"inclusion {number}: {key}": value for key, value in own.items() if value != getattr(material, key)}
-    for key, value in sized.items():
-        if lattice.collapses:
-            raise SceneError(
-                f'{key} = {value!r}: must be that of all spheres with packing.lattice = "{lattice.name}", which has no '
-                "shear stiffness without friction and would collapse as it comes to rest"
-            )
-        if lattice == CHAIN and packing.relax == "fixed":
-            raise SceneError(
-                f'packing.relax = "fixed": must be "box" with {key} = {value!r} in a chain, which would buckle in a '
-                "box that stays"
-            )
-    empty = disorder.vacancies > 0 or any(each.vacancy for each in inclusions)
-    if lattice == SQUARE and packing.contact_force and empty:
-        raise SceneError(
-            f"packing.contact_force = {packing.contact_force!r}: must be 0 in a square lattice with vacancies, into "
-            "which its spheres would be pressed"
         )
 
 

@@ -59,6 +59,10 @@ FACES: dict[str, dict[str, Any]] = {
     | LOAD
     | {"packing.lattice": "chain", "packing.columns": 1, "wave.mode": "L"},
     "densities and vacancies between walls": WALLED | {"disorder.density": 0.1, "disorder.vacancies": 0.05},
+    "unequal spheres between walls": WALLED | {"disorder.radius": 5e-5},
+    "unequal spheres between walls under load": WALLED | LOAD | {"disorder.radius": 5e-5},
+    "vacancies between walls under load": WALLED | LOAD | {"disorder.vacancies": 0.05},
+    "a row of another material at a wall": WALLED | {"inclusion": [{"rows": [0, 0], "youngs_modulus": 1e10}]},
     "struck rows between held sides": {"packing.sides": HELD, "striker": [{"rows": [3, 3], "velocity": 1e-2}]},
 }
 
@@ -125,9 +129,7 @@ def test_a_run_between_walls_continues_to_the_same_bytes(tmp_path: Path) -> None
 
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
-    "radii": ({"disorder.radius": 1e-5}, "spheres that differ in radius, moduli or adhesion"),
-    "moduli": ({"inclusion": [{"rows": [3, 3], "youngs_modulus": 1e9}]}, "spheres that differ"),
-    "vacancies": (LOAD | {"disorder.vacancies": 0.05}, "vacancies under packing.contact_force"),
+    "friction on the way to rest": ({"packing.relax_friction": 0.3}, "packing.relax_friction"),
     "rolling": ({"effects.rolling_stiffness": 1.0}, "effects.rolling"),
     "stiffnesses": ({"contact.normal_stiffness": 500.0}, r"\[contact\]"),
     "a film": (

@@ -126,10 +126,6 @@ def test_a_number_may_be_written_as_one_or_as_a_word() -> None:
         (CORNER | {"wave.mode": 2}, "'2': has the frequency of another branch at this wave vector"),
         ({"packing.lattice": "hexagonal"}, "'3': must be one of L, TR, RT in the hexagonal lattice"),
         ({"packing.columns": 5}, "packing.columns = 5: must be a multiple of 2"),
-        (
-            {"disorder.radius": 1e-5, "packing.columns": 4},
-            'disorder.radius = 1e-05: must be that of all spheres with packing.lattice = "honeycomb"',
-        ),
     ],
 )
 def test_what_honeycomb_has_not_is_refused_by_name(changes: dict[str, Any], says: str) -> None:

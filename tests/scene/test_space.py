@@ -25,6 +25,8 @@ LAYER = Scene.from_dict(
     }
 )
 FREE = LAYER.replace(substrate=None, wave={"mode": "L", "wavenumber": np.pi / 4, "amplitude": 0.02})
+SIZE = {"packing.columns": 6}
+STEEL = {"rows": [3, 3], "youngs_modulus": 210e9}
 FILM = {"packing.lattice": "fcc", "packing.orientation": "[110]", "packing.layers": 3}
 
 
@@ -103,7 +105,10 @@ def test_a_packet_in_space_holds_one_branch() -> None:
         (LAYER, {"packing.lattice": "fcc", "packing.depth": "periodic"}, r"must be \"free\" or \"auto\" on a \[sub"),
         (LAYER, {"effects.adhesion": False, "packing.contact_force": 1e-6}, "adhesion alone holds spheres on the sub"),
         (LAYER, {"effects.rolling": True}, "must be off where packing.space is 3"),
-        (LAYER, {"disorder.radius": 0.01, "packing.columns": 3}, r"disorder\.radius = 0\.01: must be 0 where"),
+        (FREE, {"packing.space": 3, "disorder.radius": 1e-5} | SIZE, r"radius = 1e-05: .* that nothing holds along z"),
+        (FREE, {"packing.lattice": "cubic", "disorder.radius": 1e-5} | SIZE, 'lattice = "cubic", .* would collapse'),
+        (LAYER, {"contact.normal_stiffness": 500.0, "inclusion": [STEEL]} | SIZE, "left out beside measured stiffness"),
+        (LAYER, {"packing.relax_friction": 0.3} | SIZE, r"relax_friction = 0\.3: must be 0 where packing\.space is 3"),
         (LAYER, {"wave.mode": "L"}, r"wave\.mode = 'L': must be one of S1, S2, S3, H1, H2, H3, 1 to 6"),
         (FREE, {"contact.shear_stiffness": 1e6}, r"contact\.shear_stiffness = 1000000\.0: must be below 4/3"),
         (FREE, {"packing.lattice": "fcc", "packing.rows": 16, "packing.orientation": "[111]"}, "a multiple of 3"),
