@@ -19,6 +19,7 @@ import numpy as np
 
 from analysis.measure.fitting import Fit, summary
 from analysis.measure.points import KINDS, UNITS, read
+from analysis.measure.surface import Film, is_surface_wave
 from analysis.plotting import letter, save, start, write
 from analysis.theory.estimation import LOSSES, Estimate
 from analysis.theory.scenes import Setting
@@ -132,7 +133,10 @@ def figure(fitted: Fitted) -> "Figure":
 
 
 def _branches(fitted: Fitted, axes: "object") -> None:
-    """Draw measured frequencies over the wave number, on the fitted branches along the direction of the scene."""
+    """Draw measured frequencies over the wave number, on the fitted branches along the direction of the scene.
+
+    Guided surface waves are dashed, if there is a point of them.
+    """
     fit, scene = fitted.fit, fitted.scene
     setting = Setting(scene)
     xi = np.array([each.wavenumber / (1 if each.unit == "rad/row" else setting.unit) for each in fit.points])
@@ -140,6 +144,9 @@ def _branches(fitted: Fitted, axes: "object") -> None:
     hertz = setting.crystal().modes(setting.wavevector(line)).frequencies / (2 * np.pi)
     unit, size = _unit("frequency", max(each.value for each in fit.points))
     axes.plot(line, hertz / size, color="0.5", lw=1)  # type: ignore[attr-defined]
+    if any(map(is_surface_wave, fit.points)):
+        guided = Film.of(setting).coupled.guided(setting.wavevector(line[1:])) / (2 * np.pi * size)
+        axes.plot(line[1:], guided, "--", color="tab:orange", lw=1)  # type: ignore[attr-defined]
     values = [each.value / size for each in fit.points]
     errors = None if fitted.found.error is not None else [(each.error or 0.0) / size for each in fit.points]
     axes.errorbar(xi, values, yerr=errors, fmt="o", ms=4)  # type: ignore[attr-defined]

@@ -1,195 +1,196 @@
 """Surface waves of an elastic substrate that couple to the contact resonances of the layer of a scene.
 
-    granular-analysis saw SCENE [--density RHO] [--direction DEG] [--limit XI] [-o FILE]
+    granular-analysis saw SCENE [--data DATA.csv] [--density RHO] [--thickness H [--below E NU RHO]]
+                                [--direction DEG] [--limit XI] [-o FILE]
 
 SCENE is a file or the name of a shipped scene of one layer, or of a film, with a [substrate]. In a run the substrate is
-rigid; here it has the moduli that the scene gives, and the density RHO in kg/m³ (default: that of the spheres). Guided
-waves are slower than its transverse waves, and none is missed; waves that leak into it are followed from k = 0 upward.
+rigid; here it has the moduli that the scene gives, and the density RHO in kg/m³ (default: `substrate.density`, or that
+of the spheres). Guided waves are slower than its transverse waves, and none is missed; waves that leak into it are
+followed from k = 0 upward. With a thickness H in m the substrate is a plate, free below, from which no wave leaks; or a
+film on a half-space of Young's modulus E, Poisson's ratio NU and density RHO.
 
 The table has the speeds, the leaking resonances at k = 0 with their quality factors, and the guided waves where the
-bare surface wave would cross the vertical resonance. Next to the line of longitudinal waves a leaking wave jumps, as it
-begins to send them out. All branches stand in a CSV file beside the figure: wave number,
-wavelength, frequency, attenuation, and the share of the spheres' motion that is vertical. Frequencies leave out half of
-the overlap ratio of the spheres.
+bare surface wave would cross the vertical resonance, each with its shape: shares of the spheres' motion that are
+vertical, along the wave, across, and turning, and how far the surface moves with them. Next to the line of longitudinal
+waves a leaking wave jumps, as it begins to send them out. All branches stand in a CSV file beside the figure, with
+their attenuation. Frequencies leave out half of the overlap ratio of the spheres.
+
+DATA.csv holds measured frequencies (`analysis.measure.points`), whose branch is empty or `saw` for the nearest of these
+waves, or `saw1`, `saw2`, … for a guided one, counted from the lowest. They are drawn with their errors at their wave
+numbers, and listed beside the waves that they are.
 """
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from argparse import Namespace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from analysis.measure.fitting import wavevectors
+from analysis.measure.points import DataError, Point, read
+from analysis.measure.surface import BRANCH, SLOWEST, Film, Wave, is_surface_wave
 from analysis.plotting import parser, save, start, write
-from analysis.theory.bloch import frame
 from analysis.theory.phase_matching import zone_edge
 from analysis.theory.scenes import Setting
-from analysis.theory.surface_wave import Coupled, HalfSpace
+from analysis.theory.surface_wave import HalfSpace
 from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]
 POINTS = 120
+SHAPE = ("vertical", "along", "across", "turning", "surface")
 BEYOND = 2.5  # of the wave number at which the surface wave meets the vertical resonance: what is drawn
-STILL = 1e-6  # of the vertical resonance: a frequency below is that of spheres that nothing holds
-SLOWEST = 1e-3  # of the first wave number: where leaking waves begin
-STEP = 0.05  # of a frequency by which a leaking wave may change from one wave number to the next
-
-
-class Point(NamedTuple):
-    """A wave: rad per row, m, "guided" or "leaking", Hz, 1/s, and the share of the spheres' motion along z."""
-
-    wavenumber: float
-    wavelength: float
-    kind: str
-    frequency_Hz: float
-    attenuation: float
-    vertical: float
-
-
-class Film(NamedTuple):
-    """A layer on its half-space, with the wave vector of one rad per row in a direction, and K_N, m of a sphere."""
-
-    coupled: Coupled
-    unit: Floats
-    own: float
-
-    @classmethod
-    def of(cls, setting: Setting, density: float, degrees: float) -> "Film":
-        """Return the film of a scene. Raises ValueError for a scene without a substrate below."""
-        substrate = setting.scene.substrate
-        if substrate is None or substrate.sides != "below":
-            raise ValueError('[substrate]: missing, or with sides = "both"; surface waves run under one film')
-        if substrate.poisson_ratio >= 0.5:
-            raise ValueError("substrate.poisson_ratio = 0.5: must be below 0.5 for a half-space that is compressed")
-        crystal = setting.crystal(true_geometry=False)
-        half_space = HalfSpace.of(substrate.youngs_modulus, substrate.poisson_ratio, density)
-        own = float(np.sqrt(crystal.bonds.law.stiffness[-1] / crystal.mass[0, 0]))
-        return cls(Coupled(crystal, half_space), setting.unit * frame(degrees)[0], own)
-
-    @property
-    def crossing(self) -> float:
-        """Return where the bare surface wave has the frequency of the vertical resonance, rad per row."""
-        return float(self.own / self.coupled.substrate.rayleigh() / np.linalg.norm(self.unit))
-
-    def point(self, xi: float, omega: complex, kind: str) -> Point:
-        """Return a wave at a wave number ξ, rad per row."""
-        spheres, _ = self.coupled.shape(xi * self.unit, omega)
-        size = np.sum(np.abs(spheres) ** 2, axis=0)
-        length = 2 * np.pi / (xi * np.linalg.norm(self.unit))
-        share = float(size[2] / max(size.sum(), np.finfo(float).tiny))
-        return Point(xi, float(length), kind, omega.real / (2 * np.pi), -omega.imag + 0.0, share)
-
-    def guided(self, numbers: Floats) -> list[Point]:
-        """Return the guided waves at wave numbers, rad per row."""
-        found = self.coupled.guided(np.multiply.outer(numbers, self.unit))
-        return [
-            self.point(float(xi), complex(omega), "guided")
-            for xi, row in zip(numbers, found, strict=True)
-            for omega in row[row > STILL * self.own]
-        ]
-
-    def leaking(self, numbers: Floats) -> Iterator[Point]:
-        """Yield the leaking waves at wave numbers, followed from those of the rigid substrate at k = 0."""
-        begin = SLOWEST * numbers[0] * self.unit
-        for resonance in self.coupled.crystal.modes(begin).frequencies:
-            omega = self.coupled.leaking(begin, resonance)
-            for xi in numbers:
-                found = self.coupled.leaking(xi * self.unit, omega)
-                slow = found.real < self.coupled.substrate.transverse * xi * np.linalg.norm(self.unit)
-                if not abs(found - omega) < STEP * abs(omega) or slow:
-                    break
-                omega = found
-                yield self.point(float(xi), omega, "leaking")
 
 
 def table(film: Film) -> str:
     """Return speeds, leaking resonances at k = 0, and the guided waves at the crossing, as text."""
-    solid, begin = film.coupled.substrate, SLOWEST * film.crossing * film.unit
+    solid, begin = film.solid, SLOWEST * film.crossing
     lines = [
         f"speeds: longitudinal {solid.longitudinal:.5g}, transverse {solid.transverse:.5g}, "
-        f"surface {solid.rayleigh():.5g} m/s"
+        f"surface {solid.rayleigh():.5g} m/s",
+        f"{'wave':10}{'xi':>9}{'Hz':>13}{'rigid':>13}{'Q':>11}{'1/s':>11}" + "".join(f"{each:>9}" for each in SHAPE),
     ]
+    crossing = film.guided(np.array([film.crossing]))
+    if np.isinf(film.coupled.substrate.cutoff):  # of a plate, from which no resonance leaks
+        return "\n".join(lines + [_line(each) for each in [*film.guided(np.array([begin])), *crossing]])
     seen: list[complex] = []
-    for resonance in film.coupled.crystal.modes(begin).frequencies:
-        omega = film.coupled.leaking(begin, resonance)
-        if np.isnan(omega) or any(abs(omega - other) < 1e-6 * abs(omega) for other in seen):
-            continue
-        seen.append(omega)
-        quality = omega.real / (2 * abs(omega.imag)) if omega.imag else np.inf
-        vertical = film.point(SLOWEST * film.crossing, omega, "leaking").vertical
+    for resonance in film.coupled.crystal.modes(begin * film.unit).frequencies:
+        omega = film.coupled.leaking(begin * film.unit, resonance)
+        if not np.isnan(omega) and all(abs(omega - other) > 1e-6 * abs(omega) for other in seen):
+            seen.append(omega)
+            lines.append(_line(film.wave(begin, omega, "resonance"), f"{resonance / (2 * np.pi):13.6g}"))
+    return "\n".join(lines + [_line(each) for each in crossing])
+
+
+def _line(wave: Wave, rigid: str = "") -> str:
+    """Return a wave in the columns of `table`."""
+    numbers = f"{wave.wavenumber:9.6f}{wave.frequency_Hz:13.6g}{rigid:>13}{wave.quality:11.4g}{wave.attenuation:11.3g}"
+    return f"{wave.kind:10}{numbers}" + "".join(f"{getattr(wave, each):9.2f}" for each in SHAPE)
+
+
+def beside(points: Sequence[Point], found: Floats) -> str:
+    """Return a line for each measured point with the frequency of its wave, Hz, and how far off it is."""
+    lines = [f"{'line':>5}{'branch':>8}{'measured, MHz':>16}{'wave, MHz':>14}{'off, %':>10}{'off, errors':>13}"]
+    for each, hertz in zip(points, found, strict=True):
+        errors = f"{(each.value - hertz) / each.error:13.2f}" if each.error else f"{'-':>13}"
+        off = 100 * (each.value / hertz - 1)
         lines.append(
-            f"resonance at k = 0: {omega.real / (2 * np.pi):12.6g} Hz, Q {quality:8.4g}, vertical {vertical:4.2f}, "
-            f"on a rigid substrate {resonance / (2 * np.pi):.6g} Hz"
-        )
-    for each in film.guided(np.array([film.crossing])):
-        lines.append(
-            f"guided at xi = {each.wavenumber:.6f}: {each.frequency_Hz:12.6g} Hz, vertical {each.vertical:4.2f}"
+            f"{each.line:5}{each.branch or BRANCH:>8}{1e-6 * each.value:16.6g}{1e-6 * hertz:14.6g}{off:10.3f}{errors}"
         )
     return "\n".join(lines)
 
 
-def as_csv(points: Sequence[Point]) -> str:
+def measured(file: str) -> list[Point]:
+    """Return the points of a table; DataError for one that is no surface wave."""
+    points = [replace(each, branch=each.branch or BRANCH) for each in read(file)]
+    for each in points:
+        if not is_surface_wave(each):
+            said = f"branch = {each.branch!r}" if each.kind == "frequency" else f"a {each.kind}"
+            raise DataError(f"{file}: line {each.line}: {said}: must be a frequency of saw, saw1, saw2, … or no branch")
+    return points
+
+
+def as_csv(waves: Sequence[Wave]) -> str:
     """Return the waves as CSV, every number with all its digits."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(Point._fields)
-    writer.writerows(points)
+    writer.writerow(Wave._fields)
+    writer.writerows(waves)
     return text.getvalue()
 
 
-def draw(film: Film, points: Sequence[Point], name: str) -> Figure:
-    """Return the figure: waves by the share of vertical motion, the bare waves, and the layer on a rigid substrate."""
+def draw(film: Film, waves: Sequence[Wave], name: str, points: Sequence[Point], numbers_of_points: Floats) -> Figure:
+    """Return the figure: waves by the share of vertical motion, the bare waves, and the layer on a rigid substrate.
+
+    Measured points stand at their wave numbers (N,), rad per row.
+    """
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     axes = figure.subplots()
-    solid, last = film.coupled.substrate, max(each.wavenumber for each in points)
+    solid, last = film.solid, max(each.wavenumber for each in waves)
     numbers = np.linspace(last / POINTS, last, POINTS)
     rigid = film.coupled.crystal.modes(np.multiply.outer(numbers, film.unit)).frequencies / (2e6 * np.pi)
     axes.plot(numbers, rigid, color="0.8", linewidth=0.8)
-    for speed, style in ((solid.rayleigh(), "--"), (solid.transverse, ":")):
+    cutoff = film.coupled.substrate.cutoff
+    for speed, style in ((solid.rayleigh(), "--"), (cutoff if np.isfinite(cutoff) else solid.transverse, ":")):
         axes.plot(numbers, speed * np.linalg.norm(film.unit) * numbers / (2e6 * np.pi), style, color="0.4", linewidth=1)
     for kind, size in (("leaking", 3), ("guided", 14)):
-        chosen = np.array([(each[0], 1e-6 * each[3], each[5]) for each in points if each.kind == kind]).reshape(-1, 3)
+        chosen = np.array([(each[0], 1e-6 * each[3], each[5]) for each in waves if each.kind == kind]).reshape(-1, 3)
         xi, megahertz, vertical = chosen.T
         shown = axes.scatter(xi, megahertz, size, vertical, cmap="plasma", vmin=0, vmax=1, linewidths=0)
+    if points:
+        megahertz, errors = (
+            1e-6 * np.array([getattr(each, name) or 0 for each in points]) for name in ("value", "error")
+        )
+        axes.errorbar(numbers_of_points, megahertz, errors, fmt="o", color="tab:green", mfc="none", ms=6, zorder=3)
     figure.colorbar(shown, label="share of the spheres' motion along z")
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel="frequency (MHz)", xlim=(0, last))
-    axes.set_ylim(0, 1.6e-6 * film.own / (2 * np.pi))
-    axes.set_title(f"{name}: guided (large), leaking (small); bare surface wave dashed", fontsize="medium")
+    axes.set_ylim(0, 1e-6 * film.highest / (2 * np.pi))
+    axes.set_title(
+        f"{name}: guided (large), leaking (small); Rayleigh's wave of the substrate dashed", fontsize="medium"
+    )
     return figure
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table, and write figure and CSV."""
     command = parser(__doc__, "saw.png")
+    number: dict[str, Any] = {"type": float, "default": None}
     command.add_argument("scene", metavar="SCENE", help="file or name of a shipped scene with a [substrate]")
-    command.add_argument("--density", type=float, metavar="RHO", help="of the substrate, kg/m3 (default: the spheres')")
-    command.add_argument("--direction", type=float, metavar="DEG", help="from a row (default: that of the scene)")
-    command.add_argument("--limit", type=float, metavar="XI", help="largest wave number, rad per row")
+    command.add_argument("--data", metavar="DATA.csv", help="measured points, drawn over the waves and listed")
+    command.add_argument("--density", metavar="RHO", help="of the substrate, kg/m3 (default: as said above)", **number)
+    command.add_argument("--thickness", metavar="H", help="of the substrate, m: a plate, or a film", **number)
+    command.add_argument("--below", nargs=3, type=float, metavar=("E", "NU", "RHO"), help="of what is under the film")
+    command.add_argument("--direction", metavar="DEG", help="from a row (default: that of the scene)", **number)
+    command.add_argument("--limit", metavar="XI", help="largest wave number, rad per row", **number)
     options = command.parse_args(arguments)
-    for name in ("density", "limit"):
-        value = getattr(options, name)
-        if value is not None and not 0 < value < np.inf:
-            command.error(f"--{name} {value}: must be positive and finite")
-    if options.direction is not None and not np.isfinite(options.direction):
-        command.error(f"--direction {options.direction}: must be degrees, finite")
+    if wrong := _wrong(options):
+        command.error(wrong)
     try:
         setting = Setting(Scene.load(options.scene))
-        degrees = setting.scene.direction if options.direction is None else options.direction
-        film = Film.of(setting, options.density or setting.scene.sphere.density, degrees)
+        below = HalfSpace.of(*options.below) if options.below else None
+        film = Film.of(setting, options.density, options.direction, thickness=options.thickness, below=below)
+        points = measured(options.data) if options.data else []
+        vectors = wavevectors(setting, points)
+        told = [table(film)] + ([beside(points, film.met(points, vectors))] if points else [])
     except GranularError as error:
         raise SystemExit(error.in_options()) from error
+    except DataError as error:
+        raise SystemExit(str(error)) from error
+    except OSError as error:
+        raise SystemExit(f"{options.data}: {error.strerror or error}") from error
     except ValueError as error:
         raise SystemExit(f"{options.scene}: {error}") from error
+    at = np.linalg.norm(vectors, axis=1) / np.linalg.norm(film.unit)
     edge = zone_edge(film.coupled.crystal, film.unit) / float(np.linalg.norm(film.unit))
-    limit = min(edge, BEYOND * film.crossing) if options.limit is None else options.limit
+    limit = options.limit or max([min(edge, BEYOND * film.crossing), *(1.05 * at)])
     numbers = limit * np.arange(1, POINTS + 1) / POINTS
-    points = [*film.guided(numbers), *film.leaking(numbers)]
-    print(table(film))
-    save(draw(film, points, setting.scene.name), options.output)
-    write(Path(options.output).with_suffix(".csv"), as_csv(points))
+    waves = [*film.guided(numbers), *film.leaking(numbers)]
+    print("\n".join(told))
+    save(draw(film, waves, setting.scene.name, points, at), options.output)
+    write(Path(options.output).with_suffix(".csv"), as_csv(waves))
+
+
+def _wrong(options: Namespace) -> str:
+    """Return what is wrong with the options, "" if nothing is."""
+    for name in ("density", "thickness", "limit"):
+        value = getattr(options, name)
+        if value is not None and not 0 < value < np.inf:
+            return f"--{name} {value}: must be positive and finite"
+    if options.data and Path(options.data).resolve() == Path(options.output).with_suffix(".csv").resolve():
+        return f"--output {options.output}: the CSV file beside it would replace {options.data}"
+    if options.direction is not None and not np.isfinite(options.direction):
+        return f"--direction {options.direction}: must be degrees, finite"
+    if options.below is None:
+        return ""
+    modulus, ratio, density = options.below
+    if not (0 < modulus < np.inf and -1 < ratio < 0.5 and 0 < density < np.inf):
+        return f"--below {modulus} {ratio} {density}: must be Pa, Poisson's ratio between -1 and 0.5, kg/m3"
+    return "" if options.thickness else "--below: needs --thickness, that of the film above it"
 
 
 if __name__ == "__main__":

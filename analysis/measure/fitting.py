@@ -1,7 +1,8 @@
 """Keys of a scene from measured points, by least squares through the theory of waves, second order, and chains.
 
-Frequencies are those of the modes of the scene's crystal (`analysis.theory.scenes.Setting`), second harmonics those of
-the theory of second order, arrivals and front speeds of an impact in a chain those of Hertz's springs, integrated
+Frequencies are those of the modes of the scene's crystal (`analysis.theory.scenes.Setting`), or of surface waves of its
+substrate (`analysis.measure.surface`), second harmonics those of the theory of second order, arrivals and front speeds
+of an impact in a chain those of Hertz's springs, integrated
 (`analysis.theory.chain`): a front is the first crest of a sphere's velocity, its time counts from the strike.
 """
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from analysis.measure.front import crest
 from analysis.measure.points import Point
 from analysis.measure.strikes import Sites, densities
+from analysis.measure.surface import BRANCH, Film, is_surface_wave
 from analysis.theory.bloch import branch_among, frame, in_plane
 from analysis.theory.chain import Chain, spheres
 from analysis.theory.chain_motion import integrate
@@ -94,8 +96,8 @@ class Fit:
     def predicted(self, values: Floats) -> Floats:
         """Return what the points would be, (N,), for values of the free keys."""
         scene, found = self.at(values), np.empty(len(self.points))
-        for kind, rule in (("frequency", _frequencies), ("second_harmonic", _harmonics)):
-            chosen = [n for n, each in enumerate(self.points) if each.kind == kind]
+        for kind, rule in (("frequency", _frequencies), (BRANCH, _surface_waves), ("second_harmonic", _harmonics)):
+            chosen = [n for n, each in enumerate(self.points) if _theory(each) == kind]
             if chosen:
                 found[chosen] = rule(scene, [self.points[n] for n in chosen])
         chosen = [n for n, each in enumerate(self.points) if each.kind in ("arrival", "speed")]
@@ -120,17 +122,23 @@ class Fit:
             return np.full(len(self.points), np.nan)
 
     def branches(self, values: Floats) -> list[str]:
-        """Return the branch of each point, counted from 1; "" for one that is no frequency."""
-        chosen = [each for each in self.points if each.kind == "frequency"]
-        if not chosen:
-            return [""] * len(self.points)
-        numbers = iter(_branches(_modes(self.at(values), chosen), chosen).tolist())
-        return [str(next(numbers) + 1) if each.kind == "frequency" else "" for each in self.points]
+        """Return the branch of each point, counted from 1; of a surface wave its word, of another kind none."""
+        chosen = [each for each in self.points if _theory(each) == "frequency"]
+        numbers = iter(_branches(_modes(self.at(values), chosen), chosen).tolist() if chosen else [])
+        return [str(next(numbers) + 1) if _theory(each) == "frequency" else each.branch for each in self.points]
 
 
-def _wavenumbers(setting: Setting, points: Sequence[Point]) -> Floats:
-    """Return |k| of points, 1/m."""
-    return np.array([each.wavenumber * (setting.unit if each.unit == "rad/row" else 1.0) for each in points])
+def _theory(point: Point) -> str:
+    """Return the kind of a point; surface waves are one of their own."""
+    return BRANCH if is_surface_wave(point) else point.kind
+
+
+def wavevectors(setting: Setting, points: Sequence[Point]) -> Floats:
+    """Return the wave vectors of points (N, 2), 1/m; at k = 0 those next to it, where branches still have names."""
+    unit, along = setting.unit, setting.scene.direction
+    lengths = [each.wavenumber * (unit if each.unit == "rad/row" else 1.0) for each in points]
+    ways = [frame(along if each.direction is None else each.direction)[0] for each in points]
+    return np.maximum(lengths, _NEXT_TO_0 * unit)[:, None] * np.reshape(ways, (-1, 2))
 
 
 class _Found(NamedTuple):
@@ -142,12 +150,9 @@ class _Found(NamedTuple):
 
 
 def _modes(scene: Scene, points: Sequence[Point]) -> _Found:
-    """Return the modes of the crystal of a scene at points; at k = 0 those next to it, which still have names."""
+    """Return the modes of the crystal of a scene at points."""
     setting = Setting(scene)
-    directions = [scene.direction if each.direction is None else each.direction for each in points]
-    lengths = np.maximum(_wavenumbers(setting, points), _NEXT_TO_0 * setting.unit)
-    k = lengths[:, None] * np.array([frame(each)[0] for each in directions])
-    crystal = setting.crystal()
+    crystal, k = setting.crystal(), wavevectors(setting, points)
     return _Found(crystal, k, crystal.modes(k))
 
 
@@ -179,6 +184,12 @@ def _frequencies(scene: Scene, points: Sequence[Point]) -> Floats:
     found = _modes(scene, points)
     chosen = _branches(found, points)
     return np.take_along_axis(found.modes.frequencies, chosen[:, None], axis=1)[:, 0] / (2 * np.pi)
+
+
+def _surface_waves(scene: Scene, points: Sequence[Point]) -> Floats:
+    """Return the frequencies of surface waves of the substrate, Hz."""
+    setting = Setting(scene)
+    return Film.of(setting).met(points, wavevectors(setting, points))
 
 
 def _harmonics(scene: Scene, points: Sequence[Point]) -> Floats:

@@ -108,6 +108,7 @@ KEYS = frozenset({"monitor"}).union(
         "rolling_stiffness rolling_viscosity rolling_friction",
         "output": "particles checkpoint forces",
         "disorder": "seed",
+        "substrate": "density",
     }.items()
     for key in keys.split()
 )

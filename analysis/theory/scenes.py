@@ -39,7 +39,7 @@ CRYSTAL_KEYS = frozenset({"name", "inclusion", "monitor", "source", "disorder.se
         "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density adhesion_law",
         "packing": "lattice rows columns ends contact_force relax relax_friction space layers depth orientation",
         "contact": "normal_stiffness shear_stiffness",
-        "substrate": "youngs_modulus poisson_ratio work_of_adhesion normal_stiffness shear_stiffness sides",
+        "substrate": "youngs_modulus poisson_ratio work_of_adhesion normal_stiffness shear_stiffness sides density",
         "wave": "mode wavenumber frequency amplitude phase form direction",
         "envelope": "length width offset ramp",
         "time": "duration timestep tolerance sample allow_echo",

@@ -20,8 +20,9 @@ When it breaks: where 2π/k is no more than a few distances of spheres, as the h
 forces. Torques have the arm R, a share η/2 of frequencies. Units are those of the crystal.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,10 +31,29 @@ from analysis.theory.crystal import Crystal, padded
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-_HALVINGS = 60  # of an interval of frequencies, to the last bit
+_HALVINGS = 60  # of an interval of frequencies, at most
+_SLOWEST = 1e-9  # of the fastest: below is what nothing holds
 _STEPS = 60  # of Newton's method
 _MET = 1e-12  # relative change of a frequency at which a root is found
 _NEAR = 1e-7  # relative step of a derivative
+
+
+class Reaction(NamedTuple):
+    """How a surface resists: S (..., 3, 3), and the number (...) of waves below ω of the body whose surface is held."""
+
+    stiffness: Complexes
+    held: NDArray[np.intp]
+
+
+class Body(Protocol):
+    """What the layer lies on: a half-space, or `analysis.theory.layered.Layered`."""
+
+    @property
+    def cutoff(self) -> float:
+        """Return the speed of waves that leak, those that are no slower."""
+
+    def reaction(self, wavenumber: ArrayLike, frequency: ArrayLike) -> Reaction:
+        """Return how the surface resists at k > 0 (...) and ω (...) that may be complex."""
 
 
 class HalfSpace(NamedTuple):
@@ -50,10 +70,20 @@ class HalfSpace(NamedTuple):
         plane = shear * 2 * (1 - poisson_ratio) / (1 - 2 * poisson_ratio)
         return cls(density, float(np.sqrt(plane / density)), float(np.sqrt(shear / density)))
 
+    @property
+    def cutoff(self) -> float:
+        """Return the speed of waves that leak, those that are no slower."""
+        return self.transverse
+
+    def reaction(self, wavenumber: ArrayLike, frequency: ArrayLike) -> Reaction:
+        """Return how the surface resists; no wave slower than c_t is held by a surface at rest."""
+        stiffness = self.stiffness(wavenumber, frequency)
+        return Reaction(stiffness, np.zeros(stiffness.shape[:-2], dtype=np.intp))
+
     def stiffness(self, wavenumber: ArrayLike, frequency: ArrayLike) -> Complexes:
         """Return S (..., 3, 3), along k, across, and up, at k > 0 (...) and ω (...) that may be complex."""
-        k, omega = np.broadcast_arrays(*(np.asarray(each, dtype=complex) for each in (wavenumber, frequency)))
-        p, q = (_downward(k, omega / speed) for speed in (self.longitudinal, self.transverse))
+        k, omega = complexes(wavenumber, frequency)
+        p, q = (downward(k, omega / speed) for speed in (self.longitudinal, self.transverse))
         slow = (self.transverse / self.longitudinal) ** 2
         g = (p * q + k**2) / (k**2 * (1 + slow) - (omega / self.longitudinal) ** 2)
         result = np.zeros((*k.shape, 3, 3), dtype=complex)
@@ -70,7 +100,36 @@ class HalfSpace(NamedTuple):
         return float(self.transverse * np.sqrt(next(x.real for x in roots if abs(x.imag) < 1e-9 and 0 < x.real < 1)))
 
 
-def _downward(k: NDArray[Any], slowness: NDArray[Any]) -> Complexes:
+def _hermitian(matrix: Complexes) -> Complexes:
+    return 0.5 * (matrix + np.swapaxes(matrix, -1, -2).conj())
+
+
+def _zeros(falling: Callable[[Floats], Floats], low: Floats, high: Floats) -> Floats:
+    """Return where functions (...) that fall from low to high are 0, by Ridders' method."""
+    upper, lower = np.abs(falling(low)), -np.abs(falling(high))
+    found = high
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        value = falling(middle)
+        root = np.sqrt(value**2 - upper * lower)
+        last, found = found, middle + (middle - low) * np.divide(value, root, out=0 * value, where=root > 0)
+        closer = falling(found)
+        for place, there in ((middle, value), (found, closer)):
+            left, right = (there > 0) & (place >= low), (there <= 0) & (place <= high)
+            low, upper = np.where(left, place, low), np.where(left, there, upper)
+            high, lower = np.where(right, place, high), np.where(right, there, lower)
+        if np.all((np.abs(found - last) <= _MET * found) | (high - low <= _MET * high)):
+            break
+    return found
+
+
+def complexes(wavenumber: ArrayLike, frequency: ArrayLike) -> tuple[Complexes, Complexes]:
+    """Return k and ω as complex arrays of one shape."""
+    k, omega = np.broadcast_arrays(*(np.asarray(each, dtype=complex) for each in (wavenumber, frequency)))
+    return k, omega
+
+
+def downward(k: NDArray[Any], slowness: NDArray[Any]) -> Complexes:
     """Return √(k² − (ω/c)²) of waves that decay into the half-space or, faster ones, run into it."""
     square = k**2 - slowness**2
     return np.asarray(np.where(square.real > 0, np.sqrt(square), -1j * np.sqrt(-square)))
@@ -84,11 +143,11 @@ class Coupled:
     ----------
     crystal : the layer on a rigid wall below it, without its exact geometry (`true_geometry=False`), which would give
         the torques of pairs and of walls different arms.
-    substrate : the half-space, in the units of the crystal.
+    substrate : the half-space, or what it lies on else, in the units of the crystal.
     """
 
     crystal: Crystal
-    substrate: HalfSpace
+    substrate: Body
     feet: NDArray[np.intp] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -107,17 +166,29 @@ class Coupled:
 
     def matrix(self, wavevector: ArrayLike, frequency: ArrayLike) -> Complexes:
         """Return the matrix (..., F + 3, F + 3) of this module, at wave vectors (..., 2 or 3) and ω (...)."""
-        k, omega, crystal = padded(wavevector), np.asarray(frequency), self.crystal
+        return self._at(wavevector)(np.asarray(frequency)).stiffness
+
+    def _at(self, wavevector: ArrayLike) -> Callable[[NDArray[Any]], Reaction]:
+        """Return the matrix at wave vectors (..., 2 or 3) as a function of ω (...)."""
+        k, crystal = padded(wavevector), self.crystal
         size = np.linalg.norm(k, axis=-1)
         along = k / size[..., None]
         frame = np.stack([along, np.cross([0.0, 0.0, 1.0], along), np.broadcast_to([0.0, 0.0, 1.0], k.shape)], axis=-2)
-        inner = crystal.stiffness(k) - (omega**2)[..., None, None] * np.diag(crystal.moving(crystal.mass))
         moved, springs = self._pulled()
-        surface = np.swapaxes(frame, -1, -2) @ self.substrate.stiffness(size, omega) @ frame
-        corner = np.broadcast_to(-moved, (*inner.shape[:-1], 3))
-        upper = np.concatenate([inner, corner], axis=-1)
-        lower = np.concatenate([np.swapaxes(corner, -1, -2), springs + self.area * surface], axis=-1)
-        return np.concatenate([upper, lower], axis=-2)
+        count, area = len(moved), self.area
+        rest: Complexes = np.zeros((*size.shape, count + 3, count + 3), dtype=complex)
+        rest[..., :count, :count] = crystal.stiffness(k)
+        rest[..., :count, count:], rest[..., count:, :count] = -moved, -moved.T
+        rest[..., count:, count:] = springs
+        mass = np.diag(np.append(crystal.moving(crystal.mass), np.zeros(3)))
+
+        def assembled(omega: NDArray[Any]) -> Reaction:
+            body = self.substrate.reaction(size, omega)
+            matrix: Complexes = rest - (omega**2)[..., None, None] * mass
+            matrix[..., count:, count:] += area * (np.swapaxes(frame, -1, -2) @ body.stiffness @ frame)
+            return Reaction(matrix, body.held)
+
+        return assembled
 
     def _pulled(self) -> tuple[Floats, Floats]:
         """Return BᵀC (F, 3) and C (3, 3), summed over the feet of a cell."""
@@ -131,29 +202,30 @@ class Coupled:
             springs += stiffness
         return pulls[:, list(crystal.freedoms)].reshape(-1, 3), springs
 
-    def guided(self, wavevector: ArrayLike) -> Floats:
-        """Return ω (..., J) of the waves that are slower than c_t, ascending; nan where there are fewer than J.
+    def guided(self, wavevector: ArrayLike, below: float = np.inf) -> Floats:
+        """Return ω (..., J) of the waves that do not leak, ascending; nan where there are fewer than J.
 
-        J is that of the wave vector with the most.
+        J is that of the wave vector with the most. All have ω < `below`, which a plate needs.
         """
         k = padded(wavevector)
-        fastest = self.substrate.transverse * np.linalg.norm(k, axis=-1) * (1 - 1e-12)
-        counts = self._below(k, fastest)
+        fastest = np.minimum(self.substrate.cutoff * np.linalg.norm(k, axis=-1) * (1 - 1e-12), below)
+        if not np.isfinite(fastest).all():
+            raise ValueError("the guided waves of a plate have no end: give the frequency below which they are asked")
+        matrix, held = self._at(k)(fastest)
+        counts = held + np.sum(np.linalg.eigvalsh(_hermitian(matrix)) < 0, axis=-1)
         numbers = np.arange(counts.max(initial=0))
-        low = np.zeros((*k.shape[:-1], len(numbers)))
-        high = np.broadcast_to(fastest[..., None], low.shape).copy()
-        every = np.broadcast_to(k[..., None, :], (*low.shape, 3))
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            passed = self._below(every, middle) > numbers
-            low, high = np.where(passed, low, middle), np.where(passed, middle, high)
-        return np.where(numbers < counts[..., None], (low + high) / 2, np.nan)
+        at = self._at(np.broadcast_to(k[..., None, :], (*counts.shape, len(numbers), 3)))
 
-    def _below(self, k: Floats, omega: Floats) -> NDArray[np.intp]:
-        """Return how many waves are below ω (...), of which the matrix has as many negative eigenvalues."""
-        matrix = self.matrix(k, omega)
-        values = np.linalg.eigvalsh(0.5 * (matrix + np.swapaxes(matrix, -1, -2).conj()))
-        return np.asarray(np.sum(values < 0, axis=-1))
+        def passed(omega: Floats) -> Floats:
+            """Return a number that falls with ω and is 0 at each wave."""
+            matrix, held = at(omega)
+            values = np.linalg.eigvalsh(_hermitian(matrix))
+            place = numbers - held
+            chosen = np.take_along_axis(values, np.clip(place, 0, values.shape[-1] - 1)[..., None], axis=-1)[..., 0]
+            return np.where(place < 0, -np.abs(chosen), np.where(place < values.shape[-1], chosen, np.abs(chosen)))
+
+        high = np.broadcast_to(fastest[..., None], (*counts.shape, len(numbers)))
+        return np.where(numbers < counts[..., None], _zeros(passed, _SLOWEST * high, high), np.nan)
 
     def leaking(self, wavevector: ArrayLike, guess: complex) -> complex:
         """Return ω of the wave next to a guess, Im ω < 0 if it leaks; nan if there is none.

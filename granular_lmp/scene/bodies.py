@@ -38,6 +38,13 @@ class Substrate:
     normal_stiffness: float | None = number(*_STIFFNESS, default=None)
     shear_stiffness: float | None = number(*_STIFFNESS, default=None)
     sides: str = choice("under the crystal, or on both sides of it", (BELOW, BOTH), default=BELOW)
+    density: float | None = number(
+        "kg/m3",
+        "of the half-space, for its surface waves; a run has it rigid; left out: the spheres'",
+        1,
+        1e5,
+        default=None,
+    )
 
 
 # The ranges stand here because `Sphere` is plain physics, which `analysis` uses too. Within them the numbers of the

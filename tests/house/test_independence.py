@@ -139,7 +139,7 @@ ANALYSIS_MAY_IMPORT: dict[str, set[str]] = {
     "fit": {"theory", "measure", "plotting"},
     "harmonic": {"measure", "plotting"},
     "resonances": {"theory", "plotting"},
-    "saw": {"theory", "plotting"},
+    "saw": {"theory", "measure", "plotting"},
     "cases": {"second_harmonic", "theory", "measure", "plotting"},
     "case": {"plotting", "cases"},
     "cli": {"plotting", "compare", "design", "fit", "harmonic", "resonances", "saw", "cases", "case"},

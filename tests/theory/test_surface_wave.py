@@ -12,6 +12,7 @@ from analysis.theory.crystal import Crystal, Wall
 from analysis.theory.lattices import LATTICES
 from analysis.theory.network import Material
 from analysis.theory.surface_wave import Coupled, HalfSpace
+from granular_lmp import Scene
 
 SILICA = Material(73e3, 0.17, 63.0)  # MPa, mJ/m²: lengths in nm, masses in ag, times in ns
 R, DENSITY, DEPTH = 500.0, 2.2e-3, 0.2498514361612
@@ -96,6 +97,25 @@ def test_without_shear_it_is_the_vertical_formula() -> None:
         np.testing.assert_allclose(found, roots, rtol=1e-9)
 
 
+def test_contacts_without_shear_leave_the_vertical_resonance_alone() -> None:
+    apart, touching = (Coupled(layer(apart=each, shear=False), GLASS) for each in (1.0, 0.0))
+    own = np.sqrt(apart.crystal.bonds.law.stiffness[-1] / apart.crystal.mass[0, 0])
+    numbers = along(np.pi / 2, np.array([0.5, 1.0, 1.5]) * own / GLASS.rayleigh())
+    for one, other in zip(apart.guided(numbers), touching.guided(numbers), strict=True):
+        for omega in one[one > 1e-6 * own]:
+            # The distance of spheres that do not touch is larger by 1e-3
+            assert np.nanmin(np.abs(other / omega - 1)) < 1e-3
+
+
+@pytest.mark.parametrize(("xi", "departure"), [(0.102, 0.01), (0.213, 0.1)])
+def test_spheres_by_themselves_part_from_the_lattice_as_the_page_says(xi: float, departure: float) -> None:
+    lattice, vertical = Coupled(layer(), GLASS), Coupled(layer(apart=1.0, shear=False), GLASS)
+    own = np.sqrt(lattice.crystal.bonds.law.stiffness[-1] / lattice.crystal.mass[0, 0])
+    k = along(np.pi / 2, np.array([xi / (APART * np.sqrt(0.75))]))
+    slowest = [waves[waves > 1e-6 * own][0] for waves in (lattice.guided(k)[0], vertical.guided(k)[0])]
+    assert slowest[1] / slowest[0] - 1 == pytest.approx(departure, rel=0.02)
+
+
 def test_a_stiff_substrate_leaves_the_branches_of_the_layer() -> None:
     departures = []
     for factor in (1e2, 1e4):
@@ -152,29 +172,73 @@ def test_a_film_that_has_no_wall_is_refused() -> None:
 # --- the command ------------------------------------------------------------------------------------------------------
 
 
+def rows(printed: str, kind: str) -> list[dict[str, float]]:
+    """Return the waves of a kind in the table of the command, by the names of its columns."""
+    head, *lines = [line.split() for line in printed.splitlines() if line.split()[0] in ("wave", kind)]
+    return [dict(zip(head[-len(line) + 1 :], map(float, line[1:]), strict=True)) for line in lines]
+
+
 def test_the_command_prints_resonances_and_writes_all_waves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     saw.main(["monolayer_vertical", "-o", str(tmp_path / "saw.png")])
     said = capsys.readouterr().out
     assert "surface 3410.8 m/s" in said
-    (vertical,) = (line for line in said.splitlines() if "vertical 1.00" in line and "k = 0" in line)
+    (vertical,) = (each for each in rows(said, "resonance") if each["vertical"] == 1)
     # The formula of a large quality factor says 11.0: ρ c_l/(N m ω0) with one sphere on √¾ square micrometres
-    assert float(vertical.split("Q")[1].split(",")[0]) == pytest.approx(11.0, abs=0.2)
-    rows = list(csv.DictReader((tmp_path / "saw.csv").read_text("utf-8").splitlines()))
-    assert {row["kind"] for row in rows} == {"guided", "leaking"}
-    guided = [row for row in rows if row["kind"] == "guided"]
+    assert vertical["Q"] == pytest.approx(11.0, abs=0.2)
+    assert vertical["1/s"] == pytest.approx(np.pi * vertical["Hz"] / vertical["Q"], rel=0.01)
+    written = list(csv.DictReader((tmp_path / "saw.csv").read_text("utf-8").splitlines()))
+    assert {row["kind"] for row in written} == {"guided", "leaking"}
+    guided = [row for row in written if row["kind"] == "guided"]
     assert all(float(row["attenuation"]) == 0 for row in guided)
     for row in guided:  # none is faster than a transverse wave
         assert float(row["frequency_Hz"]) * float(row["wavelength"]) < 3765.8
+    for row in written:
+        assert sum(float(row[name]) for name in ("vertical", "along", "across", "turning")) == pytest.approx(1)
     assert (tmp_path / "saw.png").stat().st_size > 1e4
 
 
-def test_another_density_of_the_substrate_changes_the_leak(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for density in ("2200", "4400"):
-        saw.main(["monolayer_vertical", "--density", density, "--limit", "0.05", "-o", str(tmp_path / "saw.png")])
-    lines = [line for line in capsys.readouterr().out.splitlines() if "vertical 1.00" in line and "k = 0" in line]
-    light, heavy = (float(line.split("Q")[1].split(",")[0]) for line in lines)
+def test_another_density_of_the_substrate_changes_the_leak(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(saw, "POINTS", 12)
+    scene = Scene.load("monolayer_vertical").with_values({"substrate.density": 4400.0})
+    (tmp_path / "heavy.toml").write_text(scene.to_toml())
+    found = []
+    for words in (["monolayer_vertical"], ["monolayer_vertical", "--density", "4400"], [str(tmp_path / "heavy.toml")]):
+        saw.main([*words, "--limit", "0.05", "-o", str(tmp_path / "saw.png")])
+        found += [each["Q"] for each in rows(capsys.readouterr().out, "resonance") if each["vertical"] == 1]
+    light, heavy, declared = found
     # Q goes with ρ c_l, c_l with 1/√ρ
     assert heavy / light == pytest.approx(np.sqrt(2), rel=0.02)
+    assert declared == heavy
+
+
+def test_the_command_takes_a_plate_and_a_film(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(saw, "POINTS", 12)
+    plate = ["monolayer_vertical", "--thickness", "2e-6", "-o", str(tmp_path / "saw.png")]
+    saw.main([*plate, "--limit", "0.2"])
+    assert not rows(capsys.readouterr().out, "resonance")  # nothing leaks from a plate
+    saw.main([*plate, "--below", "73e9", "0.17", "2200", "--limit", "0.2"])  # of the substrate's own material
+    film = rows(capsys.readouterr().out, "resonance")
+    saw.main(["monolayer_vertical", "-o", str(tmp_path / "saw.png"), "--limit", "0.2"])
+    for one, other in zip(film, rows(capsys.readouterr().out, "resonance"), strict=True):
+        assert one["Hz"] == pytest.approx(other["Hz"], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--below", "73e9", "0.17", "2200"], "--below: needs --thickness"),
+        (["--thickness", "1e-6", "--below", "73e9", "0.5", "2200"], "Poisson's ratio between -1 and 0.5"),
+        (["--thickness=-1e-6"], "--thickness -1e-06: must be positive and finite"),
+    ],
+)
+def test_an_impossible_film_is_told(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        saw.main(["monolayer_vertical", *words])
+    assert says in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

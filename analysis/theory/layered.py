@@ -1,0 +1,91 @@
+"""Elastic films on a half-space, or a plate that is free below: how their upper surface resists a wave.
+
+A slab of thickness h carries waves that decay from either face, e^{p(z−h)} and e^{−pz}, so that no exponential grows.
+Displacements of both faces in these waves are U, tractions on them T, and K = T U⁻¹ is the stiffness of the slab. On a
+body whose surface resists with S, the surface of the slab resists with
+
+    S′ = K_tt − K_tb (K_bb + S)⁻¹ K_bt
+
+*Counting.* Below ω lie as many waves of a stack whose surface is held as the matrices K_bb + S have negative
+eigenvalues, if none of the slabs has a wave of its own between held faces: these are above π c_t/h, and a film is cut
+into slabs that are thin enough (Wittrick and Williams).
+
+When it breaks: K loses the share ε(k c/ω)² to rounding, ε of a double, as both kinds of waves become one at ω = 0. So
+bending of a plate is lost where kh is below 1e-2. A wave that leaks grows downward, and loses digits by its growth
+through the films.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.theory.surface_wave import Complexes, HalfSpace, Reaction, complexes, downward
+
+_SAGITTAL = [0, 2, 3, 5]  # along k and up, of both faces
+_STATIC = 1e-4  # of c_t k: a motion so slow is static to the share 1e-8, the digits that K has there
+
+
+class Slab(NamedTuple):
+    """A film of one material, and its thickness."""
+
+    material: HalfSpace
+    thickness: float
+
+    def stiffness(self, k: Complexes, omega: Complexes) -> Complexes:
+        """Return K (..., 6, 6) of the lower face, then the upper, each along k, across, and up; k, ω (...)."""
+        solid, h = self.material, self.thickness
+        omega = np.where(np.abs(omega) > _STATIC * solid.transverse * k.real, omega, _STATIC * solid.transverse * k)
+        shear = solid.density * solid.transverse**2
+        plane = solid.density * solid.longitudinal**2
+        zero, ik = 0 * k, 1j * k
+        p, q = (downward(k, omega / speed) for speed in (solid.longitudinal, solid.transverse))
+        moved, pulled = [], []
+        for turn, side in ((p, 1), (q, 1), (p, -1), (q, -1)):
+            slope = side * turn
+            # A gradient of e^{ikx + slope z}, and the curl of such a field
+            along, up = (ik, slope) if turn is p else (-slope, ik)
+            shears, presses = shear * (slope * along + ik * up), plane * slope * up + (plane - 2 * shear) * ik * along
+            low, high = (np.exp(-turn * h), zero + 1) if side > 0 else (zero + 1, np.exp(-turn * h))
+            moved.append([along * low, up * low, along * high, up * high])
+            pulled.append([-shears * low, -presses * low, shears * high, presses * high])
+        U, T = (np.moveaxis(np.array(each), (0, 1), (-1, -2)) for each in (moved, pulled))
+        result = np.zeros((*k.shape, 6, 6), dtype=complex)
+        rows, columns = np.ix_(_SAGITTAL, _SAGITTAL)
+        result[..., rows, columns] = T @ np.linalg.inv(U)
+        once, twice = np.exp(-q * h), np.expm1(-2 * q * h)
+        result[..., 1, 1] = result[..., 4, 4] = -shear * q * (2 + twice) / twice
+        result[..., 1, 4] = result[..., 4, 1] = shear * q * 2 * once / twice
+        return result
+
+
+class Layered(NamedTuple):
+    """Films on a half-space, or a plate.
+
+    Attributes
+    ----------
+    films : from below upward.
+    below : the half-space; None: free.
+    """
+
+    films: tuple[Slab, ...]
+    below: HalfSpace | None = None
+
+    @property
+    def cutoff(self) -> float:
+        """Return the speed of waves that leak, those that are no slower; none does from a plate."""
+        return np.inf if self.below is None else self.below.cutoff
+
+    def reaction(self, wavenumber: ArrayLike, frequency: ArrayLike) -> Reaction:
+        """Return how the upper surface resists at k > 0 (...) and ω (...) that may be complex."""
+        k, omega = complexes(wavenumber, frequency)
+        below = np.zeros((*k.shape, 3, 3), dtype=complex) if self.below is None else self.below.stiffness(k, omega)
+        count: NDArray[Any] = np.zeros(k.shape, dtype=np.intp)
+        for material, thickness in self.films:
+            slabs = 1 + int(thickness * np.abs(omega).max(initial=0) / (np.pi * material.transverse))
+            stiff = Slab(material, thickness / slabs).stiffness(k, omega)
+            for _ in range(slabs):
+                held = stiff[..., :3, :3] + below
+                count = count + np.sum(np.linalg.eigvalsh(held) < 0, axis=-1)
+                below = stiff[..., 3:, 3:] - stiff[..., 3:, :3] @ np.linalg.solve(held, stiff[..., :3, 3:])
+        return Reaction(below, count)
