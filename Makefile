@@ -18,7 +18,8 @@
 # make docs (the documentation site, into site/), make rooms (the drawing of docs/architecture.md),
 # make notebook (the tutorial, executed, into docs/tutorial.ipynb; twenty seconds),
 # make versioned-docs (the site of this version beside those of others, onto the branch gh-pages: RELEASING.md),
-# make decks (rewrites the committed decks of lammps_inputs), make clean.
+# make engines (sweeps that are cancelled, preempted and killed on a Slurm of this machine, where one can be started),
+# make wheel (what pip installs, into dist/), make decks (rewrites the committed decks of lammps_inputs), make clean.
 
 PYTHON ?= python3
 BIN = .venv/bin
@@ -28,7 +29,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 GROUPS = spectrum dispersion waves quiet scattering disorder impact published pull-off onset adhesion cost
 
 .PHONY: $(GROUPS) paper figures gallery test processors stability guards ladders witness bench scale decks docs \
-    versioned-docs notebook rooms clean
+    versioned-docs notebook rooms engines wheel clean
 
 spectrum: cases = spectrum
 dispersion: cases = dispersion
@@ -62,6 +63,8 @@ witness: .venv/ready
 	$(BIN)/python -m benchmarks.network
 
 gallery: .venv/ready
+	mkdir -p runs && sed -n '/^```toml/,/^```/{/^```/!p}' README.md > runs/first.toml
+	$(BIN)/granular-lmp run runs/first.toml -o runs/first --force && $(BIN)/granular-lmp view runs/first -o figures/gallery/first.png
 	sed -n 's/^\$$ //p' docs/gallery.md | PATH="$(CURDIR)/$(BIN):$$PATH" sh -ex
 
 test: .venv/ready
@@ -111,6 +114,13 @@ versioned-docs: .venv/docs-ready
 
 notebook: .venv/docs-ready
 	$(BIN)/python docs/tutorial_notebook.py
+
+engines: .venv/ready
+	$(BIN)/python -m pip install --quiet --editable '.[engines]'
+	$(BIN)/pytest -v tests/engines
+
+wheel: .venv/ready
+	$(BIN)/python -m hatchling build -d dist -t wheel
 
 rooms: .venv/ready
 	$(BIN)/python docs/rooms.py
