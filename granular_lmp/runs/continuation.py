@@ -9,6 +9,7 @@ from shlex import quote
 from typing import Any
 
 from granular_lmp.errors import RunFolderError
+from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, STATUS
 from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.folder import refuse_links
@@ -50,15 +51,15 @@ def read_start(folder: Path) -> dict[str, Any]:
     Raises
     ------
     RunFolderError
-        As `read_unfinished`, and if its deck was edited or it ran with the kernel.
+        As `read_unfinished`, and if its deck was edited or it ran with another kernel.
     """
     info = read_unfinished(folder)
     if not {"effects", "versions"} <= set(info):
         raise RunFolderError(f"{folder}: {_NOT_SAID}")
     if "edited" in info:
         raise RunFolderError(f"{folder}: its deck was edited, which resume does not know of; run it again")
-    if "kernel" in info:
-        raise RunFolderError(f"{folder}: ran with the kernel, which keeps no checkpoint; run it again with force=True")
+    if info.get("kernel", library.description()) != library.description():
+        raise RunFolderError(f"{folder}: ran with another kernel or LAMMPS than those of now; run it again")
     return info
 
 

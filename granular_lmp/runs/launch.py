@@ -6,9 +6,8 @@ record is the same to the last bit. What is done in which order is said by `gran
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
-from granular_lmp.errors import LaunchError, RunInterrupted
+from granular_lmp.errors import RunInterrupted
 from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, write_files
@@ -39,15 +38,9 @@ def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judg
     with collected() as seconds:
         with phase("build"):
             deck, edits = (what, what.edits()) if isinstance(what, Deck) else (deck_of(prepare(what)), [])
-        kernel = _kernel_of(deck) if options.kernel else None
-        return begin(Simulation(deck, edits, judge), folder, options, seconds, kernel)
-
-
-def _kernel_of(deck: Deck) -> dict[str, Any]:
-    if deck.problem.mode is None:
-        raise LaunchError("kernel=True: impacts run without it")
-    library.refuse_other_contacts(deck.input_text)
-    return {"path": library.built(), "description": library.description()}
+        if options.kernel:
+            library.refuse_other_contacts(deck.input_text)
+        return begin(Simulation(deck, edits, judge), folder, options, seconds)
 
 
 def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge = nothing_more) -> Record:

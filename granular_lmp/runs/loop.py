@@ -4,13 +4,14 @@ A `Simulation` knows the files of its deck, its record and its guards. The loop 
 progress, checkpoints, clock, status and seal.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from math import nan
 from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import EffectError, RunInterrupted
+from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
     CONTACTS,
@@ -34,9 +35,7 @@ from granular_lmp.runs.simulation import Simulation
 from granular_lmp.runs.status import read_status, write_status
 
 
-def begin(
-    simulation: Simulation, folder: Path, options: Options, seconds: Seconds, kernel: Mapping[str, Any] | None = None
-) -> Record:
+def begin(simulation: Simulation, folder: Path, options: Options, seconds: Seconds) -> Record:
     """Run a simulation in a folder, which is created, and return its record.
 
     Parameters
@@ -47,8 +46,6 @@ def begin(
     options : Options
     seconds : dict
         Phases of the run so far (`granular_lmp.runs.phases.collected`).
-    kernel : mapping, optional
-        ``path`` of the library that computes the contacts, and its ``description``.
 
     Raises
     ------
@@ -57,17 +54,14 @@ def begin(
     """
     with phase("build"):
         info = simulation.description("lmp" if options.program else "module", options.ranks)
-        info |= {"kernel": kernel["description"]} if kernel else {}
+        info |= {"kernel": library.description()} if options.kernel else {}
     # Missing programs and libraries are reported before a file is written
-    route = route_of(options.program, options.ranks)
+    route = route_of(options)
     with locked(folder, make=True, force=options.force) as lock:
         with phase("write"):
             clear(folder)
             write_files(folder, simulation.files())
         job = _job(simulation, folder, simulation.input_name, LOG, lock, options, info)
-        if kernel:  # it writes no slip into checkpoints, so that there are none
-            never = ("-var", "checkpoint", str(simulation.steps + 1))
-            job = replace(job, columns=(), variables=(*job.variables, *never), kernel=kernel["path"])
         return execute(simulation, job, route, info, seconds)
 
 
@@ -96,7 +90,7 @@ def proceed(of: Callable[[Path], Simulation], folder: Path, progress: Progress |
             simulation = of(folder)
         last = last_checkpoint(folder, info, simulation.dump)
         options = replace(options_of(folder, info), progress=progress)
-        route = route_of(options.program, options.ranks)
+        route = route_of(options)
         name = f"{simulation.input_name}.resume"
         with writable(folder):
             (folder / name).write_text(simulation.resume_text(last.name), encoding="utf-8")

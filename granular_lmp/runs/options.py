@@ -21,7 +21,7 @@ class Options:
     Raises
     ------
     LaunchError
-        If the launcher is unknown, there are more ranks than cores, or the kernel is to run in the program ``lmp``.
+        If the launcher is unknown, or there are more ranks than cores.
     """
 
     launcher: str = "module"
@@ -34,11 +34,6 @@ class Options:
         object.__setattr__(self, "ranks", plain_value(self.ranks))
         if self.launcher not in LAUNCHERS:
             raise LaunchError(f"launcher = {self.launcher!r}: must be one of {', '.join(LAUNCHERS)}")
-        if self.kernel and self.program:
-            taken = f"ranks={self.ranks}" if self.ranks > 1 else f"launcher={self.launcher!r}"
-            raise LaunchError(
-                f"kernel=True: runs on one rank of this process; leave out one of kernel=True and {taken}"
-            )
         if not isinstance(self.ranks, int) or not 1 <= self.ranks <= core_count():
             # Ranks wait for each other in busy loops: 3 ranks on 2 cores took 70 times as long as 2 ranks
             raise LaunchError(f"ranks = {self.ranks!r}: must be from 1 to {core_count()}, the cores of this machine")

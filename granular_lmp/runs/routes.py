@@ -25,6 +25,7 @@ from granular_lmp.lammps.installation import environment, lammps_module, lmp_com
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, read_log
 from granular_lmp.runs.directory import working_in
+from granular_lmp.runs.options import Options
 from granular_lmp.runs.phases import phase
 
 FEWEST_FILES = 64  # open files; a run of one rank needs 24 (measured), and each other run of the process its own
@@ -53,8 +54,6 @@ class Job:
         Thermo columns of the input; empty for an input without guards, which a stop leaves without a checkpoint.
     variables : tuple of str
         Words that override variables of the deck: ``-var``, name, value.
-    kernel : Path, optional
-        Library that computes the contacts (`granular_lmp.lammps.kernel.library`), in this process only.
     """
 
     folder: Path
@@ -64,7 +63,6 @@ class Job:
     report_step: Callable[[int], None]
     columns: tuple[str, ...] = ()
     variables: tuple[str, ...] = ()
-    kernel: Path | None = None
 
     @property
     def switches(self) -> list[str]:
@@ -83,36 +81,37 @@ def run_input(folder: Path, input_name: str, lock: int) -> None:
     LammpsMissingError, LammpsError
         As in `granular_lmp.run`.
     """
-    route_of(program=False, ranks=1)(Job(folder, input_name, LOG, lock, lambda step: None))
+    route_of(Options())(Job(folder, input_name, LOG, lock, lambda step: None))
 
 
 def check_machine() -> None:
     """Raise LammpsMissingError or LaunchError if LAMMPS cannot run in this process."""
-    route_of(program=False, ranks=1)
+    route_of(Options())
 
 
-def route_of(program: bool, ranks: int) -> Route:
-    """Return the function that runs a job.
+def route_of(options: Options) -> Route:
+    """Return the function that runs a job with these options.
 
     Raises
     ------
     LammpsMissingError, LaunchError
-        If LAMMPS, its MPI library or a program is missing, or too few files may be open.
+        If LAMMPS, its MPI library, a program or the kernel is missing, or too few files may be open.
     """
     files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     if 0 <= files < FEWEST_FILES:  # MPI would end this process without an error message
         raise LaunchError(f"ulimit -n = {files}: must be at least {FEWEST_FILES} open files for LAMMPS and its MPI")
     with phase("start"):
-        if program:
-            return partial(_run_program, lmp_command(ranks), environment(ranks))
-        return partial(_run_module, lammps_module())
+        kernel = library.built() if options.kernel else None
+        if options.program:
+            return partial(_run_program, lmp_command(options.ranks), environment(options.ranks), kernel)
+        return partial(_run_module, lammps_module(), kernel)
 
 
-def _run_module(module: Any, job: Job) -> None:
+def _run_module(module: Any, kernel: Path | None, job: Job) -> None:
     with _one_at_a_time, ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool, working_in(job.folder, pool):
         try:
             with phase("start"):
-                instance = pool.submit(_instance, module, job).result()
+                instance = pool.submit(library.start, module, kernel, job.switches, _this_rank()).result()
         except RuntimeError as refused:  # without a communicator the module would end in a segmentation fault
             raise LammpsMissingError(
                 f"LAMMPS cannot be started beside this mpi4py: {_first_line(refused)}"
@@ -136,17 +135,6 @@ def _run_module(module: Any, job: Job) -> None:
             raise
         finally:
             pool.submit(instance.close).result()
-
-
-def _instance(module: Any, job: Job) -> Any:
-    instance = module.lammps(cmdargs=job.switches, comm=_this_rank())
-    if job.kernel is not None:
-        try:
-            library.load(instance, job.kernel)
-        except BaseException:
-            instance.close()
-            raise
-    return instance
 
 
 @contextmanager
@@ -194,19 +182,22 @@ def _watch(work: "Future[Any]", look: Callable[[], None]) -> None:
     work.result()
 
 
-def _run_program(program: list[str], variables: dict[str, str], job: Job) -> None:
-    command = [*program, "-in", job.input_name, *job.switches, "-nonbuf"]
-    with subprocess.Popen(
-        command,
-        cwd=job.folder,
-        env=variables,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,  # this process passes Ctrl-C of the terminal on
-        pass_fds=[job.lock],
-    ) as process:
+def _run_program(program: list[str], variables: dict[str, str], kernel: Path | None, job: Job) -> None:
+    command = [*program, "-in", job.input_name, *job.switches, *(library.SWITCHES if kernel else ()), "-nonbuf"]
+    with (
+        library.offered(kernel) as more,
+        subprocess.Popen(
+            command,
+            cwd=job.folder,
+            env=variables | more,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,  # this process passes Ctrl-C of the terminal on
+            pass_fds=[job.lock],
+        ) as process,
+    ):
         try:
             output = _output(process, job)
         except BaseException:
@@ -216,6 +207,8 @@ def _run_program(program: list[str], variables: dict[str, str], job: Job) -> Non
         lines = [*log_tail(job.folder).splitlines(), *output.splitlines()]
         errors = [line for line in lines if "ERROR" in line] or [f"exit status {process.returncode}"]
         raise LammpsError(errors[0], _last_command(job.folder) or " ".join(command), log_tail(job.folder))
+    if kernel is not None and library.STYLE not in (job.folder / LOG).read_text(errors="replace"):
+        raise library.not_loaded(kernel)
 
 
 def _output(process: "subprocess.Popen[str]", job: Job) -> str:

@@ -29,7 +29,6 @@ ELSEWHERE = {
 }
 # Reasons why a cell is empty
 NOT = {
-    ("same bytes after resume", "kernel"): "the kernel writes no checkpoints, and `resume` refuses such a run by name",
     ("error budget", "impact"): "one run of an impact says nothing of its error: `time.tolerance` does",
     ("error budget", "collision"): "`collide` prints the error of each number, from a run with twice the step",
 }

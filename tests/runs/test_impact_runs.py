@@ -15,7 +15,7 @@ from PIL import Image
 import granular_lmp
 from granular_lmp import ImpactRecord, ImpactScene, Record, Scene, run_impact
 from granular_lmp.cli import main
-from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.errors import LammpsError, RunFolderError, RunInterrupted
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.outputs import RunLog, read_log
 from granular_lmp.plot.view import view
@@ -224,12 +224,6 @@ def test_energy_of_what_was_not_recorded_is_refused(tmp_path: Path) -> None:
         record = run_impact(scene, tmp_path / str(number))
         with pytest.raises(RunFolderError, match="the stored energy needs a record of all spheres"):
             record.energy()
-
-
-def test_the_kernel_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LaunchError, match="kernel=True: impacts run without it"):
-        run_impact(ImpactScene.load("solitary_chain"), tmp_path / "run", Options(kernel=True))
-    assert not (tmp_path / "run").exists()
 
 
 def test_the_door_runs_continues_and_reads_waves_and_impacts_alike(

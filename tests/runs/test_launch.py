@@ -25,7 +25,7 @@ from granular_lmp.lammps.outputs import DUMP_COLUMNS, mend_dump, mend_log, read_
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.fields import LAUNCHERS
-from granular_lmp.runs.options import core_count
+from granular_lmp.runs.options import Options, core_count
 from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER
 from tests.lammps.test_deck import lmp
@@ -428,7 +428,7 @@ def test_ctrl_c_in_an_input_without_guards_is_an_interruption(tmp_path: Path) ->
 
     (tmp_path / "in.endless").write_text(ENDLESS)
     with pytest.raises(KeyboardInterrupt):
-        routes.route_of(program=False, ranks=1)(routes.Job(tmp_path, "in.endless", "log.lammps", 0, stop))
+        routes.route_of(Options())(routes.Job(tmp_path, "in.endless", "log.lammps", 0, stop))
     assert seen[-1] > 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.endless", "log.lammps"]
 

@@ -1,28 +1,32 @@
-/* The contact of adhesive spheres in the plane as one loop: LAMMPS's pair style granular for the laws of the decks.
+/* The contact of spheres as one loop: LAMMPS's pair style granular for the laws of the decks.
 
-   Two spheres at an overlap d and a slip s push each other with
+   Two spheres of radii Ri, Rj at an overlap d and a slip s, Rc = Ri Rj/(Ri + Rj), push each other with f_N and f_S:
 
-       f_N = K a d - F,   f_S = -8 G a s,   |f_S| <= mu (f_N + 2 F),   a = sqrt(Rc d),   F = 4 pi gamma Rc
+       hertz/material   f_N = K a d - c v,          limit = mu |f_N|,           a = sqrt(Rc d)
+       dmt              f_N = K a d - F - c v,      limit = mu |K a d + F|,     a = sqrt(Rc d),  F = 4 pi gamma Rc
+       jkr              f_N = K a^3/Rc - 4 sqrt(pi gamma E a^3) - c v,          limit = mu |f_N + c v + 2 F|,
+                        d = a^2/Rc - 2 sqrt(pi gamma a/E),                      F = 3 pi gamma Rc
+       mindlin          f_S = -8 G a s - xt c w;    mindlin/force sums -8 G a w dt instead of s
 
-   (without adhesion F = 0). The slip grows by the relative velocity of the surfaces, with the full radii, and turns with
-   the contact; the torque of f_S has the lever arm R - d/2. A contact that opens forgets its slip, and one that slides
-   keeps that of its limit. All as in https://docs.lammps.org/pair_granular.html. The style is granular/kernel, which
-   LAMMPS takes for granular under "suffix kernel", so that a deck needs no other line:
+   with v and w the normal and tangential velocities of the surfaces, with the full radii, and c the dashpot: eta, or of
+   a restitution e the one that grows with the force. No shear force is above the limit. s turns with the contact; the
+   torque of f_S has the lever arm R - d/2. A contact that opens forgets its slip, and one that slides keeps that of its
+   limit. All as in https://docs.lammps.org/pair_granular.html. The style is granular/kernel, which LAMMPS takes for
+   granular under "suffix kernel", so that a deck needs no other line.
 
-       pair_coeff M N dmt E 0 nu gamma tangential mindlin NULL 0 mu damping velocity
-       pair_coeff M N hertz/material E 0 nu tangential mindlin NULL 0 mu damping velocity
-
-   Everything else is an error: other laws, three dimensions, several ranks, mixing. Restart files hold no slip. */
+   LAMMPS's own style is made beside it and asked for all but the forces: it reads and checks the laws, sets the cutoffs,
+   requests the neighbour list, and keeps slips, through checkpoints and on several ranks. What the loop does not know is
+   an error. */
 
 #include "atom.h"
 #include "comm.h"
 #include "domain.h"
 #include "error.h"
+#include "fix.h"
 #include "force.h"
 #include "lammps.h"
-#include "memory.h"
+#include "modify.h"
 #include "neigh_list.h"
-#include "neighbor.h"
 #include "pair.h"
 #include "update.h"
 #include "utils.h"
@@ -36,225 +40,409 @@ using namespace LAMMPS_NS;
 
 namespace {
 
-struct Law {
-  double stiffness, shear, adhesion, friction;    // K = 4/3 E*, 8 G*, 4 pi gamma, mu
+enum Shear { NONE, SECANT, INCREMENTAL };    // tangential linear_nohistory, mindlin, mindlin/force
+
+struct Law {    // of two types
+  bool known = false, jkr = false, cohesive = false, restitution = false;
+  Shear kind = NONE;
+  double stiffness = 0, modulus = 0, surface = 0;    // K = 4/3 E, E and gamma of the contact
+  double shear = 0, friction = 0;                    // 8 G, mu
+  double damping = 0, ratio = 0;                     // eta, or the factor of a restitution; xt
+
+  bool like(const Law &other) const { return jkr == other.jkr && kind == other.kind; }
 };
 
-struct Slips {    // the slip of each pair of the neighbour list, in rows of the first sphere
-  std::vector<int> row, length;    // by tag
-  std::vector<tagint> partner;
-  std::vector<double> slip;    // x, y
+// LAMMPS's fix NEIGH_HISTORY begins with these. That `pair` is the style it serves proves that they lie there
+struct Slips : public Fix {
+  int spheres, all, bit;
+  int **touching;
+  double **slip;    // of each pair of the neighbour list: x, y, z
+  Pair *pair;
+};
 
-  int find(tagint first, tagint second) const
-  {
-    if (first >= (tagint) row.size()) return -1;
-    for (int k = row[first]; k < row[first] + length[first]; k++)
-      if (partner[k] == second) return k;
-    return -1;
-  }
+struct Push {    // of one contact on its first sphere
+  double normal, shear[3], overlap;
 };
 
 class PairKernel : public Pair {
+  Pair *granular;    // LAMMPS's own style
+  Slips *slips = nullptr;
   std::vector<Law> laws;    // by both types
-  Slips slips;
+  Law usual;                // with what all laws have in common
+  int frozen = 0;           // group bit of spheres that fix freeze holds: their mass is infinite
 
   // LAMMPS turns a slip only if its normal part matters by more than this share of the sliding force
   static constexpr double TURNED = 1e-10;
 
   Law &law(int m, int n) { return laws[m * (atom->ntypes + 1) + n]; }
 
-  void renew()
+  void adopt()
   {
-    Slips before;
-    std::swap(before, slips);
-    slips.row.assign(atom->map_tag_max + 1, 0);
-    slips.length.assign(atom->map_tag_max + 1, 0);
-    for (int ii = 0; ii < list->inum; ii++) {
-      const int i = list->ilist[ii];
-      const tagint first = atom->tag[i];
-      slips.row[first] = (int) slips.partner.size();
-      slips.length[first] = list->numneigh[i];
-      for (int jj = 0; jj < list->numneigh[i]; jj++) {
-        const tagint second = atom->tag[list->firstneigh[i][jj] & NEIGHMASK];
-        const int same = before.find(first, second), turned = same < 0 ? before.find(second, first) : -1;
-        slips.partner.push_back(second);
-        for (int c = 0; c < 2; c++)
-          slips.slip.push_back(same >= 0 ? before.slip[2 * same + c] : turned >= 0 ? -before.slip[2 * turned + c] : 0.0);
+    allocated = granular->allocated;
+    setflag = granular->setflag;
+    cutsq = granular->cutsq;
+  }
+
+  // The contact of i and j, which are d apart; its slip is changed
+  template <bool SPACE, bool JKR, Shear KIND, bool DAMPED>
+  Push meet(const Law &c, int i, int j, const double *d, double r, double *s, bool moves) const
+  {
+    constexpr int D = SPACE ? 3 : 2;
+    const double ri = atom->radius[i], rj = atom->radius[j], overlap = ri + rj - r, Rc = ri * rj / (ri + rj);
+    const double *vi = atom->v[i], *vj = atom->v[j];
+    double n[3], u[3], un = 0;
+    for (int k = 0; k < D; k++) n[k] = d[k] / r;
+    if (KIND != NONE || DAMPED)
+      for (int k = 0; k < D; k++) {
+        u[k] = vi[k] - vj[k];
+        un += u[k] * n[k];
+      }
+
+    double a, pull, force;    // the force without its dashpot
+    if (JKR) {
+      a = radius_of_jkr(c, overlap, Rc);
+      pull = 3 * M_PI * c.surface * Rc;
+      force = c.stiffness * a * a * a / Rc - 4 * a * std::sqrt(M_PI * c.surface * c.modulus * a);
+    } else {
+      a = std::sqrt(Rc * overlap);
+      pull = 4 * M_PI * c.surface * Rc;
+      force = c.stiffness * a * overlap - pull;
+    }
+    double loss = 0, normal = force;
+    if (DAMPED) {
+      loss = c.restitution ? c.damping * std::sqrt(mass(i, j) * force / overlap) : c.damping;
+      normal -= loss * un;
+    }
+    Push push{normal, {0, 0, 0}, overlap};
+    if (KIND == NONE) return push;
+
+    const double shear = c.shear * a, limit = c.friction * std::fabs(c.cohesive ? force + 2 * pull : normal);
+    const double *wi = atom->omega[i], *wj = atom->omega[j];
+    double w[3], slow = DAMPED ? c.ratio * loss : 0;
+    const double spin = ri * wi[2] + rj * wj[2];
+    if (SPACE) {
+      const double wx = ri * wi[0] + rj * wj[0], wy = ri * wi[1] + rj * wj[1];
+      w[0] = u[0] - un * n[0] - wy * n[2] + spin * n[1];
+      w[1] = u[1] - un * n[1] - spin * n[0] + wx * n[2];
+      w[2] = u[2] - un * n[2] - wx * n[1] + wy * n[0];
+    } else {
+      w[0] = u[0] - un * n[0] + spin * n[1];
+      w[1] = u[1] - un * n[1] - spin * n[0];
+    }
+    if (moves) {
+      double along = 0;
+      for (int k = 0; k < D; k++) along += s[k] * n[k];
+      if (std::fabs(along) * (KIND == SECANT ? shear : 1) > TURNED * limit) turn<D>(s, n, along);
+      for (int k = 0; k < D; k++) s[k] += (KIND == SECANT ? 1 : -shear) * update->dt * w[k];
+    }
+    const double spring = KIND == SECANT ? -shear : 1;
+    double square = 0;
+    for (int k = 0; k < D; k++) {
+      push.shear[k] = spring * s[k] - slow * w[k];
+      square += push.shear[k] * push.shear[k];
+    }
+    if (square > limit * limit) {
+      const double part = limit / std::sqrt(square);
+      bool any = !DAMPED;    // without a slip nothing but the dashpot pushes, and LAMMPS has none of it
+      for (int k = 0; k < D; k++) any = any || s[k] != 0;
+      for (int k = 0; k < D; k++) {
+        push.shear[k] *= any ? part : 0;
+        if (any) s[k] = (push.shear[k] + slow * w[k]) / spring;
       }
     }
+    return push;
+  }
+
+  // a slip without its part along n, of the same length
+  template <int D> static void turn(double *s, const double *n, double along)
+  {
+    double before = 0, after = 0;
+    for (int k = 0; k < D; k++) {
+      before += s[k] * s[k];
+      s[k] -= along * n[k];
+      after += s[k] * s[k];
+    }
+    const double scale = after > 0 ? std::sqrt(before / after) : 0;
+    for (int k = 0; k < D; k++) s[k] *= scale;
+  }
+
+  // The larger root a of d = a^2/Rc - 2 sqrt(pi gamma a/E): with z the root of a in its natural unit, z^4 - z = y.
+  // Newton's steps come from above, the first one from z = 1, where the spheres touch without overlap
+  static double radius_of_jkr(const Law &c, double overlap, double Rc)
+  {
+    const double unit = std::cbrt(2 * Rc * std::sqrt(M_PI * c.surface / c.modulus)), area = unit * unit;
+    const double y = overlap * Rc / (area * area);
+    double z = 1 + y / 3;
+    for (int step = 0; step < 60; step++) {
+      const double cube = z * z * z, less = (z * cube - z - y) / (4 * cube - 1);
+      z -= less;
+      if (std::fabs(less) < 1e-9 * z) break;    // the next step would be the square of this one
+    }
+    return z * z * area;
+  }
+
+  // JKR's contacts begin at an overlap of 0 and end at the largest pull, as LAMMPS has it
+  static bool holds_apart(const Law &c, double gap, double Rc)
+  {
+    const double a = std::cbrt(9 * M_PI * c.surface * Rc * Rc / (4 * c.modulus));
+    return gap < 2 * std::sqrt(M_PI * c.surface * a / c.modulus) - a * a / Rc;
+  }
+
+  static bool touches(const Law &c, double rsq, double ri, double rj, bool before)
+  {
+    const double sum = ri + rj;
+    return rsq < sum * sum || (c.jkr && before && holds_apart(c, std::sqrt(rsq) - sum, ri * rj / sum));
+  }
+
+  double mass(int i, int j) const
+  {
+    const double mi = atom->rmass[i], mj = atom->rmass[j];
+    return atom->mask[i] & frozen ? mj : atom->mask[j] & frozen ? mi : mi * mj / (mi + mj);
+  }
+
+  template <bool SPACE, bool JKR, Shear KIND, bool DAMPED> void loop()
+  {
+    constexpr int D = SPACE ? 3 : 2;
+    constexpr bool KEEPS = JKR || KIND != NONE;    // whether two spheres touched before
+    const double(*x)[3] = (const double(*)[3]) atom->x[0], *radius = atom->radius;
+    double(*force)[3] = (double(*)[3]) atom->f[0], (*torque)[3] = (double(*)[3]) atom->torque[0];
+    const int *type = atom->type, nlocal = atom->nlocal, newton = this->force->newton_pair;
+    const NeighList *pairs = granular->list;
+    const bool moves = !update->setupflag;
+    double none[3] = {0, 0, 0};
+
+    for (int ii = 0; ii < pairs->inum; ii++) {
+      const int i = pairs->ilist[ii], *neighbours = pairs->firstneigh[i], count = pairs->numneigh[i];
+      const Law *row = &laws[type[i] * (atom->ntypes + 1)];
+      int *touching = KEEPS ? slips->touching[i] : nullptr;
+      double *s = KIND != NONE ? slips->slip[i] : none, on[3] = {0, 0, 0}, lever[3] = {0, 0, 0};
+      for (int jj = 0; jj < count; jj++, s += KIND == NONE ? 0 : 3) {
+        const int j = neighbours[jj] & NEIGHMASK;
+        const Law &c = row[type[j]];
+        double d[3] = {0, 0, 0}, rsq = 0;
+        for (int k = 0; k < D; k++) {
+          d[k] = x[i][k] - x[j][k];
+          rsq += d[k] * d[k];
+        }
+        const double sum = radius[i] + radius[j];
+        if (rsq >= sum * sum && !(JKR && touches(c, rsq, radius[i], radius[j], touching[jj]))) {
+          if (KEEPS) touching[jj] = 0;
+          if (KIND != NONE) s[0] = s[1] = s[2] = 0;
+          continue;
+        }
+        if (KEEPS) touching[jj] = 1;
+        const double r = std::sqrt(rsq);
+        const Push push = meet<SPACE, JKR, KIND, DAMPED>(c, i, j, d, r, s, moves);
+        const double *g = push.shear, along = push.normal / r;
+        double p[3] = {0, 0, 0};
+        for (int k = 0; k < D; k++) {
+          p[k] = along * d[k] + g[k];
+          on[k] += p[k];
+          if (newton || j < nlocal) force[j][k] -= p[k];
+        }
+        if (KIND != NONE) {    // -(n x g), times the lever arm of each
+          const double inner = radius[i] - 0.5 * push.overlap, outer = radius[j] - 0.5 * push.overlap;
+          const double t[3] = {(d[2] * g[1] - d[1] * g[2]) / r, (d[0] * g[2] - d[2] * g[0]) / r,
+                               (d[1] * g[0] - d[0] * g[1]) / r};
+          for (int k = SPACE ? 0 : 2; k < 3; k++) lever[k] += inner * t[k];
+          if (newton || j < nlocal)
+            for (int k = SPACE ? 0 : 2; k < 3; k++) torque[j][k] += outer * t[k];
+        }
+        if (evflag) ev_tally_xyz(i, j, nlocal, newton, 0.0, 0.0, p[0], p[1], p[2], d[0], d[1], d[2]);
+      }
+      for (int k = 0; k < D; k++) force[i][k] += on[k];
+      for (int k = SPACE ? 0 : 2; k < 3; k++) torque[i][k] += lever[k];
+    }
+  }
+
+  // What is known before the run chooses the loop: f is called with it as types
+  template <class F> void choose(F f) const
+  {
+    using No = std::false_type;
+    using Yes = std::true_type;
+    auto of_damping = [&](auto space, auto jkr, auto kind) {
+      usual.damping > 0 ? f(space, jkr, kind, Yes()) : f(space, jkr, kind, No());
+    };
+    auto of_shear = [&](auto space, auto jkr) {
+      if (usual.kind == NONE) of_damping(space, jkr, std::integral_constant<Shear, NONE>());
+      if (usual.kind == SECANT) of_damping(space, jkr, std::integral_constant<Shear, SECANT>());
+      if (usual.kind == INCREMENTAL) of_damping(space, jkr, std::integral_constant<Shear, INCREMENTAL>());
+    };
+    auto of_normal = [&](auto space) { usual.jkr ? of_shear(space, Yes()) : of_shear(space, No()); };
+    domain->dimension == 3 ? of_normal(Yes()) : of_normal(No());
+  }
+
+  // The words of a contact, one by one; what is not taken is an error
+  struct Words {
+    PairKernel *of;
+    int count;
+    char **words;
+    int at = 0;
+
+    std::string next() { return at < count ? words[at++] : ""; }
+    double number() { return utils::numeric(FLERR, next(), false, of->lmp); }
+    std::string one_of(const std::vector<std::string> &allowed, const std::string &what)
+    {
+      const std::string word = next();
+      if (std::find(allowed.begin(), allowed.end(), word) != allowed.end()) return word;
+      std::string names;
+      for (const std::string &each : allowed) names += (names.empty() ? "" : ", ") + each;
+      of->error->all(FLERR, "kernel: {} '{}': must be one of {}", what, word, names);
+      return "";
+    }
+  };
+
+  Law read(int count, char **given)
+  {
+    Words words{this, count, given};
+    Law found;
+    found.known = true;
+    const std::string normal = words.one_of({"hertz/material", "dmt", "jkr"}, "normal law");
+    const double E = words.number(), loss = words.number(), nu = words.number();
+    found.modulus = E / (2 * (1 - nu * nu));
+    found.stiffness = 4.0 / 3.0 * found.modulus;
+    found.jkr = normal == "jkr";
+    found.cohesive = normal != "hertz/material";
+    if (found.cohesive) found.surface = words.number();
+    words.one_of({"tangential"}, "word");
+    const std::string law = words.one_of({"linear_nohistory", "mindlin", "mindlin/force"}, "tangential law");
+    found.kind = law == "mindlin" ? SECANT : law == "mindlin/force" ? INCREMENTAL : NONE;
+    if (found.kind == NONE) {
+      if (words.number() != 0 || words.number() != 0) error->all(FLERR, "kernel: linear_nohistory must have 0 0");
+    } else {
+      const std::string stiffness = words.next();
+      found.shear = stiffness == "NULL" ? 8 * E / (4 * (2 - nu) * (1 + nu)) : utils::numeric(FLERR, stiffness, false, lmp);
+      found.ratio = words.number();
+      found.friction = words.number();
+    }
+    words.one_of({"damping"}, "word");
+    found.restitution = words.one_of({"velocity", "coeff_restitution"}, "damping law") == "coeff_restitution";
+    if (words.at < count) error->all(FLERR, "kernel: takes no '{}' in a contact", words.next());
+    const double logarithm = found.restitution ? std::log(loss) : 0;
+    found.damping = found.restitution ? -std::sqrt(5) * logarithm / std::hypot(M_PI, logarithm) : loss;
+    return found;
   }
 
  public:
   PairKernel(LAMMPS *lmp) : Pair(lmp)
   {
-    restartinfo = 0;
+    int suffix;
+    granular = force->new_pair("granular", 0, suffix);
+    if (!granular) error->all(FLERR, "kernel: this LAMMPS has no pair_style granular");
+    restartinfo = granular->restartinfo;
     no_virial_fdotr_compute = 1;
     finitecutflag = 1;
-    single_extra = 12;
+    single_extra = granular->single_extra;
     svector = new double[single_extra]();
   }
 
   ~PairKernel() override
   {
     delete[] svector;
-    if (allocated) {
-      memory->destroy(setflag);
-      memory->destroy(cutsq);
-    }
+    delete granular;
   }
 
-  void settings(int count, char **) override
+  void settings(int count, char **words) override
   {
     if (count) error->all(FLERR, "kernel: pair_style granular takes no cutoff");
+    granular->settings(count, words);
+    if (comm->me == 0) utils::logmesg(lmp, "Contacts are computed by granular/kernel\n");
   }
 
   void coeff(int count, char **words) override
   {
-    if (!allocated) {
-      allocated = 1;
-      memory->create(setflag, atom->ntypes + 1, atom->ntypes + 1, "kernel:setflag");
-      memory->create(cutsq, atom->ntypes + 1, atom->ntypes + 1, "kernel:cutsq");
-      for (int m = 0; m <= atom->ntypes; m++) std::fill_n(setflag[m], atom->ntypes + 1, 0);
-      laws.resize((atom->ntypes + 1) * (atom->ntypes + 1));
-    }
-    std::vector<std::string> given(words + std::min(count, 2), words + count);
-    const std::string normal = given.empty() ? "" : given[0];
-    std::vector<std::string> known{normal, "E", "0", "nu"};
-    if (normal == "dmt") known.push_back("gamma");
-    else if (normal != "hertz/material") error->all(FLERR, "kernel: normal law '{}': must be dmt or hertz/material", normal);
-    for (const char *word : {"tangential", "mindlin", "NULL", "0", "mu", "damping", "velocity"}) known.push_back(word);
-    std::vector<double> number;
-    for (size_t k = 0; k < std::max(known.size(), given.size()); k++) {
-      const std::string wanted = k < known.size() ? known[k] : "nothing", word = k < given.size() ? given[k] : "";
-      const bool any = wanted == "E" || wanted == "nu" || wanted == "gamma" || wanted == "mu";
-      if (any) number.push_back(utils::numeric(FLERR, word, false, lmp));
-      else if (wanted == "0" ? utils::numeric(FLERR, word, false, lmp) != 0.0 : wanted != word)
-        error->all(FLERR, "kernel: pair_coeff has '{}' where it takes {} only", word, wanted);
-    }
-    const double E = number[0], nu = number[1];
-    const Law found{4.0 / 3.0 * E / (2 * (1 - nu * nu)), 8 * E / (4 * (2 - nu) * (1 + nu)),
-                    normal == "dmt" ? 4 * M_PI * number[2] : 0.0, number.back()};
+    if (laws.empty()) laws.resize((atom->ntypes + 1) * (atom->ntypes + 1));
+    const Law found = read(count - std::min(count, 2), words + std::min(count, 2));
+    granular->coeff(count, words);
+    adopt();
     int low[2], high[2];
     for (int side = 0; side < 2; side++) utils::bounds(FLERR, words[side], 1, atom->ntypes, low[side], high[side], error);
     for (int m = low[0]; m <= high[0]; m++)
-      for (int n = std::max(low[1], m); n <= high[1]; n++) {
-        law(m, n) = law(n, m) = found;
-        setflag[m][n] = 1;
-      }
+      for (int n = std::max(low[1], m); n <= high[1]; n++) law(m, n) = law(n, m) = found;
   }
 
   void init_style() override
   {
-    if (comm->nprocs > 1) error->all(FLERR, "kernel: {} ranks: must be one", comm->nprocs);
-    if (domain->dimension != 2) error->all(FLERR, "kernel: dimension {}: must be 2", domain->dimension);
-    if (!atom->radius_flag || !atom->omega_flag || !atom->torque_flag || !atom->tag_enable)
-      error->all(FLERR, "kernel: needs atom_style sphere, with identifiers");
-    if (!comm->ghost_velocity) error->all(FLERR, "kernel: needs comm_modify vel yes");
-    neighbor->add_request(this, NeighConst::REQ_SIZE);
+    if (!modify->get_fix_by_style("^rigid").empty()) error->all(FLERR, "kernel: takes no rigid bodies");
+    usual = Law();
+    for (int m = 1; m <= atom->ntypes; m++)
+      for (int n = m; n <= atom->ntypes; n++) {
+        if (laws.empty() || !law(m, n).known) error->all(FLERR, "kernel: types {} and {} have no pair_coeff", m, n);
+        if (usual.known && !usual.like(law(m, n))) error->all(FLERR, "kernel: all contacts must have the same laws");
+        const double most = std::max(usual.damping, law(m, n).damping);
+        usual = law(m, n);
+        usual.damping = most;
+      }
+    granular->init_style();
+    slips = nullptr;    // of a chain of spheres that have no shear there are none
+    for (Fix *each : modify->get_fix_by_style("^NEIGH_HISTORY"))
+      if (((Slips *) each)->pair == granular) slips = (Slips *) each;
+    if ((usual.kind != NONE || usual.jkr) && !slips) error->all(FLERR, "kernel: this LAMMPS keeps its slips elsewhere");
+    frozen = 0;
+    for (Fix *each : modify->get_fix_by_style("^freeze")) frozen |= each->groupbit;
   }
 
-  double init_one(int m, int n) override
+  double init_one(int m, int n) override { return granular->init_one(m, n); }
+  void reset_dt() override { granular->reset_dt(); }
+  void write_restart(FILE *file) override { granular->write_restart(file); }
+  void read_restart(FILE *file) override
   {
-    if (!setflag[m][n]) error->all(FLERR, "kernel: types {} and {} have no pair_coeff", m, n);
-    double largest[2] = {0.0, 0.0};
-    for (int i = 0; i < atom->nlocal; i++)
-      for (int side = 0; side < 2; side++)
-        if (atom->type[i] == (side ? n : m)) largest[side] = std::max(largest[side], atom->radius[i]);
-    return largest[0] + largest[1];
+    granular->read_restart(file);
+    adopt();
   }
 
   void compute(int eflag, int vflag) override
   {
     ev_init(eflag, vflag);
-    if (neighbor->ago == 0) renew();
-    const double(*x)[3] = (const double(*)[3]) atom->x[0], (*v)[3] = (const double(*)[3]) atom->v[0];
-    const double(*omega)[3] = (const double(*)[3]) atom->omega[0], *radius = atom->radius;
-    double(*force)[3] = (double(*)[3]) atom->f[0], (*torque)[3] = (double(*)[3]) atom->torque[0];
-    const int *type = atom->type, nlocal = atom->nlocal, newton = this->force->newton_pair;
-    const double dt = update->dt;
-    const bool moves = !update->setupflag;
-
-    for (int ii = 0; ii < list->inum; ii++) {
-      const int i = list->ilist[ii], *neighbours = list->firstneigh[i], count = list->numneigh[i];
-      const double xi = x[i][0], yi = x[i][1], ri = radius[i];
-      const Law *row = &laws[type[i] * (atom->ntypes + 1)];
-      double *s = slips.slip.data() + 2 * slips.row[atom->tag[i]], fx = 0, fy = 0, turn = 0;
-      for (int jj = 0; jj < count; jj++, s += 2) {
-        const int j = neighbours[jj] & NEIGHMASK;
-        const double dx = xi - x[j][0], dy = yi - x[j][1], rj = radius[j], sum = ri + rj, rsq = dx * dx + dy * dy;
-        if (rsq >= sum * sum) {
-          s[0] = s[1] = 0.0;
-          continue;
-        }
-        const Law &c = row[type[j]];
-        const double r = std::sqrt(rsq), nx = dx / r, ny = dy / r, overlap = sum - r, Rc = ri * rj / sum;
-        const double a = std::sqrt(Rc * overlap), repulsion = c.stiffness * a * overlap, F = c.adhesion * Rc;
-        const double shear = c.shear * a, limit = c.friction * std::fabs(repulsion + F);
-        double sx = s[0], sy = s[1];
-        if (moves) {
-          const double along = sx * nx + sy * ny;
-          if (std::fabs(along) * shear > TURNED * limit) {    // its length is kept
-            const double length = std::sqrt(sx * sx + sy * sy);
-            sx -= along * nx;
-            sy -= along * ny;
-            const double flat = std::sqrt(sx * sx + sy * sy), scale = flat > 0 ? length / flat : 0.0;
-            sx *= scale;
-            sy *= scale;
-          }
-          const double ux = v[i][0] - v[j][0], uy = v[i][1] - v[j][1], un = ux * nx + uy * ny;
-          const double roll = ri * omega[i][2] + rj * omega[j][2];
-          sx += dt * (ux - un * nx + roll * ny);
-          sy += dt * (uy - un * ny - roll * nx);
-        }
-        double gx = -shear * sx, gy = -shear * sy;
-        const double hard = gx * gx + gy * gy;
-        if (hard > limit * limit) {
-          const double part = limit / std::sqrt(hard);
-          gx *= part;
-          gy *= part;
-          sx *= part;
-          sy *= part;
-        }
-        s[0] = sx;
-        s[1] = sy;
-        const double px = (repulsion - F) * nx + gx, py = (repulsion - F) * ny + gy, lever = nx * gy - ny * gx;
-        fx += px;
-        fy += py;
-        turn -= (ri - 0.5 * overlap) * lever;
-        if (newton || j < nlocal) {
-          force[j][0] -= px;
-          force[j][1] -= py;
-          torque[j][2] -= (rj - 0.5 * overlap) * lever;
-        }
-        if (evflag) ev_tally_xyz(i, j, nlocal, newton, 0.0, 0.0, px, py, 0.0, dx, dy, 0.0);
-      }
-      force[i][0] += fx;
-      force[i][1] += fy;
-      torque[i][2] += turn;
-    }
+    choose([&](auto space, auto jkr, auto kind, auto damped) {
+      loop<decltype(space)::value, decltype(jkr)::value, decltype(kind)::value, decltype(damped)::value>();
+    });
   }
 
-  // For compute pair/local: p1 and p2 are the shear force on i, p4 its magnitude, p10 and p11 the vector from j to i
+  // For compute pair/local: p1 to p3 are the shear force on i, p4 its magnitude, p10 to p12 the vector from j to i
   double single(int i, int j, int m, int n, double rsq, double, double, double &fforce) override
   {
     std::fill_n(svector, single_extra, 0.0);
     fforce = 0.0;
-    const double sum = atom->radius[i] + atom->radius[j];
-    if (rsq >= sum * sum) return 0.0;
     const Law &c = law(m, n);
-    const double r = std::sqrt(rsq), overlap = sum - r, Rc = atom->radius[i] * atom->radius[j] / sum;
-    const double a = std::sqrt(Rc * overlap);
-    fforce = (c.stiffness * a * overlap - c.adhesion * Rc) / r;
-    int k = slips.find(atom->tag[i], atom->tag[j]);
-    const double shear = k >= 0 ? -c.shear * a : c.shear * a;    // the slip of j on i is the opposite
-    if (k < 0) k = slips.find(atom->tag[j], atom->tag[i]);
-    if (k < 0) error->one(FLERR, "kernel: a contact that is in no neighbour list");
-    for (int d = 0; d < 2; d++) {
-      svector[d] = shear * slips.slip[2 * k + d];
-      svector[9 + d] = atom->x[i][d] - atom->x[j][d];
+    double none[3] = {0, 0, 0}, *s = none;
+    const double way = find(i, j, s), ri = atom->radius[i], rj = atom->radius[j];
+    if (!touches(c, rsq, ri, rj, way != 0)) return 0.0;
+    if (c.kind != NONE && s == none) error->one(FLERR, "kernel: a contact that is in no neighbour list");
+    const int first = way < 0 ? j : i, second = way < 0 ? i : j;
+    double d[3], r = std::sqrt(rsq);
+    for (int k = 0; k < 3; k++) d[k] = atom->x[first][k] - atom->x[second][k];
+    Push push{};
+    choose([&](auto space, auto jkr, auto kind, auto damped) {
+      push = meet<decltype(space)::value, decltype(jkr)::value, decltype(kind)::value, decltype(damped)::value>(
+          c, first, second, d, r, s, false);
+    });
+    fforce = push.normal / r;
+    for (int k = 0; k < 3; k++) {
+      svector[k] = (way < 0 ? -1 : 1) * push.shear[k];
+      svector[9 + k] = (way < 0 ? -1 : 1) * d[k];
+      svector[3] += push.shear[k] * push.shear[k];
     }
-    svector[3] = std::sqrt(svector[0] * svector[0] + svector[1] * svector[1]);
+    svector[3] = std::sqrt(svector[3]);
     return 0.0;
+  }
+
+ private:
+  // Where the slip of i and j lies: 1, or -1 where it is that of j and i; 0 if they did not touch before
+  double find(int i, int j, double *&s) const
+  {
+    if (!slips) return 0;
+    const NeighList *pairs = granular->list;
+    for (const int way : {1, -1}) {
+      const int first = way > 0 ? i : j, second = way > 0 ? j : i;
+      if (first >= atom->nlocal) continue;
+      for (int k = 0; k < pairs->numneigh[first]; k++)
+        if ((pairs->firstneigh[first][k] & NEIGHMASK) == second) {
+          if (usual.kind != NONE) s = &slips->slip[first][3 * k];
+          return slips->touching[first][k] ? way : 0;
+        }
+    }
+    return 0;
   }
 };
 

