@@ -3,20 +3,26 @@
 The method, its step control and its interpolation are those of `scipy.integrate.solve_ivp`, with SciPy's coefficients.
 SciPy sums the stages by BLAS, which may hand states of a few hundred complex numbers to all its threads: on a busy
 machine of four cores `analysis.compare` of one run then took 41 s of processor time, and 1.5 s with one thread.
+
+Large states are summed by the loops of `analysis.theory.loops` where these are there.
 """
 
 import json
 from collections.abc import Callable
 from functools import cache
-from math import hypot, sqrt
+from math import hypot
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.theory import loops
+
 Array = NDArray[Any]  # floats or complex numbers
+Floats = NDArray[np.float64]
 Derivative = Callable[[Array], Array]
+Slope = Callable[[float, Array, Array], None]  # writes the slope at a time and a state into the last argument
 
 SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # the change from one step to the next, as in SciPy
 
@@ -28,6 +34,11 @@ class Tableau(NamedTuple):
     stages: Array
     errors: Array
     dense: Array
+
+    @property
+    def times(self) -> Array:
+        """Return when each stage is, in steps."""
+        return np.asarray(self.stages.sum(axis=1))
 
 
 STAGES, ROWS = 12, 16  # A step has 12 stages, and 16 with its result and interpolation
@@ -43,64 +54,130 @@ def tableau() -> Tableau:
 class Step:
     """A state and the slopes of its step, one array, so that a stage is one sum over the rows before it."""
 
-    def __init__(self, derivative: Derivative, start: Array) -> None:
-        self.derivative = derivative
+    def __init__(self, slope: Slope, time: float, start: Array) -> None:
+        self.slope, self.time = slope, time
         self.stack = np.empty((1 + ROWS, *start.shape), dtype=start.dtype)
         self.numbers = _real(self.stack)
         self.trial, self.after = np.empty((2, *start.shape), dtype=start.dtype)
-        self.stack[0], self.stack[1] = start, derivative(start)
         self.begin, self.slopes = self.stack[0], self.stack[1:]
+        self.begin[...] = start
+        slope(time, self.begin, self.slopes[0])
 
     def stages(self, first: int, last: int, length: float) -> None:
         """Fill the slopes from the first to the last of a step; `trial` is left where the last was taken."""
         weights = np.empty((ROWS, 1 + ROWS))
         weights[:, 0], weights[:, 1:] = 1.0, length * tableau().stages
+        times = (self.time + length * tableau().times).tolist()
         place = _real(self.trial[None])[0]
         for row in range(first, last + 1):
-            np.einsum("i,ij->j", weights[row, : row + 1], self.numbers[: row + 1], out=place)
-            self.stack[row + 1] = self.derivative(self.trial)
+            loops.weighted(weights[row, : row + 1], self.numbers, place)
+            self.slope(times[row], self.trial, self.slopes[row])
 
     def try_out(self, length: float) -> None:
         """Make the step: its slopes, and the state `after` it."""
         self.stages(1, STAGES, length)
         self.after[...] = self.trial
 
-    def error(self, rtol: float, atol: float) -> float:
+    def error(self, rtol: float, atol: Floats | float) -> float:
         """Return the error per unit of τ over the tolerance, from the embedded formulas of orders 5 and 3."""
-        scale = atol + rtol * np.maximum(np.abs(self.begin), np.abs(self.after))
-        fifth, third = map(_norm, _sum(tableau().errors, self.slopes) / scale)
+        fifth, third = loops.errors(tableau().errors, self.slopes, self.begin, self.after, rtol, atol)
         both = hypot(fifth, 0.1 * third)
         return fifth**2 / both if both else 0.0
 
-    def between(self, length: float, places: NDArray[np.float64]) -> Array:
+    def between(self, length: float, places: Floats) -> Array:
         """Return the states at the places x in (0, 1] of the step, by the interpolation of order 7."""
         self.stages(STAGES + 1, ROWS - 1, length)
-        rise, first, last = self.after - self.begin, length * self.slopes[0], length * self.slopes[STAGES]
-        terms = np.stack([rise, first - rise, 2 * rise - first - last, *length * _sum(tableau().dense, self.slopes)])
+        table = tableau()
+        first, last, rise = np.eye(ROWS)[0], np.eye(ROWS)[STAGES], np.pad(table.stages[STAGES], (0, 1))[:ROWS]
+        terms = np.stack([rise, first - rise, 2 * rise - first - last, *table.dense])
         # x, x(1−x), x²(1−x), …
         factors = np.stack([places, 1 - places] * len(terms), axis=-1)[:, : len(terms)]
-        return self.begin + _sum(np.cumprod(factors, axis=-1), terms)
+        weights = np.pad(length * (np.cumprod(factors, axis=-1) @ terms), ((0, 0), (1, 0)), constant_values=1.0)
+        states = np.empty((len(places), *self.begin.shape), dtype=self.begin.dtype)
+        for each, state in zip(weights, _real(states), strict=True):
+            loops.weighted(each, self.numbers, state)
+        return states
 
-    def advance(self) -> None:
+    def advance(self, time: float) -> None:
         """Begin the next step where this one ended."""
-        self.stack[0], self.stack[1] = self.after, self.slopes[STAGES]
+        self.time, self.begin[...], self.slopes[0] = time, self.after, self.slopes[STAGES]
 
 
-def dop853(
-    derivative: Derivative,
-    start: Array,
-    tau: NDArray[np.float64],
-    rtol: float,
-    atol: float,
-    longest: float,
-) -> Array:
+class Solver:
+    """Steps from a time and a state to an end, as long as their error allows.
+
+    Parameters
+    ----------
+    slope : writes the derivative at a time and a state into an array; it neither keeps nor changes the state.
+    rtol, atol : error per step, the root mean square over the numbers of a state; atol may be one for each number.
+    longest : largest step.
+    first : length of the first step, chosen by the motion if None.
+
+    Attributes
+    ----------
+    before, time : where the last step began and ended.
+    length : of the last step.
+    """
+
+    def __init__(
+        self,
+        slope: Slope,
+        time: float,
+        start: Array,
+        end: float,
+        rtol: float,
+        atol: Floats | float,
+        longest: float,
+        first: float | None = None,
+    ) -> None:
+        self.now = Step(slope, time, start)
+        self.before = self.time = time
+        self.end, self.rtol, self.atol, self.longest = end, rtol, atol, longest
+        self._next = first or _first_step(self.now, end - time, rtol, atol)
+        self._made = False
+
+    def step(self) -> None:
+        """Make one step; RuntimeError when it has fallen to rounding, or a state is not finite."""
+        if self._made:
+            self.now.advance(self.time)
+        step, rejected, self.before = self._next, False, self.time
+        while True:
+            step = min(step, self.longest, self.end - self.time)
+            if not (step > 10 * np.spacing(self.time) or step == self.end - self.time):
+                raise RuntimeError(
+                    f"the step has fallen to {step:.1e} at tau = {self.time:.6g}: the state is not smooth there"
+                )
+            self.now.try_out(step)
+            error = step * self.now.error(self.rtol, self.atol)
+            if error < 1:
+                break
+            rejected, step = True, step * max(LEAST, SAFETY * error ** (-1 / 8))
+        growth = SAFETY * error ** (-1 / 8) if error > 0 else MOST
+        self.length, self._next, self._made = step, step * min(1.0 if rejected else MOST, growth), True
+        self.time = self.time + step if step < self.end - self.time else self.end
+
+    @property
+    def state(self) -> Array:
+        """Return the state after the last step."""
+        return self.now.after
+
+    @property
+    def earlier(self) -> Array:
+        """Return the state before the last step."""
+        return self.now.begin
+
+    def between(self, times: Floats) -> Array:
+        """Return the states (T, …) at times of the last step."""
+        return self.now.between(self.length, (times - self.before) / self.length)
+
+
+def dop853(derivative: Derivative, start: Array, tau: Floats, rtol: float, atol: float, longest: float) -> Array:
     """Return the states (T, …) of y' = derivative(y), y(0) = start, at the ascending times tau ≥ 0.
 
     Parameters
     ----------
     derivative : of a state, an array like `start`, which it neither keeps nor changes.
-    rtol, atol : error per step, the root mean square over the numbers of a state.
-    longest : largest step.
+    rtol, atol, longest : as of `Solver`.
 
     Raises RuntimeError when the step has fallen to rounding, or a state is not finite.
     """
@@ -109,26 +186,17 @@ def dop853(
     result[:done] = start
     if done == len(tau):
         return result
-    time, now = 0.0, Step(derivative, start)
-    step = min(_first_step(derivative, now.begin, now.slopes[0], rtol, atol), longest)
-    rejected = False
+
+    def slope(time: float, state: Array, out: Array) -> None:
+        out[...] = derivative(state)
+
+    solver = Solver(slope, 0.0, start, float(tau[-1]), rtol, atol, longest)
     while done < len(tau):
-        step = min(step, longest, tau[-1] - time)
-        if not step > 10 * np.spacing(time):
-            raise RuntimeError(f"the step has fallen to {step:.1e} at tau = {time:.6g}: the state is not smooth there")
-        now.try_out(step)
-        error = step * now.error(rtol, atol)
-        if not error < 1:
-            rejected, step = True, step * max(LEAST, SAFETY * error ** (-1 / 8))
-            continue
-        end = time + step if step < tau[-1] - time else float(tau[-1])
-        upto = int(np.searchsorted(tau, end, side="right"))
+        solver.step()
+        upto = int(np.searchsorted(tau, solver.time, side="right"))
         if upto > done:
-            result[done:upto] = now.between(step, (tau[done:upto] - time) / step)
-        now.advance()
-        growth = SAFETY * error ** (-1 / 8) if error > 0 else MOST
-        step *= min(1.0 if rejected else MOST, growth)
-        time, done, rejected = end, upto, False
+            result[done:upto] = solver.between(tau[done:upto])
+        done = upto
     return result
 
 
@@ -143,16 +211,13 @@ def _sum(weights: Array, slopes: Array) -> Array:
     return total.view(slopes.dtype).reshape(len(weights), *slopes.shape[1:])
 
 
-def _norm(values: Array) -> float:
-    numbers = values.reshape(-1).view(np.float64)
-    return sqrt(np.einsum("i,i", numbers, numbers) / values.size)
-
-
-def _first_step(derivative: Derivative, y: Array, slope: Array, rtol: float, atol: float) -> float:
+def _first_step(now: Step, span: float, rtol: float, atol: Floats | float) -> float:
     """Return the first step: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, section II.4."""
-    scale = atol + rtol * np.abs(y)
-    size, speed = _norm(y / scale), _norm(slope / scale)
-    guess = 1e-6 if min(size, speed) < 1e-5 else 0.01 * size / speed
-    turning = _norm((derivative(y + guess * slope) - slope) / scale) / guess
+    begin, slope = now.begin, now.slopes[0]
+    scale = atol + rtol * np.abs(begin)
+    size, speed = loops.norm(begin / scale), loops.norm(slope / scale)
+    guess = min(1e-6 if min(size, speed) < 1e-5 else 0.01 * size / speed, span)
+    now.slope(now.time + guess, begin + guess * slope, now.trial)
+    turning = loops.norm((now.trial - slope) / scale) / guess
     fastest = max(speed, turning)
     return min(100 * guess, max(1e-6, guess * 1e-3) if fastest <= 1e-15 else (0.01 / fastest) ** (1 / 8))

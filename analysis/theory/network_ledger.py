@@ -46,11 +46,16 @@ class Energy:
 def energy(network: Network, state: State) -> Energy:
     """Return the energy of a state; that of held spheres is left out, no force ever changes it."""
     now = present(network, state)
+    normal = state.pairs.normal.energy(now.overlap, now.radius)
+    return Energy(kinetic_energy(network, state), float(normal.sum()), float((now.spring * slip(now)).sum()) / 2)
+
+
+def kinetic_energy(network: Network, state: State) -> float:
+    """Return Σ ½m v² + ½I ω² of the spheres that are free."""
     free = network.mobility[0] > 0
     velocity, spin = np.split(state.motion[network.freedoms :], [network.dimension])
     speeds = network.mass * dot(velocity, velocity) + network.inertia * dot(spin, spin)
-    normal = state.pairs.normal.energy(now.overlap, now.radius)
-    return Energy(float(speeds[free].sum()) / 2, float(normal.sum()), float((now.spring * slip(now)).sum()) / 2)
+    return float(speeds[free].sum()) / 2
 
 
 def momentum(network: Network, state: State) -> Floats:

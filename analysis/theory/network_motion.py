@@ -5,9 +5,9 @@ estimate; the slip of every contact is a part of the state, and so is the work W
 contact that is open forgets its slip, one that slides keeps the slip of its limit, and where a sphere has moved far
 enough for new contacts, the step is taken back and the pairs are searched again.
 
-Good values: rtol from 1e-6 (a figure) to 1e-11 (a witness). An evaluation of all forces takes 0.1 to 0.15 µs of
-processor time per contact, and a wave in a crystal needs 7 (rtol 1e-6), 16 (1e-9) or 27 (1e-11) in a unit of time t0:
-3 to 12 µs per sphere and t0, 2 to 7 s for 1e4 spheres and τ = 60.
+Good values: rtol from 1e-6 (a figure) to 1e-11 (a witness). An evaluation of all forces takes 0.1 µs of processor time
+per contact, and 0.02 µs in the compiled loop (`analysis.theory.network_closed`). A wave in a crystal needs 7 (rtol
+1e-6), 16 (1e-9) or 27 (1e-11) in a unit of time t0: with the loop half to 2 µs per sphere and t0.
 
 Breaks where much happens at once in a large network: the adhesive force jumps when a contact opens or closes, and every
 jump costs all spheres some thirty evaluations. 1e4 spheres of unequal radii (3e-4) that are let go out of equilibrium
@@ -22,8 +22,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.theory.integrator import Solver
 from analysis.theory.network import Network
-from analysis.theory.network_ledger import energy, work_rate
+from analysis.theory.network_closed import closed_pairs
+from analysis.theory.network_ledger import energy, kinetic_energy, work_rate
 from analysis.theory.network_outside import imposed, pushes
 from analysis.theory.network_state import State, contacts, forces, present, resultants, searched_again, settled
 from analysis.theory.network_tangents import dot
@@ -144,8 +146,6 @@ def integrate(
 
     Raises ValueError for times out of order or a network where nothing moves, RuntimeError if the integration fails.
     """
-    from scipy.integrate import DOP853  # slow to import, and only motions need it
-
     times = np.asarray(times, dtype=float)
     if times.ndim != 1 or times.size == 0 or times[0] < 0 or np.any(np.diff(times) <= 0):
         raise ValueError("times must be one-dimensional, not empty, not negative and ascending")
@@ -157,41 +157,31 @@ def integrate(
     initial_energy = energy(network, state).total
     if times[0] == 0:
         samples.append((state.motion[:, chosen], initial_energy, 0.0))
-    time, work, step = 0.0, 0.0, np.inf
+    time, work = 0.0, 0.0
+    step: float | None = None
     steps = evaluations = 0
     while time < times[-1]:
-        solver = DOP853(
-            lambda t, y, start=state: _rates(network, start, t, y),
-            time,
-            _packed(state, work),
-            times[-1],
-            max_step=longest_step,
-            rtol=rtol,
-            atol=rtol * _sizes(network, state, length, speed),
-            first_step=None if step == np.inf else min(step, longest_step, times[-1] - time),
-        )
-        tidy, begun = True, state.begun
-        while tidy and solver.status == "running":
-            message = solver.step()
-            if solver.status == "failed":
-                raise RuntimeError(f"integration of the network failed at time {solver.t}: {message}")
-            reached = _at(network, state, solver.t, solver.y)
+        rates = _Rates(network, state)
+        atol = rtol * _sizes(network, state, length, speed)
+        solver = Solver(rates, time, _packed(state, work), times[-1], rtol, atol, longest_step, step)
+        tidy = True
+        while tidy and time < times[-1]:
+            solver.step()
+            reached = _at(network, state, solver.time, solver.state)
             if _farthest(reached) > network.margin / 2:
                 # Contacts may have been missed: back to before the step, with other pairs and a shorter step
-                state = searched_again(network, _at(network, state, solver.t_old, solver.y_old))
-                time, work, step = solver.t_old, solver.y_old[-1], (solver.t - solver.t_old) / 2
+                state = searched_again(network, _at(network, state, solver.before, solver.earlier))
+                time, work, step = solver.before, solver.earlier[-1], solver.length / 2
                 break
-            due = times[(times > solver.t_old) & (times <= solver.t)]
+            after, tidy = rates.settled(reached)
+            due = times[(times > solver.before) & (times <= solver.time)]
             if due.size:
-                for moment, y in zip(due, solver.dense_output()(due).T, strict=True):
-                    sample = settled(network, _at(network, state, moment, y))
-                    samples.append((sample.motion[:, chosen], energy(network, sample).total, y[-1]))
-            state = settled(network, reached)
-            time, work, step, steps = solver.t, solver.y[-1], 2 * solver.step_size, steps + 1
-            tidy = np.array_equal(state.shear, reached.shear)
-            if state.pairs.normal.lasts:
-                tidy &= np.array_equal(state.begun, begun)
-        evaluations += solver.nfev
+                for moment, y in zip(due, solver.between(due), strict=True):
+                    sample = _at(network, state, moment, y)
+                    samples.append((sample.motion[:, chosen], rates.energy(sample), y[-1]))
+            state, steps = after, steps + 1
+            time, work, step = solver.time, solver.state[-1], 2 * solver.length
+        evaluations += rates.evaluations
     motion, energies, works = (np.array(values) for values in zip(*samples, strict=True))
     return Trajectory(times, chosen, motion, energies, works, initial_energy, state, steps, evaluations)
 
@@ -230,32 +220,70 @@ def _farthest(state: State) -> float:
     return float(np.sqrt(np.max(dot(way, way))))
 
 
-def _rates(network: Network, start: State, time: float, y: Floats) -> Floats:
-    """Return the time derivative of the packed state: the equations of `analysis.theory.network`."""
-    freedoms, spheres = network.mobility.shape
-    cut = start.motion.size
-    motion = imposed(network.drives, time, y[:cut].reshape(start.motion.shape))
-    pairs = start.pairs
-    now = contacts(network, motion, pairs, y[cut:-1].reshape(start.shear.shape), start.begun)
-    load = resultants(pairs, now, spheres)
-    rate = np.empty_like(y)
-    moved = rate[:cut].reshape(motion.shape)
-    moved[:freedoms] = motion[freedoms:]
-    if network.dimension == 3:
-        moved[3:6] += _tilting(motion[3:6], motion[9:])
-    rate[cut:-1] = now.memory_rate.ravel()
-    rate[-1] = work_rate(network, pairs, now)
-    if network.drives:
-        push = pushes(network.drives, time, load.shape)
-        rate[-1] += np.sum(push * motion[freedoms:])
-        load += push
-        for each in network.drives:
-            if each.moves:  # what moves a sphere bears the forces of its contacts
-                rate[-1] -= np.sum((load * motion[freedoms:])[:, each.spheres])
-    moved[freedoms:] = load * network.mobility
-    if network.drag is not None:
-        moved[freedoms:] -= network.drag * motion[freedoms:]
-    return rate
+class _Rates:
+    """The time derivative of the packed state, from one settled state on: the equations of `analysis.theory.network`.
+
+    Attributes
+    ----------
+    evaluations : how many there were.
+    closed : the pairs of a compiled loop, None where it does not hold them.
+    plain : whether that loop held them at the last evaluation.
+    """
+
+    def __init__(self, network: Network, start: State) -> None:
+        self.network, self.start = network, start
+        self.closed = closed_pairs(network, start.pairs)
+        self.evaluations, self.plain = 0, False
+
+    def __call__(self, time: float, y: Floats, rate: Floats) -> None:
+        network, start = self.network, self.start
+        freedoms, cut = network.freedoms, start.motion.size
+        motion = imposed(network.drives, time, y[:cut].reshape(start.motion.shape))
+        moved = rate[:cut].reshape(motion.shape)
+        moved[:freedoms] = motion[freedoms:]
+        if network.dimension == 3:
+            moved[3:6] += _tilting(motion[3:6], motion[9:])
+        load, shear = moved[freedoms:], y[cut:-1].reshape(start.shear.shape)
+        rate[-1] = self._act(motion, shear, load, rate[cut:-1].reshape(shear.shape))
+        if network.drives:
+            push = pushes(network.drives, time, load.shape)
+            rate[-1] += np.sum(push * motion[freedoms:])
+            load += push
+            for each in network.drives:
+                if each.moves:  # what moves a sphere bears the forces of its contacts
+                    rate[-1] -= np.sum((load * motion[freedoms:])[:, each.spheres])
+        load *= network.mobility
+        if network.drag is not None:
+            load -= network.drag * motion[freedoms:]
+        self.evaluations += 1
+
+    def _act(self, motion: Floats, shear: Floats, load: Floats, shear_rate: Floats) -> float:
+        """Write forces and torques, and the rates of the shear of contacts; return dW/dt of the ledger."""
+        sums = self.closed and self.closed.acting(motion, shear, load, shear_rate)
+        self.plain = bool(sums)
+        if sums:
+            return sums.work_rate
+        now = contacts(self.network, motion, self.start.pairs, shear, self.start.begun)
+        load[...] = resultants(self.start.pairs, now, load.shape[1])
+        shear_rate[...] = now.memory_rate
+        return work_rate(self.network, self.start.pairs, now)
+
+    def settled(self, reached: State) -> tuple[State, bool]:
+        """Return the state of the last evaluation settled, and whether it was so: if not, its slope is another."""
+        if self.plain:
+            return reached, True
+        state = settled(self.network, reached)
+        tidy = np.array_equal(state.shear, reached.shear)
+        if state.pairs.normal.lasts:
+            tidy &= np.array_equal(state.begun, self.start.begun)
+        return state, tidy
+
+    def energy(self, state: State) -> float:
+        """Return the energy of a state, settled."""
+        sums = self.closed and self.closed.sums(state.motion, state.shear)
+        if sums:
+            return kinetic_energy(self.network, state) + sums.normal + sums.shear
+        return energy(self.network, settled(self.network, state)).total
 
 
 def _tilting(turn: Floats, spin: Floats) -> Floats:

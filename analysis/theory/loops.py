@@ -1,0 +1,115 @@
+"""Sums over large arrays and contacts: NumPy, or one pass in C where the machine has a compiler.
+
+``loops.c`` is compiled by ``CC``, else ``cc``, when it is first asked for, into a folder of the user's cache, under a
+name that its source, its flags and the machine give. Without a compiler, or in a folder that others may write to, all
+is NumPy, which is the reference: both give the same numbers, to the rounding of sums in another order.
+
+Large states are those of which a call of C saves more than it takes, from some thousand numbers on.
+"""
+
+import ctypes
+import hashlib
+import logging
+import os
+import platform
+import shutil
+import subprocess
+from functools import cache
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]  # floats or complex numbers
+Floats = NDArray[np.float64]
+SOURCE = Path(__file__).with_suffix(".c")
+# Products are not fused with sums: all processors then give the same bits
+FLAGS = ("-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
+LARGE = 1000  # numbers of a state
+LANES = 64  # as in loops.c
+
+
+@cache
+def library() -> ctypes.CDLL | None:
+    """Return the loops, compiled if they were not; None where they cannot be, with a sentence in the log."""
+    try:
+        place = _place()
+        if not place.is_file():
+            _compile(place)
+        status = place.stat()
+        if status.st_uid != os.getuid() or status.st_mode & 0o022:
+            raise OSError(f"{place} belongs to another user, or may be written by others")
+        found = ctypes.CDLL(str(place))
+    except (OSError, AttributeError, subprocess.SubprocessError) as trouble:
+        logging.getLogger(__name__).info("loops are those of NumPy: %s", trouble)
+        return None
+    pointer, number, size = ctypes.c_void_p, ctypes.c_double, ctypes.c_ssize_t
+    found.weighted.argtypes = [size, size, pointer, pointer, size, pointer]
+    found.errors.argtypes = [size, size, *[pointer] * 5, number, pointer]
+    found.plane.argtypes = [pointer] * 6
+    for function in (found.weighted, found.errors, found.plane):
+        function.restype = None
+    return found
+
+
+def _place() -> Path:
+    """Return where the compiled loops lie, or will lie."""
+    made_of = [SOURCE.read_bytes(), " ".join((platform.system(), platform.machine(), *FLAGS)).encode()]
+    digest = hashlib.sha256(b"\0".join(made_of)).hexdigest()[:12]
+    wanted = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    cache_folder = wanted if wanted.is_absolute() else Path.home() / ".cache"
+    return cache_folder / "granular-analysis" / f"loops-{digest}.so"
+
+
+def _compile(place: Path) -> None:
+    """Compile the loops; several processes may do so at once."""
+    compiler = shutil.which(os.environ.get("CC", "cc"))
+    if compiler is None:
+        raise OSError("there is no C compiler on the PATH, or in CC")
+    place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    part = place.with_name(f"{os.getpid()}.so")
+    try:
+        subprocess.run([compiler, *FLAGS, SOURCE, "-lm", "-o", part], check=True, capture_output=True)
+        part.chmod(0o700)
+        part.replace(place)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def address(array: Array) -> int:
+    """Return where the numbers of a contiguous array lie."""
+    return array.__array_interface__["data"][0]
+
+
+def weighted(weights: Floats, rows: Floats, out: Floats) -> None:
+    """Write Σ_r weights[r] rows[r] (n,) of the first rows of (S, n) into `out`."""
+    loop = library() if out.size > LARGE else None
+    if loop is None:
+        np.einsum("i,ij->j", weights, rows[: len(weights)], out=out)
+    else:
+        loop.weighted(out.size, len(weights), address(weights), address(rows), rows.shape[1], address(out))
+
+
+def errors(
+    weights: Floats, slopes: Array, begin: Array, after: Array, rtol: float, atol: Floats | float
+) -> tuple[float, float]:
+    """Return the root mean squares of Σ_r weights[e][r] slopes[r] over atol + rtol max(|begin|, |after|), e = 0, 1."""
+    loop = library() if begin.size > LARGE and begin.dtype == float else None
+    if loop is None or not isinstance(atol, np.ndarray):
+        scale = atol + rtol * np.maximum(np.abs(begin), np.abs(after))
+        rows = slopes[: weights.shape[1]].reshape(weights.shape[1], -1).view(np.float64)
+        both = np.einsum("ki,ij->kj", weights, rows).view(slopes.dtype).reshape(2, *begin.shape) / scale
+        return norm(both[0]), norm(both[1])
+    squares = np.empty(2)
+    places = [address(each) for each in (weights, slopes, begin, after, atol)]
+    loop.errors(begin.size, weights.shape[1], *places, rtol, address(squares))
+    fifth, third = squares / begin.size
+    return sqrt(fifth), sqrt(third)
+
+
+def norm(values: Array) -> float:
+    """Return the root mean square of numbers, real or complex."""
+    numbers = values.reshape(-1).view(np.float64)
+    return sqrt(np.einsum("i,i", numbers, numbers) / values.size)

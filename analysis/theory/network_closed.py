@@ -1,0 +1,94 @@
+"""Contacts of a network in the plane that stay closed and do not slide, in one pass of `analysis.theory.loops`.
+
+The laws are those of `analysis.theory.network_state.contacts`, which is the reference, and to which all else is left:
+other laws, networks in space, and moments at which a contact slides, or is open and has yet to forget its slip.
+"""
+
+import ctypes
+import logging
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.theory import loops
+from analysis.theory.network import Network
+from analysis.theory.network_state import Pairs
+
+Floats = NDArray[np.float64]
+
+
+class Sums(NamedTuple):
+    """Over all contacts: dW/dt of the ledger, and the energies of their normal and of their shear forces."""
+
+    work_rate: float
+    normal: float
+    shear: float
+
+
+NUMBERS = 9  # a pair has
+
+
+class _Pairs(ctypes.Structure):
+    """`Pairs` of loops.c."""
+
+    _fields_ = [
+        *((name, ctypes.c_ssize_t) for name in ("spheres", "pairs", "free")),
+        ("friction", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ("first", "second")),
+        ("numbers", ctypes.c_void_p * NUMBERS),
+        ("same", ctypes.c_ssize_t * NUMBERS),
+    ]
+
+
+def refusal(network: Network) -> str:
+    """Return why the contacts of a network are not those of this module, or ""."""
+    for here, why in (
+        (network.dimension == 2, "the spheres move in space"),
+        (network.adhesion == "dmt", "the adhesion law is that of JKR"),
+        (network.law == "secant", "the shear law is the incremental one"),
+        (not network.viscosity and network.restitution is None, "contacts have dashpots"),
+    ):
+        if not here:
+            return why
+    return ""
+
+
+class ClosedPairs:
+    """The pairs of a network as the compiled loop takes them."""
+
+    def __init__(self, loop: ctypes.CDLL, network: Network, pairs: Pairs) -> None:
+        spheres = len(network.position)
+        first, second = (each.astype(np.int32) for each in (pairs.first, pairs.second))
+        each_pair = [*pairs.apart, pairs.length, pairs.overlap, *pairs.radii, pairs.A, pairs.B, pairs.F]
+        same = [len(each) > 0 and bool(np.all(each == each[0])) for each in each_pair]
+        numbers = [
+            np.full(loops.LANES, each[0]) if one else np.ascontiguousarray(each)
+            for each, one in zip(each_pair, same, strict=True)
+        ]
+        self._arrays = first, second, *numbers  # live as long as what points to them
+        sizes = spheres, len(first), int(np.sum(second < spheres))
+        ends, others = map(loops.address, (first, second)), map(loops.address, numbers)
+        pointers, flags = ctypes.c_void_p * NUMBERS, ctypes.c_ssize_t * NUMBERS
+        self._pairs = _Pairs(*sizes, network.friction, *ends, pointers(*others), flags(*same))
+        self._loop, self._sums = loop, np.empty(4)
+
+    def acting(self, motion: Floats, slip: Floats, load: Floats, slip_rate: Floats) -> Sums | None:
+        """Write forces and torques (3, N) and the rates of slips (1, M) of a motion; None if the forces are others."""
+        places = map(loops.address, (motion, slip, load, slip_rate, self._sums))
+        self._loop.plane(ctypes.byref(self._pairs), *places)
+        *found, otherwise = self._sums.tolist()
+        return None if otherwise else Sums(*found)
+
+    def sums(self, motion: Floats, slip: Floats) -> Sums | None:
+        """Return the sums of a motion; None if its forces are others."""
+        return self.acting(motion, slip, np.empty_like(motion[: len(motion) // 2]), np.empty_like(slip))
+
+
+def closed_pairs(network: Network, pairs: Pairs) -> ClosedPairs | None:
+    """Return the pairs of a network for the compiled loop, or None, with a sentence in the log, where it holds none."""
+    loop, why = loops.library(), refusal(network)
+    if loop is None or why:
+        logging.getLogger(__name__).info("contacts are summed by NumPy: %s", why or "there is no compiled loop")
+        return None
+    return ClosedPairs(loop, network, pairs)

@@ -1,0 +1,148 @@
+"""The compiled loops beside NumPy: the same sums, the same forces, the same motion, and none where they cannot be."""
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.theory import loops
+from analysis.theory.network import Material, Network, Wall
+from analysis.theory.network_closed import closed_pairs, refusal
+from analysis.theory.network_ledger import energy, kinetic_energy, work_rate
+from analysis.theory.network_motion import integrate
+from analysis.theory.network_state import State, contacts, resultants, start
+
+compiled = pytest.mark.skipif(loops.library() is None, reason="no C compiler")
+GLASS, STEEL = Material(1.0, 0.2, 2e-3), Material(3.0, 0.3, 1e-3)
+RNG = np.random.default_rng(5)
+
+
+def packing(**changes: object) -> Network:
+    """Return 60 unequal spheres on a wall, which move and turn, with neighbours that touch and some that do not."""
+    row, column = np.divmod(np.arange(60), 10)
+    places = np.stack([column + row % 2 / 2, row * np.sqrt(3) / 2], axis=1) * 1.97
+    numbers = {"radius": 1 + 0.02 * RNG.uniform(-1, 1, 60), "density": RNG.uniform(1, 3, 60)}
+    network = Network(
+        places, **numbers, materials=(GLASS, STEEL), kind=RNG.integers(0, 2, 60), cell=(19.7, np.inf),
+        walls=(Wall((0.0, -0.98), (0.0, -1.0), STEEL),),
+    )  # fmt: skip
+    return replace(network, **changes)
+
+
+def moving(network: Network, size: float = 2e-3) -> State:
+    """Return random displacements, turns and their rates."""
+    ways, turns = RNG.normal(0, size, (2, 60, network.dimension)), RNG.normal(0, size, (2, 60))
+    return start(network, ways[0], ways[1], turns[0], turns[1])
+
+
+@compiled
+def test_sums_of_rows_are_those_of_numpy() -> None:
+    rows, out = RNG.normal(size=(9, 5000)), np.empty(5000)
+    weights = np.array([1.0, 0.0, -2.5, 0.3, 0.0, 7.0, 1e-3])
+    loops.weighted(weights, rows, out)
+    assert np.allclose(out, weights @ rows[:7], rtol=0, atol=1e-14)
+
+
+@compiled
+def test_errors_are_those_of_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    slopes, begin, after = RNG.normal(size=(12, 5001)), RNG.normal(size=5001), RNG.normal(size=5001)
+    sizes = np.append(RNG.uniform(1, 2, 5000), np.inf)
+    asked = RNG.normal(size=(2, 12)), slopes, begin, after, 0.3, sizes
+    found = loops.errors(*asked)
+    monkeypatch.setattr(loops, "library", lambda: None)
+    assert found == pytest.approx(loops.errors(*asked), rel=1e-13)
+
+
+@compiled
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"density": np.ones(60)}, {"friction": 1e3}, {"shear": False}],
+    ids=["unequal", "equal density", "friction", "smooth"],
+)
+def test_forces_are_those_of_the_network(changes: dict[str, object]) -> None:
+    network = packing(**changes)
+    state = moving(network)
+    now = contacts(network, state.motion, state.pairs, state.shear)
+    assert 0 < np.count_nonzero(~now.closed) < len(now.closed) / 2
+    load, rate = np.empty((3, 60)), np.empty_like(state.shear)
+    pairs = closed_pairs(network, state.pairs)
+    assert pairs is not None
+    sums = pairs.acting(state.motion, state.shear, load, rate)
+    assert sums is not None
+    assert np.allclose(load, resultants(state.pairs, now, 60), rtol=0, atol=1e-14 * np.abs(load).max())
+    assert np.allclose(rate, now.memory_rate, rtol=0, atol=1e-14 * np.abs(rate).max())
+    assert sums.work_rate == pytest.approx(work_rate(network, state.pairs, now), rel=1e-11)
+    whole = sums.normal + sums.shear + kinetic_energy(network, state)
+    assert whole == pytest.approx(energy(network, state).total, rel=1e-13)
+
+
+@compiled
+def test_contacts_that_slide_or_have_yet_to_forget_their_slip_are_left_to_numpy() -> None:
+    network = packing()
+    state = moving(network)
+    torn = replace(state, shear=np.full_like(state.shear, 1e-3))  # that of open contacts too
+    slippery = replace(network, friction=1e-6)
+    for other, at in ((network, torn), (slippery, state)):
+        pairs = closed_pairs(other, state.pairs)
+        assert pairs is not None
+        assert pairs.sums(at.motion, at.shear) is None
+
+
+@compiled
+@pytest.mark.parametrize(("friction", "end"), [(np.inf, 4.0), (0.5, 4.0)])
+def test_the_motion_is_that_of_numpy(friction: float, end: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    network = packing(friction=friction)
+    state, times = moving(network, 1e-4), np.linspace(0, end, 5)
+    found = integrate(network, state, times, rtol=1e-9)
+    monkeypatch.setattr(loops, "library", lambda: None)
+    known = integrate(network, state, times, rtol=1e-9)
+    assert np.allclose(found.motion, known.motion, rtol=0, atol=1e-8 * np.abs(known.motion).max())
+    assert np.allclose(found.heat, known.heat, rtol=0, atol=1e-8 * abs(known.initial_energy))
+    assert found.steps == pytest.approx(known.steps, abs=max(2, 0.02 * known.steps))
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"adhesion": "jkr"}, "JKR"),
+        ({"law": "incremental"}, "incremental"),
+        ({"viscosity": 1e-3}, "dashpots"),
+        ({"position": np.zeros((60, 3)), "cell": (), "walls": ()}, "in space"),
+    ],
+    ids=str,
+)
+def test_other_contacts_are_refused_with_a_sentence(changes: dict[str, object], why: str) -> None:
+    assert not refusal(packing())
+    assert why in refusal(packing(**changes))
+
+
+@pytest.fixture
+def elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Loops that are looked for and built in another cache."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(loops, "library", loops.library.__wrapped__)
+    return tmp_path
+
+
+def test_without_a_compiler_all_is_numpy(
+    elsewhere: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    network = packing()
+    with caplog.at_level(logging.INFO):
+        assert loops.library() is None
+        assert closed_pairs(network, moving(network).pairs) is None
+    assert "no C compiler" in caplog.text
+    assert "no compiled loop" in caplog.text
+
+
+@compiled
+def test_a_library_that_others_may_write_is_not_loaded(elsewhere: Path, caplog: pytest.LogCaptureFixture) -> None:
+    assert loops.library() is not None
+    (built,) = elsewhere.rglob("*.so")
+    built.chmod(0o777)
+    with caplog.at_level(logging.INFO):
+        assert loops.library() is None
+    assert "may be written by others" in caplog.text
