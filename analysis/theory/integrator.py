@@ -22,7 +22,8 @@ from analysis.theory import loops
 Array = NDArray[Any]  # floats or complex numbers
 Floats = NDArray[np.float64]
 Derivative = Callable[[Array], Array]
-Slope = Callable[[float, Array, Array], None]  # writes the slope at a time and a state into the last argument
+# Writes the slope at a time and a state into the last argument
+Slope = Callable[[float, Array, Array], None] | loops.Slope
 
 SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # the change from one step to the next, as in SciPy
 
@@ -67,6 +68,9 @@ class Step:
         """Fill the slopes from the first to the last of a step; `trial` is left where the last was taken."""
         weights = np.empty((ROWS, 1 + ROWS))
         weights[:, 0], weights[:, 1:] = 1.0, length * tableau().stages
+        if isinstance(self.slope, loops.Slope):
+            self.slope.stages(first, last, weights, self.stack, self.trial)
+            return
         times = (self.time + length * tableau().times).tolist()
         place = _real(self.trial[None])[0]
         for row in range(first, last + 1):
@@ -171,7 +175,9 @@ class Solver:
         return self.now.between(self.length, (times - self.before) / self.length)
 
 
-def dop853(derivative: Derivative, start: Array, tau: Floats, rtol: float, atol: float, longest: float) -> Array:
+def dop853(
+    derivative: Derivative | loops.Slope, start: Array, tau: Floats, rtol: float, atol: float, longest: float
+) -> Array:
     """Return the states (T, …) of y' = derivative(y), y(0) = start, at the ascending times tau ≥ 0.
 
     Parameters
@@ -187,10 +193,7 @@ def dop853(derivative: Derivative, start: Array, tau: Floats, rtol: float, atol:
     if done == len(tau):
         return result
 
-    def slope(time: float, state: Array, out: Array) -> None:
-        out[...] = derivative(state)
-
-    solver = Solver(slope, 0.0, start, float(tau[-1]), rtol, atol, longest)
+    solver = Solver(_written(derivative), 0.0, start, float(tau[-1]), rtol, atol, longest)
     while done < len(tau):
         solver.step()
         upto = int(np.searchsorted(tau, solver.time, side="right"))
@@ -198,6 +201,17 @@ def dop853(derivative: Derivative, start: Array, tau: Floats, rtol: float, atol:
             result[done:upto] = solver.between(tau[done:upto])
         done = upto
     return result
+
+
+def _written(derivative: Derivative | loops.Slope) -> Slope:
+    """Return a derivative that writes into an array."""
+    if isinstance(derivative, loops.Slope):
+        return derivative
+
+    def slope(time: float, state: Array, out: Array) -> None:
+        out[...] = derivative(state)
+
+    return slope
 
 
 def _real(values: Array) -> NDArray[np.float64]:

@@ -35,15 +35,16 @@ Breaks when contacts open for long: the paper's law keeps the adhesive force at 
 is none), and shear springs are kept, a slip or under `incremental` a force, where LAMMPS forgets them.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import Mode, refuse_oblique
+from analysis.theory import loops
 from analysis.theory.contact import Contact
-from analysis.theory.integrator import Array, dop853
+from analysis.theory.integrator import Array, Derivative, dop853
+from analysis.theory.lattice_loop import torus_slope
 from analysis.theory.neighbours import Neighbours, periodic_kernel, ring_neighbours, torus_neighbours, torus_phases
 from analysis.theory.wave import Wave
 
@@ -220,7 +221,7 @@ def longest_step(contact: Contact) -> float:
 
 
 def integrate(
-    derivative: Callable[[Floats], Floats],
+    derivative: Derivative | loops.Slope,
     start: Floats,
     tau: ArrayLike,
     rtol: float,
@@ -243,7 +244,9 @@ def motion(
     start: Floats, contact: Contact, neighbours: Neighbours, tau: ArrayLike, rtol: float, scale: float
 ) -> Floats:
     """Return the states (T, …) of the free lattice, from `start` on, at the times tau: `integrate` of `rhs`."""
-    return integrate(lambda state: rhs(state, contact, neighbours), start, tau, rtol, scale, longest_step(contact))
+    loop = torus_slope(start, contact, neighbours)
+    derivative = loop or (lambda state: rhs(state, contact, neighbours))
+    return integrate(derivative, start, tau, rtol, scale, longest_step(contact))
 
 
 def torus_trajectory(wave: Wave, tau: ArrayLike, *, points: int = 31, rtol: float = 1e-11) -> Floats:

@@ -12,7 +12,9 @@ enum { LANES = 64 }; /* numbers that stay in the nearest cache together */
 /* The widest vectors of the processor at hand; without fused products all of them give the same bits */
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define VECTORS __attribute__((target_clones("avx2", "default")))
+#define INLINE static inline __attribute__((always_inline))
 #else
+#define INLINE static inline
 #define VECTORS
 #endif
 
@@ -29,9 +31,10 @@ VECTORS void weighted(whole n, whole rows, const double *weights, const double *
   }
 }
 
-/* squares[e] = sum over n numbers of (Σ_r weights[e][r] slopes[r] / (atol + rtol max(|begin|, |after|)))², e = 0, 1. */
+/* squares[e] = sum over n numbers of (Σ_r weights[e][r] slopes[r] / (atol + rtol max(|begin|, |after|)))², e = 0, 1;
+   with a tolerance for each number, or one for all. */
 VECTORS void errors(whole n, whole rows, const double *weights, const double *slopes, const double *begin,
-                    const double *after, const double *atol, double rtol, double *squares)
+                    const double *after, const double *atol, whole each, double rtol, double *squares)
 {
   double total[2][LANES] = {{0}};
   for (whole from = 0; from < n; from += LANES) {
@@ -39,7 +42,7 @@ VECTORS void errors(whole n, whole rows, const double *weights, const double *sl
     double scale[LANES], sum[2][LANES] = {{0}};
     for (whole i = 0; i < count; i++) {
       const double a = fabs(begin[from + i]), b = fabs(after[from + i]);
-      scale[i] = atol[from + i] + rtol * (a > b ? a : b);
+      scale[i] = (each ? atol[from + i] : atol[0]) + rtol * (a > b ? a : b);
     }
     for (whole r = 0; r < rows; r++) {
       const double one = weights[r], two = weights[rows + r], *slope = slopes + r * n + from;
@@ -161,5 +164,108 @@ VECTORS void plane(const Pairs *p, const double *motion, const double *slip, dou
     sums[1] += normal[c];
     sums[2] += shear[c];
     sums[3] += lost[c];
+  }
+}
+
+/* A wave on the phase torus of K points, as of lattice.py: a state has the rows p, q, φ, their rates, and with
+   `history` the shear of the contacts ahead, (6 or 9, K) a wave. */
+enum { BONDS = 3, MOST = 128 };
+typedef struct {
+  whole waves, points, history, incremental, potential;
+  const double *shifts, *back; /* to the neighbours ahead (K, 3K), and its transpose */
+  double along[BONDS], across[BONDS]; /* p and q of the directions at rest */
+  double A, F, shear, length, overlap_ratio; /* a length of 0: directions are fixed */
+  double dashpot, softens; /* and whether a dashpot goes as the root of the contact radius */
+  double mobility[3];
+} Torus;
+
+/* out = values of K points @ matrix (K, n) */
+INLINE void shifted(whole K, whole n, const double *values, const double *matrix, double *out)
+{
+  for (whole i = 0; i < n; i++) out[i] = 0;
+  for (whole k = 0; k < K; k++)
+    for (whole i = 0; i < n; i++) out[i] += values[k] * matrix[k * n + i];
+}
+
+/* n·d, t·d, σ (3, 3K) of the contacts ahead, from p, q, φ (3, K) */
+INLINE void deformed(const Torus *t, const double *places, double apart[3][BONDS * MOST])
+{
+  const whole K = t->points;
+  for (int row = 0; row < 3; row++) {
+    const double sign = row < 2 ? -1 : 1, *here = places + row * K;
+    shifted(K, BONDS * K, here, t->shifts, apart[row]);
+    for (int bond = 0; bond < BONDS; bond++)
+      for (whole k = 0; k < K; k++) apart[row][bond * K + k] += sign * here[k];
+  }
+  for (int bond = 0; bond < BONDS; bond++)
+    for (whole k = bond * K; k < (bond + 1) * K; k++) {
+      const double p = apart[0][k], q = apart[1][k];
+      apart[0][k] = t->along[bond] * p + t->across[bond] * q;
+      apart[1][k] = t->along[bond] * q - t->across[bond] * p;
+    }
+}
+
+/* rate = the time derivative of a state, `lattice.rhs` */
+VECTORS void torus(const Torus *t, const double *states, double *rates)
+{
+  const whole K = t->points, M = BONDS * K, size = (t->history ? 9 : 6) * K;
+  for (whole wave = 0; wave < t->waves; wave++) {
+    const double *state = states + wave * size, *memory = state + 6 * K;
+    double *rate = rates + wave * size;
+    double apart[3][BONDS * MOST], moving[3][BONDS * MOST], pull[3][BONDS * MOST], behind[MOST];
+    deformed(t, state, apart);
+    if (t->history || t->dashpot != 0)
+      deformed(t, state + 3 * K, moving);
+    else
+      for (int row = 0; row < 3; row++)
+        for (whole m = 0; m < M; m++) moving[row][m] = 0;
+#pragma GCC ivdep
+    for (whole m = 0; m < M; m++) {
+      const double n = apart[0][m], s = apart[1][m], ahead = t->length + n, excess = (t->length + ahead) * n + s * s;
+      const double distance = t->length != 0 ? sqrt(t->length * t->length + excess) : 1;
+      const double cosine = t->length != 0 ? ahead / distance : 1, sine = t->length != 0 ? s / distance : 0;
+      const double stretch = t->length != 0 ? excess / (distance + t->length) : n;
+      const double overlap = stretch < 1 ? 1 - stretch : 0, root = sqrt(overlap);
+      const double opening = cosine * moving[0][m] + sine * moving[1][m];
+      const double slipping = cosine * moving[1][m] - sine * moving[0][m] - moving[2][m];
+      const double slip = t->history ? memory[m] : cosine * s - sine * n - apart[2][m];
+      const double spring = t->history && t->incremental ? slip : t->shear * root * slip;
+      const double pushed = t->potential && overlap > 0 ? spring * slip / (4 * overlap) : 0;
+      const double resists = t->dashpot * (t->softens != 0 ? sqrt(root) : overlap > 0 ? 1.0 : 0.0);
+      const double N = t->F - t->A * overlap * root - pushed + resists * opening;
+      const double S = spring + (t->shear != 0 ? resists * slipping : 0);
+      pull[0][m] = cosine * N - sine * S;
+      pull[1][m] = sine * N + cosine * S;
+      pull[2][m] = S * (1 - t->overlap_ratio * overlap);
+      moving[2][m] = t->incremental ? t->shear * root * slipping : slipping;
+    }
+    for (whole k = 0; k < 3 * K; k++) rate[k] = state[3 * K + k];
+    if (t->history)
+      for (whole m = 0; m < M; m++) rate[6 * K + m] = moving[2][m];
+    for (int bond = 0; bond < BONDS; bond++)
+      for (whole m = bond * K; m < (bond + 1) * K; m++) {
+        const double n = pull[0][m], s = pull[1][m];
+        pull[0][m] = t->along[bond] * n - t->across[bond] * s;
+        pull[1][m] = t->across[bond] * n + t->along[bond] * s;
+      }
+    for (int row = 0; row < 3; row++) {
+      double *force = rate + (3 + row) * K;
+      shifted(M, K, pull[row], t->back, behind);
+      for (whole k = 0; k < K; k++) {
+        const double ahead = pull[row][k] + pull[row][K + k] + pull[row][2 * K + k];
+        force[k] = t->mobility[row] * (row < 2 ? ahead - behind[k] : ahead + behind[k]);
+      }
+    }
+  }
+}
+
+/* The slopes first to last of a step of a Runge-Kutta method: each of the sum of the rows before it, with the weights of
+   its row of 17. stack: the state, then the slopes, n numbers a row; trial: where the last was taken. */
+void stages(whole n, whole first, whole last, whole width, const double *weights, double *stack, double *trial,
+            void (*slope)(const void *, const double *, double *), const void *data)
+{
+  for (whole row = first; row <= last; row++) {
+    weighted(n, row + 1, weights + row * width, stack, n, trial);
+    slope(data, trial, stack + (row + 1) * n);
   }
 }

@@ -47,9 +47,11 @@ def library() -> ctypes.CDLL | None:
         return None
     pointer, number, size = ctypes.c_void_p, ctypes.c_double, ctypes.c_ssize_t
     found.weighted.argtypes = [size, size, pointer, pointer, size, pointer]
-    found.errors.argtypes = [size, size, *[pointer] * 5, number, pointer]
+    found.errors.argtypes = [size, size, *[pointer] * 5, size, number, pointer]
     found.plane.argtypes = [pointer] * 6
-    for function in (found.weighted, found.errors, found.plane):
+    found.torus.argtypes = [pointer] * 3
+    found.stages.argtypes = [*[size] * 4, *[pointer] * 5]
+    for function in (found.weighted, found.errors, found.plane, found.torus, found.stages):
         function.restype = None
     return found
 
@@ -83,6 +85,23 @@ def address(array: Array) -> int:
     return array.__array_interface__["data"][0]
 
 
+class Slope:
+    """A slope that is one of the loops, and the data that it takes, whose arrays live as long."""
+
+    def __init__(self, function: Any, data: ctypes.Structure, arrays: tuple[Floats, ...]) -> None:
+        self.function, self.data, self._arrays = function, data, arrays
+
+    def __call__(self, time: float, state: Floats, out: Floats) -> None:
+        self.function(ctypes.byref(self.data), address(state), address(out))
+
+    def stages(self, first: int, last: int, weights: Floats, stack: Floats, trial: Floats) -> None:
+        """Fill the slopes `first` to `last` in the rows of a stack behind its state; see `integrator.Step`."""
+        loop = library()
+        assert loop is not None
+        sizes = trial.size, first, last, weights.shape[1]
+        loop.stages(*sizes, *map(address, (weights, stack, trial)), self.function, ctypes.addressof(self.data))
+
+
 def weighted(weights: Floats, rows: Floats, out: Floats) -> None:
     """Write Σ_r weights[r] rows[r] (n,) of the first rows of (S, n) into `out`."""
     loop = library() if out.size > LARGE else None
@@ -96,15 +115,15 @@ def errors(
     weights: Floats, slopes: Array, begin: Array, after: Array, rtol: float, atol: Floats | float
 ) -> tuple[float, float]:
     """Return the root mean squares of Σ_r weights[e][r] slopes[r] over atol + rtol max(|begin|, |after|), e = 0, 1."""
-    loop = library() if begin.size > LARGE and begin.dtype == float else None
-    if loop is None or not isinstance(atol, np.ndarray):
+    loop = library() if begin.dtype == float else None
+    if loop is None:
         scale = atol + rtol * np.maximum(np.abs(begin), np.abs(after))
         rows = slopes[: weights.shape[1]].reshape(weights.shape[1], -1).view(np.float64)
         both = np.einsum("ki,ij->kj", weights, rows).view(slopes.dtype).reshape(2, *begin.shape) / scale
         return norm(both[0]), norm(both[1])
-    squares = np.empty(2)
-    places = [address(each) for each in (weights, slopes, begin, after, atol)]
-    loop.errors(begin.size, weights.shape[1], *places, rtol, address(squares))
+    squares, sizes = np.empty(2), np.asarray(atol, dtype=np.float64)
+    places = map(address, (weights, slopes, begin, after, sizes))
+    loop.errors(begin.size, weights.shape[1], *places, sizes.ndim, rtol, address(squares))
     fifth, third = squares / begin.size
     return sqrt(fifth), sqrt(third)
 

@@ -18,6 +18,7 @@ d = ahead − here of (p, q), it is stretched by n·d along n, displaced by t·d
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,13 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 BOND_ANGLES = (0.0, 60.0, 120.0)  # directions of the contacts ahead, degrees from a close-packed row
+
+
+class Torus(NamedTuple):
+    """The shifts (K, 3K) of the phase torus, of `torus_shifts`, and the direction of the wave."""
+
+    shifts: Floats
+    direction: float
 
 
 @dataclass(frozen=True)
@@ -36,10 +44,12 @@ class Neighbours:
     deform : p, q, φ (..., 3, K) of the spheres → n·d, t·d, σ of their contacts, (..., 3, 3, K), bonds before spheres.
     gather : forces (..., 3, 3, K) of the contacts against each of these → on p, q, φ (..., 3, K). It is the transpose
         of `deform` with the sign turned, so forces do the work that the contacts take.
+    torus : where the spheres are the points of a phase torus; else None.
     """
 
     deform: Callable[[Floats], Floats]
     gather: Callable[[Floats], Floats]
+    torus: Torus | None = None
 
 
 def periodic_kernel(angle: Floats, points: int) -> Floats:
@@ -109,7 +119,8 @@ def torus_neighbours(wavenumber: float, points: int, direction: float = 90.0) ->
     Raises ValueError for a K that is none of `torus_phases`.
     """
     size = 3 * points
-    ends = at_ends(torus_shifts(wavenumber, points, direction), direction)
+    shifts = torus_shifts(wavenumber, points, direction)
+    ends = at_ends(shifts, direction)
     # Both ways as one matrix: more numbers to multiply, fewer calls of NumPy. Complex waves are pairs of real ones, as
     # NumPy would turn the matrix into a complex one at each call
     deforming = ends.deform(np.eye(size).reshape(-1, 3, points)).reshape(size, -1)
@@ -129,7 +140,7 @@ def torus_neighbours(wavenumber: float, points: int, direction: float = 90.0) ->
         flat = forces.reshape(*forces.shape[:-3], 3 * size)
         return product(flat, gathering).reshape(*forces.shape[:-3], 3, points)
 
-    return Neighbours(deform, gather)
+    return Neighbours(deform, gather, Torus(shifts, direction))
 
 
 def torus_shifts(wavenumber: float, points: int, direction: float = 90.0) -> Floats:

@@ -7,12 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.theory import loops
+from analysis.theory import lattice, loops
+from analysis.theory.contact import Contact
+from analysis.theory.lattice_loop import torus_slope
+from analysis.theory.neighbours import ring_neighbours, torus_neighbours
 from analysis.theory.network import Material, Network, Wall
 from analysis.theory.network_closed import closed_pairs, refusal
 from analysis.theory.network_ledger import energy, kinetic_energy, work_rate
 from analysis.theory.network_motion import integrate
 from analysis.theory.network_state import State, contacts, resultants, start
+from analysis.theory.wave import Wave
 
 compiled = pytest.mark.skipif(loops.library() is None, reason="no C compiler")
 GLASS, STEEL = Material(1.0, 0.2, 2e-3), Material(3.0, 0.3, 1e-3)
@@ -146,3 +150,48 @@ def test_a_library_that_others_may_write_is_not_loaded(elsewhere: Path, caplog: 
     with caplog.at_level(logging.INFO):
         assert loops.library() is None
     assert "may be written by others" in caplog.text
+
+
+CONTACTS = [
+    {},
+    {"law": "incremental"},
+    {"law": "potential"},
+    {"overlap_ratio": 0.01, "prestress": 0.4},
+    {"overlap_ratio": 0.01, "law": "incremental", "viscosity": 0.03},
+    {"prestress": 1.0, "restitution": 0.8},
+    {"shear": False, "viscosity": 0.1},
+    {"rotation": False},
+]
+
+
+@compiled
+@pytest.mark.parametrize("contact", [Contact(0.17, **each) for each in CONTACTS], ids=[str(each) for each in CONTACTS])
+@pytest.mark.parametrize("size", [0.1, 2.0], ids=["closed", "opening"])
+def test_the_slope_of_the_lattice_is_that_of_numpy(contact: Contact, size: float) -> None:
+    neighbours = torus_neighbours(0.8, 31, 77.0)
+    state = size * RNG.normal(size=(2, 9 if contact.has_history else 6, 31))
+    slope, out = torus_slope(state, contact, neighbours), np.empty_like(state)
+    assert slope is not None
+    slope(0.0, state, out)
+    known = lattice.rhs(state, contact, neighbours)
+    # By the potential law a contact that barely touches takes 1/(1−x) of the rounding of x
+    assert np.allclose(out, known, rtol=0, atol=1e-13 * np.abs(known).max())
+
+
+@compiled
+def test_the_lattice_moves_as_by_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    wave, tau = Wave.of_mode("TR", 0.802, 0.2, Contact(0.17, overlap_ratio=0.003)), np.linspace(0, 60, 13)
+    found = lattice.torus_trajectory(wave, tau)
+    monkeypatch.setattr(loops, "library", lambda: None)
+    # A step's error control follows the rounding of its sums, which 60 steps of rtol = 1e-11 do not let grow
+    assert np.allclose(found, lattice.torus_trajectory(wave, tau), rtol=0, atol=1e-11)
+
+
+@compiled
+def test_jkr_contacts_rings_and_complex_waves_are_left_to_numpy() -> None:
+    state, torus = np.zeros((6, 31)), torus_neighbours(0.8, 31)
+    assert torus_slope(state, Contact(0.17), torus) is not None
+    assert torus_slope(state, Contact(0.17), ring_neighbours()) is None
+    assert torus_slope(state + 0j, Contact(0.17), torus) is None
+    assert torus_slope(state, Contact(0.17, adhesion_law="jkr"), torus) is None
+    assert torus_slope(np.zeros((6, 201)), Contact(0.17), torus_neighbours(0.8, 201)) is None

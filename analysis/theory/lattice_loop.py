@@ -1,0 +1,52 @@
+"""The slope of `analysis.theory.lattice` on the phase torus in one call of `analysis.theory.loops`.
+
+The formulas are those of `lattice.rhs`, which is the reference: some forty calls of NumPy, of a microsecond each, for
+a few hundred numbers. Waves that are complex, contacts by the law of JKR, and rings of rows are left to it.
+"""
+
+import ctypes
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.theory import loops
+from analysis.theory.contact import Contact
+from analysis.theory.neighbours import Neighbours, directions_at_rest
+
+Floats = NDArray[np.float64]
+MOST = 128  # points, as in loops.c
+
+
+class _Torus(ctypes.Structure):
+    """`Torus` of loops.c."""
+
+    _fields_ = [
+        *((name, ctypes.c_ssize_t) for name in ("waves", "points", "history", "incremental", "potential")),
+        *((name, ctypes.c_void_p) for name in ("shifts", "back")),
+        *((name, ctypes.c_double * 3) for name in ("along", "across")),
+        *((name, ctypes.c_double) for name in ("A", "F", "shear", "length", "overlap_ratio", "dashpot", "softens")),
+        ("mobility", ctypes.c_double * 3),
+    ]
+
+
+def torus_slope(state: Floats, contact: Contact, neighbours: Neighbours) -> loops.Slope | None:
+    """Return the slope of states like `state`, (..., 6 or 9, K), or None where the loop does not hold it."""
+    loop, torus, points = loops.library(), neighbours.torus, state.shape[-1]
+    if loop is None or torus is None or state.dtype != float or contact.adhesion_law != "dmt" or points > MOST:
+        return None
+    arrays = np.ascontiguousarray(torus.shifts), np.ascontiguousarray(torus.shifts.T)
+    sizes = state.size // points // (9 if contact.has_history else 6), points, contact.has_history
+    triple = ctypes.c_double * 3
+    data = _Torus(
+        *(*sizes, contact.incremental, contact.law == "potential"),
+        *map(loops.address, arrays),
+        *(triple(*each.ravel()) for each in directions_at_rest(torus.direction)),
+        *contact.adhesion.coefficients,
+        contact.shear_stiffness,
+        1 / contact.overlap_ratio - 1 if contact.overlap_ratio else 0.0,
+        contact.overlap_ratio,
+        2 * (contact.kappa + 3) * contact.dashpot,
+        contact.restitution is not None,
+        triple(*contact.mobility.ravel()),
+    )
+    return loops.Slope(loop.torus, data, arrays)
