@@ -242,7 +242,7 @@ class Bonds:
         sheared = law.shear[:, None] * strain.slip
         force = (law.stiffness * strain.stretch)[..., None] * n + sheared
         force = force - (law.push * self.curving)[:, None] * strain.sideways
-        return self._ends(force, self.arms[..., None] * crossed(n, sheared)[..., None, :])
+        return self.at_ends(force, self.arms[..., None] * crossed(n, sheared)[..., None, :])
 
     def energy(self, strain: Strain) -> Floats:
         """Return Σ f′|x|² − (f/ℓ)|P w|² + k|s|² (...), which is U†D U, without the cancellation of that product."""
@@ -298,7 +298,7 @@ class Bonds:
         twisting = crossed(n, tangent) + 0.5 * k * (crossed(nu, other.slip) + crossed(mu, one.slip))
         couples = self.arms[..., None] * twisting[..., None, :]
         sheared = crossed(n, 0.5 * k * (x * other.slip + y * one.slip))
-        return self._ends(force, couples + self.widening[..., None] * sheared[..., None, :])
+        return self.at_ends(force, couples + self.widening[..., None] * sheared[..., None, :])
 
     def winding(self, one: Strain, other: Strain, rate: ArrayLike) -> Complexes:
         """Return the rate (..., C, 2, 6) at which slip that winds up pushes.
@@ -323,12 +323,12 @@ class Bonds:
         x, y, z = (each.stretch[..., None] for each in (one, two, three))
         sheared = self.law.shear_curvature[:, None] * (x * y * three.slip + x * z * two.slip + y * z * one.slip) / 6
         force = self.law.third[:, None] * x * y * z * self.normal / 6 + sheared
-        return self._ends(force, self.arms[..., None] * crossed(self.normal, sheared)[..., None, :])
+        return self.at_ends(force, self.arms[..., None] * crossed(self.normal, sheared)[..., None, :])
 
     def _sheared(self, tangent: NDArray[Any]) -> Complexes:
-        return self._ends(tangent, self.arms[..., None] * crossed(self.normal, tangent)[..., None, :])
+        return self.at_ends(tangent, self.arms[..., None] * crossed(self.normal, tangent)[..., None, :])
 
-    def _ends(self, force: NDArray[Any], couples: NDArray[Any]) -> Complexes:
+    def at_ends(self, force: NDArray[Any], couples: NDArray[Any]) -> Complexes:
         """Return both ends of a force on the first sphere (..., C, 3) and couples (..., C, 2, 3)."""
         forces = np.stack([force, -force], axis=-2)
         return np.concatenate([forces, np.broadcast_to(couples, forces.shape)], axis=-1)

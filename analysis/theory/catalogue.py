@@ -63,10 +63,10 @@ _IMPERFECT = {f"disorder.{name}" for name in ("radius", "density", "vacancies")}
     )
 }
 
-# Beside the shear law, cubic springs and dashpots enter the coefficients of the two that describe slow amplitudes.
+# Dashpots are in neither of the two that describe slow amplitudes, and the incremental law is not in three-mode
 HOLDS: dict[str, frozenset[str]] = {
     "second-order": _ALONG_Y | {INCREMENTAL, OBLIQUE, JKR},
-    "frequency-shift": _ALONG_Y | {OBLIQUE, JKR},
+    "frequency-shift": _ALONG_Y | {INCREMENTAL, OBLIQUE, JKR},
     "three-mode": _ALONG_Y | {JKR},
     "hierarchy": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},
     "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},

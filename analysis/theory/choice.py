@@ -11,8 +11,8 @@ Every theory is a function of a `Wave` and of times; they differ in what they le
 | exact-lattice | everything: the lattice itself, integrated, not a formula | when contacts open |
 
 A scene may call for other physics than the paper's (`analysis.theory.contact`). What each theory holds of it stands in
-`analysis.theory.catalogue`, and nothing else is held. With compression, frequency shift and three waves lack
-corrections of relative order η, as they do without. What is no running plane wave in a perfect lattice whose contacts
+`analysis.theory.catalogue`, and nothing else is held. Three waves lack corrections of relative
+order η, the overlap ratio. What is no running plane wave in a perfect lattice whose contacts
 stick and stay closed is in none of them; `analysis.measure.reference` then takes the network of the spheres.
 
 `best` takes the hierarchy where its own last orders say that it has converged, and at the antiresonance, where nothing

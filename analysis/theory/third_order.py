@@ -22,17 +22,26 @@ it is multiplied by e^{−iθ},
 Far from resonance the free waves leave a bounded ripple on the drift δω t; on resonance θ grows as t², the start of the
 sech of `analysis.theory.resonance.two_mode`.
 
-The geometry's own cubic terms are left out: along y, 5δ/2R of the third harmonic of TR at ξ = 0.802, 0.1 % in the
-paper's silica. So is memory, and every law but the secant one is refused.
+**The cubic part** C is that of the law, of the contact's true direction and length N = (ℓn + w)/L, L = ℓ + X, and of
+the slip that follows both (`analysis.theory.bonds` has them to second order). All are functions of α, and with ′ = d/dα
+
+    force on i  S − f(δ − X) N,    torques over R  [arm/R + X/2R] N × S
+    secant law        S = k(δ − X) s,   s′ = L N′ − Φ′ × N − N (N′·s)
+    incremental law   S′ = k(δ − X) [L N′ − Φ′ × N] − N (N′·S)
+
+with what a start leaves in a contact on the average over its phase. These are expanded order by order at a few α. At 2k
+the start leaves a grating, which is left out: along y a wave that runs back grows off it by 0.01 η a² of the wave per τ
+or less, and by 1.3e-3 a² under the incremental law. Slip that winds up, which makes the wave creep, is left out, too.
+
 When it breaks: where |θ| is no longer small.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.bonds import Strain
+from analysis.theory.bonds import Bonds, Quadratic, Strain, crossed
 from analysis.theory.crystal import Crystal
 from analysis.theory.second_order import Mixed, Wave
 
@@ -40,6 +49,8 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 _MET = 1e-14  # share of a frequency, the rounding of modes, within which a resonance is met
+_ANGLES = 2 * np.pi * np.arange(8) / 8  # α; a product of three waves has harmonics up to 3
+_TURNS = np.array([0, 1, 2, 3, 0, -3, -2, -1])  # harmonics at these α, of which none is the 4th
 _SLOW = 1e-6  # a mode of frequency 0 at 2k is taken as one of this share of 2ω, which changes θ by 1e-12
 
 
@@ -79,17 +90,15 @@ def _ripple(x: Floats, time: Floats) -> Complexes:
 def shift(crystal: Crystal, wave: Wave) -> Shift:
     """Return the parts of δω of waves (...) with their amplitudes, as the square of which they grow.
 
-    Raises ValueError for the incremental law, and where slip winds up.
+    Raises ValueError for the potential law.
     """
-    _refuse_incremental(crystal)
     bonds, twice, static = crystal.bonds, Mixed(crystal, wave, wave), _static(crystal, wave)
     one, back = (bonds.strain(each.shape, each.wavevector) for each in (wave, wave.reversed))
-    springs = 0.75 * bonds.cubic(one, one, back)
-    springs = springs + 2 * bonds.quadratic(_strain(crystal, static), one, (0.0, wave.frequency)).running
+    springs, _ = cubic(bonds, one)
+    springs = springs + 2 * _steady(bonds, _strain(crystal, static), one, 0 * wave.frequency, wave.frequency)
     made = np.moveaxis(0.5 * twice.steady[..., None, None] * twice.targets.shapes, -3, 0)
     through = [
-        bonds.quadratic(bonds.strain(each, twice.wavevector), back, (twice.frequency, -wave.frequency)).running
-        for each in made
+        _steady(bonds, bonds.strain(each, twice.wavevector), back, twice.frequency, -wave.frequency) for each in made
     ]
     acting = np.stack([_turning(crystal, wave, ends) for ends in (springs, *through)], axis=-1)
     return Shift(acting[..., 0], twice.targets.frequencies, acting[..., 1:], twice.frequency)
@@ -107,15 +116,89 @@ def _turning(crystal: Crystal, wave: Wave, ends: Complexes) -> Floats:
 def third_harmonic(crystal: Crystal, wave: Wave) -> Complexes:
     """Return the force G₃ (..., B, 6) on the third harmonic of waves with their amplitudes, e^{3iα}.
 
-    Raises ValueError for the incremental law.
+    Raises ValueError for the potential law.
     """
-    _refuse_incremental(crystal)
     bonds, twice = crystal.bonds, Mixed(crystal, wave, wave)
     doubled = Wave(twice.wavevector, twice.frequency, 0.5 * twice.forced())
     one = bonds.strain(wave.shape, wave.wavevector)
-    ends = 0.25 * bonds.cubic(one, one, one)
-    ends = ends + bonds.quadratic(_strain(crystal, doubled), one, (doubled.frequency, wave.frequency)).running
+    _, ends = cubic(bonds, one)
+    ends = ends + _steady(bonds, _strain(crystal, doubled), one, doubled.frequency, wave.frequency)
     return bonds.gather(ends, 3 * wave.wavevector, len(crystal))
+
+
+def cubic(bonds: Bonds, strain: Strain) -> tuple[Complexes, Complexes]:
+    """Return the third-order forces of waves at the ends of the contacts, (..., C, 2, 6): those of e^{iα} and e^{3iα}.
+
+    Raises ValueError for the potential law.
+    """
+    if bonds.shear_law == "potential":
+        raise ValueError(f"law = {bonds.shear_law!r} is not in the cubic forces; allowed: 'secant', 'incremental'")
+    law, n, c = bonds.law, bonds.normal, bonds.curving[:, None]
+    phases = np.exp(1j * _ANGLES).reshape(-1, *(1,) * strain.slip.ndim)
+    x, y, s1 = (np.real(phases * each) for each in (strain.stretch[..., None], strain.sideways, strain.slip))
+    turned = np.real(phases * (strain.twist[..., None] * n)) - crossed(y - s1, n)  # Φ, as y − s₁ = Φ × n
+    square = _dot(y, y)
+    lengths = x, c * square / 2, -(c**2) * x * square / 2
+    # ℓN, whose n it is at rest; with 1/ℓ it is N
+    steep = y, -c * (x * y + n * square / 2), c**2 * (x**2 * y - square * y / 2 + x * square * n)
+    normals = [c * each for each in steep]
+    bends = [_slope(each) for each in normals]
+    slides = [
+        _slope(steep[0]) - crossed(_slope(turned), n),
+        _slope(steep[1]) + x * bends[0] - crossed(_slope(turned), normals[0]),
+        _slope(steep[2]) + x * bends[1] + lengths[1] * bends[0] - crossed(_slope(turned), normals[1]),
+    ]
+    k, softer, soft = (each[:, None] for each in (law.shear, law.shear_growth, law.shear_curvature))
+    stiffness = k, -softer * x, -softer * lengths[1] + soft * x**2 / 2
+    loaded = -(x * normals[0]) - crossed(turned, normals[0])  # in one step, along the tangents of the displaced lattice
+    if bonds.shear_law == "secant":
+        slips = _carried(slides, n, normals, s1, loaded)
+        sheared = [sum(a * b for a, b in zip(stiffness, slips[: m + 1][::-1], strict=False)) for m in range(3)]
+    else:
+        rates = [sum(a * b for a, b in zip(stiffness, slides[: m + 1][::-1], strict=False)) for m in range(3)]
+        sheared = _carried(rates, n, normals, k * s1, k * loaded + stiffness[1] * s1)
+    f, f1, f2, f3 = (each[:, None] for each in (law.push, law.stiffness, law.curvature, law.third))
+    pushes = -f1 * x, -f1 * lengths[1] + f2 * x**2 / 2, -f1 * lengths[2] + f2 * x * lengths[1] - f3 * x**3 / 6
+    force = sheared[2] - f * normals[2] - pushes[0] * normals[1] - pushes[1] * normals[0] - pushes[2] * n
+    first, second = crossed(n, sheared[0]), crossed(n, sheared[1]) + crossed(normals[0], sheared[0])
+    third = crossed(n, sheared[2]) + crossed(normals[0], sheared[1]) + crossed(normals[1], sheared[0])
+    couples = bonds.arms[..., None] * third[..., None, :]
+    couples = couples + bonds.widening[..., None] * (x * second + lengths[1] * first)[..., None, :]
+    ends = bonds.at_ends(force, couples)
+    return tuple(2 * np.mean(phases[..., None] ** -m * ends, axis=0) for m in (1, 3))
+
+
+def _carried(rates: list[Floats], n: Floats, normals: list[Floats], first: Floats, left: Floats) -> list[Floats]:
+    """Return three orders of what is across N and grows at these rates by α, carried with N.
+
+    first : its first order; left : the second order that a start loads.
+    """
+
+    def across(values: Floats, along: Floats) -> Floats:
+        return values - n * (_dot(n, values) + along)
+
+    second = across(_integral(rates[1]) + np.mean(left, axis=0), _dot(normals[0], first))
+    third = _integral(rates[2] - normals[0] * _dot(_slope(normals[0]), first))
+    return [first, second, across(third, _dot(normals[0], second) + _dot(normals[1], first))]
+
+
+def _slope(values: Floats) -> Floats:
+    """Return the derivative by α of values (A, ...)."""
+    return _by_harmonic(values, 1j * _TURNS)
+
+
+def _integral(values: Floats) -> Floats:
+    """Return the integral by α of values (A, ...) without their mean, whose own mean is 0."""
+    return _by_harmonic(values, np.divide(-1j, _TURNS, out=np.zeros(len(_TURNS), dtype=complex), where=_TURNS != 0))
+
+
+def _by_harmonic(values: Floats, factors: Complexes) -> Floats:
+    shaped = factors.reshape(-1, *(1,) * (values.ndim - 1))
+    return np.asarray(np.real(np.fft.ifft(shaped * np.fft.fft(values, axis=0), axis=0)))
+
+
+def _dot(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+    return np.sum(one * other, axis=-1, keepdims=True)
 
 
 def _static(crystal: Crystal, wave: Wave) -> Wave:
@@ -124,9 +207,10 @@ def _static(crystal: Crystal, wave: Wave) -> Wave:
     return Wave(still.wavevector, still.frequency, 0.5 * still.static())
 
 
-def _refuse_incremental(crystal: Crystal) -> None:
-    if crystal.bonds.shear_law != "secant":
-        raise ValueError(f"law = {crystal.bonds.shear_law!r} is not in the cubic forces; allowed: 'secant'")
+def _steady(bonds: Bonds, one: Strain, other: Strain, *frequencies: Floats) -> Complexes:
+    """Return the second-order forces (..., C, 2, 6) of two waves whose sum of frequencies is not 0."""
+    made: Quadratic = bonds.quadratic(one, other, (frequencies[0], frequencies[1]))
+    return made.running + 1j * made.winding / np.asarray(sum(frequencies))[..., None, None, None]
 
 
 def _strain(crystal: Crystal, wave: Wave) -> Strain:

@@ -7,7 +7,7 @@ All numbers are of the wave with its amplitude A, to leading order in it.
 | `opening` | A | the largest stretch of a contact over that which opens it: a contact opens at 1 |
 | `friction` | A | the coefficient of friction below which a contact slides |
 | `second` | A | the forced second harmonic over the wave |
-| `drift` | A² | the phase in rad by which third order has turned the wave after a period; nan for the incremental law |
+| `drift` | A² | the phase in rad by which third order has turned the wave after a period; nan where slip winds up |
 | `creep` | A | the way in a period, over A, by which spheres creep as slip winds up; 0 in planar lattices |
 | `departure` | A² | the share by which the second harmonic changes that creep (`analysis.theory.creep`) |
 
@@ -15,7 +15,6 @@ Second order ends where any of the first three is near 1, and misses the wave it
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -95,12 +94,11 @@ def validity(crystal: Crystal, wave: Wave) -> Validity:
     far = reached(crystal.bonds.law, crystal.bonds.strain(wave.shape, wave.wavevector))
     size, period = _size(wave.shape), 2 * np.pi / float(wave.frequency)
     slow = creep(crystal, wave)
-    steady = crystal.bonds.shear_law == "secant" and not np.any(slow.velocity)
     return Validity(
         opening=far.opening,
         friction=far.friction,
         second=0.5 * _size(Mixed(crystal, wave, wave).forced()) / size,
-        drift=float(shift(crystal, wave).total) * period if steady else float("nan"),
+        drift=float("nan") if np.any(slow.velocity) else float(shift(crystal, wave).total) * period,
         creep=_size(slow.velocity) * period / size,
         departure=slow.departure,
     )
@@ -110,14 +108,12 @@ def turned(crystal: Crystal, waves: Sequence[Wave], time: ArrayLike) -> Floats:
     """Return an estimate (T,) of the most by which third order has turned any of waves together up to times (T,), rad.
 
     A wave turns itself by |θ| of `analysis.theory.third_order`, regular on resonance, and another one by up to twice
-    that. Under the incremental law, whose third order is not known, it is twice what it is under the secant one.
+    that.
     """
-    secant = replace(crystal, bonds=replace(crystal.bonds, shear_law="secant"))
-    own = np.array([np.abs(shift(secant, each).phase(time)) for each in waves if each.frequency])
+    own = np.array([np.abs(shift(crystal, each).phase(time)) for each in waves if each.frequency])
     if not len(own):
         return np.zeros(np.shape(time))
-    most = np.maximum.accumulate(np.max(2 * own.sum(axis=0) - own, axis=0))
-    return most * (1 if crystal.bonds.shear_law == "secant" else 2)
+    return np.maximum.accumulate(np.max(2 * own.sum(axis=0) - own, axis=0))
 
 
 def _size(field: NDArray[Any]) -> float:
