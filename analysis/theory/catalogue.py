@@ -58,7 +58,7 @@ _ALONG_Y = _LATTICE | {RUNNING}
 _IMPERFECT = {f"disorder.{name}" for name in ("radius", "density", "vacancies")} | {
     f"inclusion.{name}"
     for name in (
-        *("rows", "every", "spheres", "disc", "half_plane", "share", "vacancy", "radius", "density"),
+        *("rows", "every", "spheres", "disc", "half_plane", "share", "layers", "vacancy", "radius", "density"),
         *_MATERIAL,
     )
 }

@@ -79,6 +79,9 @@ class Inclusion:
         towards y: 0 takes the rows from this one on. The line ends at the sides of a periodic cell.
     share : float
         Share of the free spheres, in [0, 1], drawn by the seed of the disorder.
+    layers : (first, last)
+        Layers along z, counted from 0, to which all of these are confined; alone, all spheres in them. A crystal of
+        several layers needs one for single spheres and discs.
     radius, density, youngs_modulus, poisson_ratio, work_of_adhesion : float, optional
         What differs; SI units.
     vacancy : bool
@@ -91,12 +94,18 @@ class Inclusion:
     disc: Sequence[float] = ()
     half_plane: Sequence[float] = ()
     share: float = 0.0
+    layers: Sequence[int] = ()
     radius: float | None = None
     density: float | None = None
     youngs_modulus: float | None = None
     poisson_ratio: float | None = None
     work_of_adhesion: float | None = None
     vacancy: bool = False
+
+    @property
+    def whole_rows(self) -> bool:
+        """True if the spheres of a row and a layer are all its own or none."""
+        return not (self.spheres or self.disc or self.half_plane or self.share)
 
     @property
     def of_material(self) -> dict[str, float]:
@@ -192,9 +201,10 @@ def _check(inclusion: Inclusion, number: int) -> None:
     if not 0 <= inclusion.share <= 1:
         raise CrystalError(f"{name}: share = {inclusion.share!r}: must be from 0 to 1")
     places = (inclusion.rows, inclusion.spheres, inclusion.disc, inclusion.half_plane)
-    if sum((*(len(each) > 0 for each in places), inclusion.share > 0)) != 1:
+    given = sum((*(len(each) > 0 for each in places), inclusion.share > 0))
+    if given > 1 or not given and not len(inclusion.layers):
         raise CrystalError(
-            f"{name}: give one of rows, spheres, disc, half_plane and share, to say which spheres differ"
+            f"{name}: give one of rows, spheres, disc, half_plane and share, or layers, to say which spheres differ"
         )
     if inclusion.every < 1 or inclusion.every > 1 and not inclusion.rows:
         raise CrystalError(f"{name}: every = {inclusion.every!r}: must be 1 or more, and 1 without rows")
@@ -213,18 +223,27 @@ def _check(inclusion: Inclusion, number: int) -> None:
 
 def _chosen(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) -> Integers:
     """Return the indices of the spheres of an inclusion."""
+    within = _of_layers(lattice, inclusion, number)
     if inclusion.share:
-        free = ~np.asarray(lattice.arrays["fixed"], dtype=bool)
+        free = within & ~np.asarray(lattice.arrays["fixed"], dtype=bool)
         return _drawn(free, inclusion.share, seed, _INCLUSIONS + number, f"inclusion {number + 1}: share")
     row, column = lattice.arrays["row"], lattice.arrays["column"]
+    if inclusion.whole_rows and not len(inclusion.rows):
+        return np.flatnonzero(within)
     if len(inclusion.rows):
         first, last = inclusion.rows
         if not 0 <= first <= last <= row.max():
             raise CrystalError(
                 f"inclusion {number + 1}: rows = [{first}, {last}]: must be [first, last], from 0 to {row.max()}"
             )
-        return np.flatnonzero((first <= row) & (row <= last) & ((row - first) % inclusion.every == 0))
-    index = {place: sphere for sphere, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))}
+        return np.flatnonzero(within & (first <= row) & (row <= last) & ((row - first) % inclusion.every == 0))
+    own = np.flatnonzero(within)
+    index = dict(zip(zip(row[own].tolist(), column[own].tolist(), strict=True), own.tolist(), strict=True))
+    if len(index) < len(own) and not inclusion.half_plane:
+        raise CrystalError(
+            f"inclusion {number + 1}: layers = {list(inclusion.layers)}: must be one, [layer, layer], where a row and "
+            "a column are a sphere in each of several layers"
+        )
     named: Sequence[Sequence[float]] = inclusion.spheres or [(inclusion.disc or inclusion.half_plane)[:2]]
     for at_row, at_column in named:
         if (at_row, at_column) not in index:
@@ -236,11 +255,24 @@ def _chosen(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) ->
     if inclusion.half_plane:
         angle = np.radians(inclusion.half_plane[2])
         x, y = (lattice.positions - lattice.positions[spheres[0]])[:, :2].T
-        return np.flatnonzero(y * np.cos(angle) - x * np.sin(angle) >= -_SAME_PLACE)
+        return np.flatnonzero(within & (y * np.cos(angle) - x * np.sin(angle) >= -_SAME_PLACE))
     if not inclusion.disc:
         return spheres
     apart = lattice.get_distances(spheres[0], np.arange(len(lattice)), mic=True)
-    return np.flatnonzero(apart <= inclusion.disc[2] * np.sort(apart)[1] * (1 + _SAME_PLACE))
+    return np.flatnonzero(within & (apart <= inclusion.disc[2] * np.sort(apart)[1] * (1 + _SAME_PLACE)))
+
+
+def _of_layers(lattice: ase.Atoms, inclusion: Inclusion, number: int) -> NDArray[np.bool_]:
+    """Return which spheres are in the layers of an inclusion, (N,); all where it names none."""
+    layer = lattice.arrays.get("layer", np.zeros(len(lattice), dtype=int))
+    if not len(inclusion.layers):
+        return np.ones(len(lattice), dtype=bool)
+    first, last = inclusion.layers
+    if not 0 <= first <= last <= layer.max():
+        raise CrystalError(
+            f"inclusion {number + 1}: layers = [{first}, {last}]: must be [first, last], from 0 to {layer.max()}"
+        )
+    return np.asarray((first <= layer) & (layer <= last))
 
 
 def _stream(seed: int, stream: int) -> "np.random.RandomState":

@@ -87,6 +87,7 @@ INCLUSION_RULES = {
         entries=("row", "column", "degrees"),
     ),
     "share": Rule(float, "", "of the free spheres, at random by disorder.seed", Interval(0, 1)),
+    "layers": rows_rule("first and last layer along z, counted from 0"),
     **SPHERE_RULES,
     "work_of_adhesion": _ADHESION,
     "vacancy": Rule(bool, "", "the places are empty"),

@@ -229,7 +229,7 @@ class Derived(Document):
     @property
     def layered(self) -> bool:
         """True if the spheres of a row are equal and none is at a side: a plane wave along y moves them alike."""
-        alike = not self._random and all(each.rows for each in self.inclusion)
+        alike = not self._random and all(each.whole_rows for each in self.inclusion)
         return not self.lattice.sheet or self.shape.along_x and alike
 
     @property

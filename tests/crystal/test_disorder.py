@@ -5,7 +5,7 @@ import pytest
 
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.disorder import CUT, Disorder, Inclusion, imperfect
-from granular_lmp.crystal.lattices import Shape, packed
+from granular_lmp.crystal.lattices import LATTICES, Shape, packed
 from granular_lmp.errors import CrystalError
 from tests.crystal.test_sphere import SILICA
 
@@ -176,7 +176,11 @@ def test_values_out_of_range_are_refused_by_name(values: dict, message: str) -> 
         (Inclusion(spheres=[(1, 6)], density=1.0), r"inclusion 1: sphere \[1, 6\]"),
         (Inclusion(rows=[1, 1]), r"inclusion 1: give either vacancy or what differs"),
         (Inclusion(rows=[1, 1], density=1.0, vacancy=True), r"inclusion 1: give either vacancy or what differs"),
-        (Inclusion(density=1.0), r"inclusion 1: give one of rows, spheres, disc, half_plane and share"),
+        (Inclusion(density=1.0), r"inclusion 1: give one of rows, spheres, disc, half_plane and share, or layers"),
+        (
+            Inclusion(layers=[0, 1], density=1.0),
+            r"inclusion 1: layers = \[0, 1\]: must be \[first, last\], from 0 to 0",
+        ),
         (
             Inclusion(rows=[1, 1], share=0.1, density=1.0),
             r"inclusion 1: give one of rows, spheres, disc, half_plane and share",
@@ -202,3 +206,30 @@ def test_two_spheres_in_one_place_are_refused() -> None:
     doubled = WALLED + WALLED[20:21]
     with pytest.raises(CrystalError, match="spheres 20 and 54: are in one place"):
         imperfect(doubled, SILICA)
+
+
+FILM = packed(SILICA, Shape(6, 4, "periodic", LATTICES["fcc [110]"].layered(3), layers=3))
+
+
+@pytest.mark.parametrize(
+    ("inclusion", "count"),
+    [
+        (Inclusion(layers=[1, 2], density=1e4), 48),
+        (Inclusion(layers=[2, 2], rows=[0, 3], every=2, density=1e4), 8),
+        (Inclusion(layers=[0, 0], spheres=[(1, 1), (2, 2)], density=1e4), 2),
+        (Inclusion(layers=[1, 1], disc=(2, 2, 1.0), density=1e4), 5),
+        (Inclusion(layers=[1, 1], share=0.25, density=1e4), 6),
+        (Inclusion(rows=[0, 0], density=1e4), 12),
+    ],
+)
+def test_an_inclusion_is_confined_to_its_layers(inclusion: Inclusion, count: int) -> None:
+    crystal, _ = imperfect(FILM, SILICA, inclusions=[inclusion])
+    chosen = crystal.arrays["density"] == 1e4
+    assert chosen.sum() == count
+    first, last = inclusion.layers or (0, 2)
+    assert set(crystal.arrays["layer"][chosen].tolist()) == set(range(first, last + 1))
+
+
+def test_a_place_of_several_layers_is_refused() -> None:
+    with pytest.raises(CrystalError, match=r"layers = \[\]: must be one, \[layer, layer\]"):
+        imperfect(FILM, SILICA, inclusions=[Inclusion(spheres=[(1, 1)], density=1e4)])

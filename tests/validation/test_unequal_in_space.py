@@ -75,6 +75,13 @@ CASES: dict[str, tuple[str, Changes]] = {
     "hcp": ("hcp_c_axis", SPREAD | BULK),
     "rows of steel in hcp": ("hcp_c_axis", BULK | {"inclusion": [{"rows": [0, 3], **STEEL}]}),
     "a film": ("multilayer", SPREAD),
+    "spheres on three others": (
+        "multilayer",
+        SPREAD
+        | {"packing.orientation": "[11-2]", "packing.layers": 2}
+        | {"inclusion": [{"layers": [1, 1], "share": 0.6, "vacancy": True}]},
+    ),
+    "a cover of steel": ("multilayer", {"inclusion": [{"layers": [1, 1], **STEEL}]}),
     "a film between two plates": ("multilayer", SPREAD | {"substrate.sides": "both"}),
 }
 
