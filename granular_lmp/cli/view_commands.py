@@ -25,6 +25,11 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
         help="of a run with bursts: where their L, TR and RT waves are by the group velocities of the crystal",
     )
     view.add_argument(
+        "--side",
+        metavar="SIDE",
+        help="of a run in space: seen from the top, or from the end of an axis: top, x or y (default: x)",
+    )
+    view.add_argument(
         "--at-rest",
         action="store_true",
         help="of a scene whose spheres differ: the crystal at rest, with the forces of its contacts",
@@ -48,7 +53,7 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
 def _view(options: Options) -> int:
     from granular_lmp.plot.view import view
 
-    names = ("tau", "colour", "magnify", "rows", "fronts", "column", "monitor", "at_rest")
+    names = ("tau", "colour", "magnify", "rows", "fronts", "side", "column", "monitor", "at_rest")
     wanted = {name: getattr(options, name) for name in names}
     for note in view(options.folder, options.output, **wanted):
         remark(f"note: {note}")

@@ -27,8 +27,10 @@ class Fronts:
     def __init__(self, axes: Axes, snapshots: Snapshots):
         scene = snapshots.scene
         sources = scene.source
-        if scene.lattice is not HEXAGONAL or not scene.perfect:
-            raise ViewError(f"--fronts: {scene.name} must be a perfect hexagonal sheet, whose waves have fronts")
+        if scene.lattice is not HEXAGONAL or not scene.perfect or scene.space == 3:
+            raise ViewError(
+                f"--fronts: {scene.name} must be a perfect hexagonal sheet in its plane, whose waves have fronts"
+            )
         if not sources or any(each.kind != "burst" or not 0 < len(each.spheres) <= MOST_SPHERES for each in sources):
             raise ViewError(
                 f'--fronts: sources of {scene.name} must have signal = "burst", which has a middle, and spheres = 1 to '

@@ -26,6 +26,8 @@ ROTATION_LABEL = {"phi": r"$\varphi = R\theta/D_0$"}
 ALONG_Y = {"p": r"$p = v/D_0$", "q": r"$q = -u/D_0$"} | ROTATION_LABEL
 OBLIQUE = {"p": r"$p$, along $k$ ($D_0$)", "q": r"$q$, across $k$ ($D_0$)"} | ROTATION_LABEL
 
+SPACE = {f"u{axis}": rf"$u_{axis}$ ($D_0$)" for axis in "xyz"} | {f"phi{axis}": rf"$\varphi_{axis}$" for axis in "xyz"}
+
 
 class Picture(Figure):
     """A figure that a notebook shows without pyplot."""
@@ -42,8 +44,11 @@ def png(figure: Figure, dpi: int) -> bytes:
 
 
 def signals_to_draw(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
-    """Return the names of the signals to draw: p, and those that are not zero by symmetry."""
-    worth = {"p", *moving(signals)}
+    """Return the names of the signals to draw: those that are not zero by symmetry, and p.
+
+    In space displacements and angles by their axes, which hold p, q and φ.
+    """
+    worth = {*moving(signals)} & SPACE.keys() or {"p", *moving(signals)}
     return [name for name in signals if name in worth]
 
 
@@ -55,7 +60,7 @@ def draw_signals(
     scene: Scene,
 ) -> None:
     """Draw one signal over τ in each panel."""
-    labels = ALONG_Y if scene.along == "y" else OBLIQUE
+    labels = SPACE | (ALONG_Y if scene.along == "y" else OBLIQUE)
     for panel, name in zip(panels, names, strict=True):
         panel.plot(tau, signals[name], color="black", linewidth=0.9)
         panel.axhline(0, color="0.8", linewidth=0.6, zorder=0)

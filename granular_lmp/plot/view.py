@@ -45,6 +45,7 @@ def view(
     magnify: float | None = None,
     rows: int | None = None,
     fronts: bool = False,
+    side: str | None = None,
     column: str | None = None,
     monitor: str | None = None,
     at_rest: bool = False,
@@ -59,7 +60,7 @@ def view(
         Run folder or sweep folder; with `at_rest` anything that `Scene.load` reads.
     path : path
         File whose suffix sets the format.
-    tau, colour, magnify, rows, fronts
+    tau, colour, magnify, rows, fronts, side
         Options for a run, as in `run_figure`.
     column : str, optional
         Option for a sweep, as in `sweep_figure`.
@@ -83,7 +84,7 @@ def view(
     folder, path = Path(folder), Path(path)
     movie = path.suffix.lower() in MOVIES
     of_a_run: dict[str, Any] = {"tau": tau, "colour": colour, "magnify": magnify, "rows": rows}
-    of_a_run |= {"fronts": fronts or None, "monitor": monitor}
+    of_a_run |= {"fronts": fronts or None, "side": side, "monitor": monitor}
     if at_rest:
         _refuse(folder, "a crystal at rest", of_a_run | {"column": column})
         if movie:
@@ -124,11 +125,11 @@ def view(
             raise ViewError(str(missing)) from missing
         save(record.plot(), path)
         return [*lacks, f"{missing}; drawn are p, q and phi of the centre sphere"]
+    drawn: dict[str, Any] = {"colour": colour, "magnify": magnify, "rows": rows, "fronts": fronts, "side": side}
     if movie:
-        run_movie(record, snapshots, path, colour=colour, magnify=magnify, rows=rows, fronts=fronts)
+        run_movie(record, snapshots, path, **drawn)
     else:
-        figure = run_figure(record, snapshots, tau=tau, colour=colour, magnify=magnify, rows=rows, fronts=fronts)
-        save(figure, path)
+        save(run_figure(record, snapshots, tau=tau, **drawn), path)
     return lacks
 
 

@@ -103,6 +103,47 @@ def test_the_factor_is_a_round_number_by_which_an_amplitude_becomes_at_most_half
     assert crystal._magnification(amplitude) == pytest.approx(factor, rel=1e-12)
 
 
+@pytest.fixture(scope="module")
+def layer(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A rocking wave of a layer on a substrate."""
+    folder = tmp_path_factory.mktemp("view") / "layer"
+    scene = Scene.load("monolayer_rocking").with_values({"time.duration": 2.0, "wave.wavenumber": 0.785398})
+    run(scene, folder)
+    return folder
+
+
+def test_a_layer_is_seen_from_the_end_of_an_axis_on_its_substrate(layer: Path) -> None:
+    record, snapshots = Record.load(layer), Snapshots.load(layer)
+    last, amplitude = snapshots[len(snapshots) - 1], record.scene.displacement_amplitude / record.scene.sphere.radius
+    for side, page, turned in ((None, [1, 2], last.rotation[:, 0]), ("y", [0, 2], -last.rotation[:, 1])):
+        figure = crystal.run_figure(record, snapshots, side=side, magnify=10.0, rows=32)
+        axes = figure.axes[0]
+        (discs,) = (each for each in axes.collections if each.get_array() is not None)
+        places = np.asarray(discs.get_offsets())[: len(last.displacement)]
+        # Of 32 rows all are drawn, with their first copy before the others
+        moved = snapshots.rest + 10.0 * amplitude * last.displacement
+        np.testing.assert_allclose(places, moved[:, page], atol=1e-12)
+        np.testing.assert_allclose(np.asarray(discs.get_array())[: len(turned)], turned, atol=1e-12)
+        assert len(axes.patches) == 1  # the substrate
+    assert [each.get_ylabel() for each in figure.axes[1:4]] == [r"$u_y$ ($D_0$)", r"$u_z$ ($D_0$)", r"$\varphi_x$"]
+
+
+def test_a_layer_is_seen_from_the_top_without_its_substrate(layer: Path) -> None:
+    (axes,) = (
+        each
+        for each in crystal.run_figure(Record.load(layer), Snapshots.load(layer), side="top").axes
+        if each.get_ylabel() == "row"
+    )
+    assert not axes.patches
+
+
+def test_a_crystal_in_its_plane_is_seen_from_the_top(seen: Path, layer: Path, tmp_path: Path) -> None:
+    with pytest.raises(ViewError, match="spheres that stay in their plane are seen from the top"):
+        view.view(seen, tmp_path / "side.png", side="x")
+    with pytest.raises(ViewError, match="side = 'z': must be one of top, x, y"):
+        view.view(layer, tmp_path / "side.png", side="z")
+
+
 def test_a_movie_has_a_frame_for_each_snapshot(seen: Path, tmp_path: Path) -> None:
     assert view.view(seen, tmp_path / "movie.gif", rows=4) == []
     with Image.open(tmp_path / "movie.gif") as movie:
