@@ -16,7 +16,7 @@
 # LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
 # make docs (the documentation site, into site/), make rooms (the drawing of docs/architecture.md),
-# make notebook (the tutorial, executed, into docs/tutorial.ipynb; twenty seconds),
+# make notebook (the tutorials, executed, into docs/tutorial.ipynb and tutorial-fit.ipynb; half a minute),
 # make versioned-docs (the site of this version beside those of others, onto the branch gh-pages: RELEASING.md),
 # make engines (sweeps that are cancelled, preempted and killed on a Slurm of this machine, where one can be started),
 # make wheel (what pip installs, into dist/), make decks (rewrites the committed decks of lammps_inputs), make clean.

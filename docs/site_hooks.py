@@ -26,7 +26,10 @@ PAGES = {
     "benchmarks/RESULTS.md": "benchmarks.md",
     "README.md": "index.md",
 }
-EXECUTED = "tutorial-executed.md"  # the notebook as a page
+EXECUTED = {  # notebooks as pages, and their titles
+    "tutorial": "The tutorial, executed",
+    "tutorial-fit": "From six frequencies to a movie, executed",
+}
 _INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 _DISPLAY = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
 _STYLED = re.compile(r'<mi mathvariant="(script|bold)">([A-Za-z])</mi>')
@@ -51,9 +54,10 @@ def on_files(files: Files, config: Any) -> Files:
     for source, place in PAGES.items():
         if files.get_file_from_path(place) is None:
             files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
-    if files.get_file_from_path(EXECUTED) is None:
-        notebook = json.loads((ROOT / "docs" / "tutorial.ipynb").read_text("utf-8"))
-        files.append(File.generated(config, EXECUTED, content=notebook_page(notebook)))
+    for name, title in EXECUTED.items():
+        if files.get_file_from_path(f"{name}-executed.md") is None:
+            notebook = json.loads((ROOT / "docs" / f"{name}.ipynb").read_text("utf-8"))
+            files.append(File.generated(config, f"{name}-executed.md", content=notebook_page(notebook, title)))
     return files
 
 
@@ -75,9 +79,9 @@ def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
     return moved_links(text, source.get(page.file.src_uri, f"docs/{page.file.src_uri}"), page.file.src_uri)
 
 
-def notebook_page(notebook: dict[str, Any]) -> str:
+def notebook_page(notebook: dict[str, Any], title: str) -> str:
     """Return an executed notebook as a page that a search of the site leaves out, with its pictures inside."""
-    parts = ["---\ntitle: The tutorial, executed\nsearch: {exclude: true}\n---"]
+    parts = [f"---\ntitle: {title}\nsearch: {{exclude: true}}\n---"]
     for cell in notebook["cells"]:
         source = cell["source"]
         if cell["cell_type"] == "markdown":

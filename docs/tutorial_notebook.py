@@ -1,6 +1,6 @@
-"""The tutorial as an executed notebook: ``make notebook`` writes ``docs/tutorial.ipynb`` from ``docs/tutorial.md``.
+"""The tutorials as executed notebooks: ``make notebook`` writes ``docs/tutorial.ipynb`` from ``docs/tutorial.md``.
 
-The page is the only source. A block with a title becomes a cell that writes the file; the commands of a console block
+A page is the only source of its notebook. A block with a title becomes a cell that writes the file; the commands of a console block
 become one cell of bash, and each picture that they leave a cell that shows it; Python stays Python. What the page shows
 of the answers is left out: the notebook has the answers themselves.
 
@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
-SOURCE, NOTEBOOK = ROOT / "docs" / "tutorial.md", ROOT / "docs" / "tutorial.ipynb"
+PAGES = ("tutorial", "tutorial-fit")  # of docs/
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"]+)\")?[ \t]*\n(.*?)^```[ \t]*\n", re.MULTILINE | re.DOTALL)
 PICTURE = re.compile(r"(?:-o|--plot) (\S+\.(?:png|gif))")
 SECONDS = 300  # that one cell may take
@@ -84,5 +84,8 @@ def executed(made: list[Cell]) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    answer = executed(cells(SOURCE.read_text("utf-8")))
-    NOTEBOOK.write_text(json.dumps(answer, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    for name in sys.argv[1:] or PAGES:
+        source = ROOT / "docs" / f"{name}.md"
+        answer = executed(cells(source.read_text("utf-8")))
+        text = json.dumps(answer, indent=1, ensure_ascii=False) + "\n"
+        source.with_suffix(".ipynb").write_text(text, encoding="utf-8")

@@ -20,7 +20,9 @@ from granular_lmp.cli import main
 from tests.house.test_site import loaded
 
 ROOT = Path(__file__).parents[2]
-TUTORIAL = ROOT / "docs" / "tutorial.md"
+PICTURES = {"tutorial": ["image/gif", *["image/png"] * 3], "tutorial-fit": ["image/gif", "image/png"]}
+PAGES = {name: ROOT / "docs" / f"{name}.md" for name in PICTURES}
+TUTORIAL = PAGES["tutorial"]
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"]+)\")?[ \t]*\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
 PROGRAMS: dict[str, Callable[[list[str]], int | None]] = {"granular-lmp": main, "granular-analysis": analysis_main}
 # Two digits are shown of what depends on the time step or on last digits; half a unit of the second is at most 5 %
@@ -95,9 +97,13 @@ def same(word: str, other: str) -> bool:
         return word == other
 
 
+each_page = pytest.mark.parametrize("name", PAGES)
+
+
 @pytest.mark.slow
-def test_every_command_of_the_tutorial_runs_and_prints_what_the_page_shows(tmp_path: Path) -> None:
-    assert follow(TUTORIAL.read_text("utf-8"), tmp_path) == []
+@each_page
+def test_every_command_of_the_tutorial_runs_and_prints_what_the_page_shows(name: str, tmp_path: Path) -> None:
+    assert follow(PAGES[name].read_text("utf-8"), tmp_path) == []
 
 
 def test_a_line_that_nothing_prints_is_found(tmp_path: Path) -> None:
@@ -114,7 +120,10 @@ def test_a_command_that_fails_or_that_nobody_knows_is_found(tmp_path: Path) -> N
 
 # ---------------------------------------------------------------- the notebook
 
-NOTEBOOK: dict[str, Any] = json.loads((ROOT / "docs" / "tutorial.ipynb").read_text("utf-8"))
+NOTEBOOKS: dict[str, dict[str, Any]] = {
+    name: json.loads(page.with_suffix(".ipynb").read_text("utf-8")) for name, page in PAGES.items()
+}
+NOTEBOOK = NOTEBOOKS["tutorial"]
 
 
 def without_outputs(cells: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -134,24 +143,34 @@ def not_printed(page: str, notebook: dict[str, Any]) -> list[str]:
     return [line for line in lines if not any(says(other, line) for other in printed_in(notebook))]
 
 
-def test_the_notebook_is_what_the_page_makes() -> None:
-    made = loaded("tutorial_notebook").cells(TUTORIAL.read_text("utf-8"))
-    assert without_outputs(NOTEBOOK["cells"]) == made, "make notebook makes it again"
+def test_every_tutorial_has_its_notebook() -> None:
+    assert set(loaded("tutorial_notebook").PAGES) == set(PAGES)
+    pytest.importorskip("mkdocs", reason="pip install --editable '.[docs]', or make docs")
+    assert set(loaded("site_hooks").EXECUTED) == set(PAGES)
 
 
-def test_the_notebook_holds_every_answer_that_the_page_shows() -> None:
-    assert not_printed(TUTORIAL.read_text("utf-8"), NOTEBOOK) == []
+@each_page
+def test_the_notebook_is_what_the_page_makes(name: str) -> None:
+    made = loaded("tutorial_notebook").cells(PAGES[name].read_text("utf-8"))
+    assert without_outputs(NOTEBOOKS[name]["cells"]) == made, "make notebook makes it again"
 
 
-def test_the_notebook_shows_every_picture_and_no_error() -> None:
-    outputs = [output for cell in NOTEBOOK["cells"] for output in cell.get("outputs", [])]
+@each_page
+def test_the_notebook_holds_every_answer_that_the_page_shows(name: str) -> None:
+    assert not_printed(PAGES[name].read_text("utf-8"), NOTEBOOKS[name]) == []
+
+
+@each_page
+def test_the_notebook_shows_every_picture_and_no_error(name: str) -> None:
+    outputs = [output for cell in NOTEBOOKS[name]["cells"] for output in cell.get("outputs", [])]
     assert not [output for output in outputs if output["output_type"] == "error"]
     kinds = [kind for output in outputs for kind in output.get("data", {}) if kind.startswith("image/")]
-    assert sorted(kinds) == ["image/gif", *["image/png"] * 3]
+    assert sorted(kinds) == PICTURES[name]
 
 
-def test_the_notebook_is_a_valid_one() -> None:
-    pytest.importorskip("nbformat").validate(NOTEBOOK)
+@each_page
+def test_the_notebook_is_a_valid_one(name: str) -> None:
+    pytest.importorskip("nbformat").validate(NOTEBOOKS[name])
 
 
 def test_another_page_is_not_the_page_of_the_notebook() -> None:
