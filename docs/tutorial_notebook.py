@@ -1,8 +1,8 @@
 """The tutorials as executed notebooks: ``make notebook`` writes ``docs/tutorial.ipynb`` from ``docs/tutorial.md``.
 
-A page is the only source of its notebook. A block with a title becomes a cell that writes the file; the commands of a console block
-become one cell of bash, and each picture that they leave a cell that shows it; Python stays Python. What the page shows
-of the answers is left out: the notebook has the answers themselves.
+A page is the only source of its notebook. A block with a title becomes a cell that writes the file; the commands of a
+console block become one cell of bash, and each picture that they leave a cell that shows it; Python stays Python. What
+the page shows of the answers is left out: the notebook has the answers themselves.
 
 The extra ``docs`` executes it; `cells` needs nothing.
 """
