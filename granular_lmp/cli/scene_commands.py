@@ -138,6 +138,10 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
     yield "steps", f"{found.steps}{runs}; {found.records} records{of}"
     seconds = "" if found.seconds is None else f"about {found.seconds:.2g} s on one rank; "
     yield "time", f"{seconds}{found.basis}"
+    if found.kernel is not None:
+        yield "kernel", f"about {found.kernel:.2g} s on one rank with --kernel"
+    elif found.without_kernel:
+        yield "kernel", f"none: {found.without_kernel}"
     for ranks, how in ((4, ""), (64, ", extrapolated")):
         bounds = found.on(ranks)
         if bounds and found.spheres >= WORTH_RANKS:

@@ -10,6 +10,7 @@ from granular_lmp.cli.arguments import (
     changes_argument,
     changes_of,
     folder_arguments,
+    kernel_argument,
     positive,
     scene_arguments,
     scene_of,
@@ -44,6 +45,7 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
         help="processes, each with one run at a time (default: 1); or mpi: the ranks of "
         "mpiexec -n RANKS python -m mpi4py.futures -m granular_lmp sweep ...",
     )
+    kernel_argument(sweep)
 
     scatter = add(
         commands,
@@ -56,6 +58,8 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     scatter.add_argument(
         "--tones", type=positive, default=0, metavar="N", help="frequencies of a burst that are run as tones too"
     )
+
+    kernel_argument(scatter)
 
     cost = add(commands, "cost", _cost, "find out what accuracy costs: each setting of a run, seconds against error")
     scene_arguments(cost)
@@ -72,6 +76,7 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     scene_arguments(kick)
     folder_arguments(kick, "run folder (default: runs/NAME)")
     kick.add_argument("--seed", type=_seed, default=0, metavar="N", help="of the random velocities (default: 0)")
+    kernel_argument(kick)
 
     collide = add(
         commands, "collide", _collide, "let two spheres, or a sphere and a plane, collide: one contact at work"
@@ -111,7 +116,8 @@ def _sweep(options: Options) -> int:
 
     with interruptible() as bar, mpi_workers() if options.workers == "mpi" else Workers(options.workers) as workers:
         progress = bar and progress_of_runs
-        done = sweep(scene, over, folder, executor=workers, force=options.force, progress=progress, remark=_note)
+        more = {"executor": workers, "force": options.force, "progress": progress, "kernel": options.kernel}
+        done = sweep(scene, over, folder, remark=_note, **more)
     for row in {row["run"]: row for row in reversed(done.having("failed"))}.values():
         point = ", ".join(f"{key} = {row[key]!r}" for key in done.over)
         remark(f"failed: {point}: {row['message']} ({folder}/{row['run']})")
@@ -132,7 +138,7 @@ def _scatter(options: Options) -> int:
     scene = wave_scene_of(options)
     folder = options.output or f"scatter/{scene.name}"
     with interruptible() as bar:
-        found = scatter(scene, folder, tones=options.tones, force=options.force, progress=bar)
+        found = scatter(scene, folder, tones=options.tones, force=options.force, progress=bar, kernel=options.kernel)
     say(found.text())
     with writable(found.folder):
         scattering_figure(found).savefig(found.folder / "scatter.png", dpi=150)
@@ -163,7 +169,8 @@ def _kick(options: Options) -> int:
 
     scene = wave_scene_of(options)
     with interruptible():
-        sheet = run_kicked(scene, options.output or f"runs/{scene.name}", options.seed, force=options.force)
+        folder = options.output or f"runs/{scene.name}"
+        sheet = run_kicked(scene, folder, options.seed, force=options.force, kernel=options.kernel)
     say(str(sheet))
     return 0
 

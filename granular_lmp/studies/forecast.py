@@ -15,6 +15,8 @@ from granular_lmp.accuracy.ladder import build, planned_steps
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.errors import GranularError
 from granular_lmp.lammps.checkpoints import minutes_between
+from granular_lmp.lammps.deck import written_text
+from granular_lmp.lammps.kernel import library
 from granular_lmp.problem import Problem
 from granular_lmp.scene.scene import Scene
 
@@ -61,6 +63,10 @@ class Forecast:
         Bytes.
     checkpoint : float
         Minutes between two checkpoints.
+    kernel : float or None
+        Seconds on one rank with the kernel.
+    without_kernel : str
+        Why there are none: it was not built, or does not know a contact of the deck.
     """
 
     spheres: int
@@ -73,6 +79,8 @@ class Forecast:
     basis: str
     memory: float
     checkpoint: float
+    kernel: float | None = None
+    without_kernel: str = ""
 
     def lost_on(self, ranks: int) -> str:
         """Return why some MPI ranks are slower than one, "" if they may be faster or nothing is known."""
@@ -108,8 +116,10 @@ def forecast(problem: Problem) -> Forecast:
     runs = 1 if declared.time.tolerance is None else RUNS
     records = scene.time.samples + 1
     kept = len(problem.recorded) * records if problem.mode is None else 0  # Of a wave snapshots are not read
+    lack, faster = _kernel_lacks(problem), None
     try:
         rate, overhead, basis = _tried(scene)
+        faster = None if lack else _tried(scene, kernel=True)[0]
     except GranularError as error:
         rate, overhead, basis = inf, nan, f"unknown: {error}"
     start = runs * overhead
@@ -125,7 +135,19 @@ def forecast(problem: Problem) -> Forecast:
         basis=basis,
         memory=_PROCESS + _SPHERE * spheres + (_READ + _KEPT * (runs - 1)) * kept,
         checkpoint=minutes_between(scene.output.checkpoint, spheres),
+        kernel=start + spheres * steps / faster if faster else None,
+        without_kernel=lack,
     )
+
+
+def _kernel_lacks(problem: Problem) -> str:
+    """Return why a run of the problem takes no kernel, "" if it does."""
+    try:
+        library.refuse_other_contacts(written_text(problem))
+        library.built()
+    except GranularError as error:
+        return error.in_options()
+    return ""
 
 
 def _snapshots(scene: Scene) -> int:
@@ -136,10 +158,10 @@ def _snapshots(scene: Scene) -> int:
     return int(scene.time.duration / every + 1e-9) + 1 if every else 0
 
 
-def _tried(scene: Scene) -> tuple[float, float, str]:
+def _tried(scene: Scene, kernel: bool = False) -> tuple[float, float, str]:
     """Return sphere-steps a second, seconds beside the loop, and what they were made of."""
     small = _small(scene)
-    rate, overhead = speed(small)
+    rate, overhead = speed(small, kernel)
     cell = "this scene" if small.shape.spheres == scene.shape.spheres else f"a cell of {small.shape.words}"
     start = overhead * max(1.0, scene.shape.spheres / small.shape.spheres)
     return rate, start, f"a short run of {cell} just now, {rate:.2g} sphere-steps a second"
@@ -187,7 +209,7 @@ def _struck_cell(scene: Scene, rows: int, columns: int) -> dict[str, Any]:
     }
 
 
-def speed(scene: Scene) -> tuple[float, float]:
+def speed(scene: Scene, kernel: bool = False) -> tuple[float, float]:
     """Return sphere-steps a second and the seconds beside the time loop, of a short run in a warm process."""
     scene = build(scene).problem.scene  # with a tolerance the one that has the finest of the planned steps
     per_sample = scene.shape.spheres * scene.time.steps_per_sample
@@ -195,6 +217,6 @@ def speed(scene: Scene) -> tuple[float, float]:
     short = scene.with_values({"time.duration": duration, "packing.rows": scene.shape.rows})
     with TemporaryDirectory(prefix="granular-lmp-") as folder:
         for name in ("cold", "warm"):  # the first run starts LAMMPS
-            info = run(build(short), Path(folder) / name).info
+            info = run(build(short), Path(folder) / name, kernel=kernel).info
     seconds = info["wall_seconds"]
     return info["particles"] * info["steps"] / seconds["loop"], seconds["total"] - seconds["loop"]

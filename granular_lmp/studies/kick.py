@@ -53,7 +53,7 @@ def kicked(scene: Scene, seed: int = 0) -> Scene:
     )
 
 
-def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool = False) -> Path:
+def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool = False, kernel: bool = False) -> Path:
     """Kick the sheet of a scene, run it, and return the path of ``sheet.npz``.
 
     A run of the same sheet that was stopped is continued, and one that is finished is read.
@@ -69,6 +69,8 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
         Seed of the random velocities.
     force : bool
         Run again in an existing folder.
+    kernel : bool
+        As in `granular_lmp.run`.
 
     Returns
     -------
@@ -94,7 +96,7 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     if not force and _has_begun(sheet, folder):
         record = Record.load(folder) if read_status(folder)["status"] == "finished" else resume(folder)
     else:
-        record = run(sheet, folder, force=force)
+        record = run(sheet, folder, force=force, kernel=kernel)
     return write_sheet(record)
 
 

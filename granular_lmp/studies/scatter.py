@@ -131,7 +131,13 @@ class Scatter:
 
 
 def scatter(
-    scene: Scene, folder: str | Path, *, tones: int = 0, force: bool = False, progress: Progress | None = None
+    scene: Scene,
+    folder: str | Path,
+    *,
+    tones: int = 0,
+    force: bool = False,
+    progress: Progress | None = None,
+    kernel: bool = False,
 ) -> Scatter:
     """Run a scene with and without its inclusions, and return what passes them and what comes back.
 
@@ -150,6 +156,8 @@ def scatter(
         Run again in an existing folder.
     progress : callable, optional
         Callback ``progress(step, steps)`` of each run.
+    kernel : bool
+        As in `granular_lmp.run`.
 
     Raises
     ------
@@ -192,7 +200,7 @@ def scatter(
         _clear_study(folder)
         for each, prefix, at in runs:
             normal, scattered = (
-                run(one, folder / f"{prefix}{name}", force=force, progress=progress).snapshots()
+                run(one, folder / f"{prefix}{name}", force=force, progress=progress, kernel=kernel).snapshots()
                 for name, one in ((NORMALISATION, each.with_values({"inclusion": []})), (INCLUSIONS, each))
             )
             rows += _compare(prepare(each), normal, scattered, at)

@@ -21,6 +21,7 @@ from granular_lmp.accuracy.ladder import sphere_steps
 from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.card import HasCard
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted, one_line
+from granular_lmp.lammps.kernel.library import built
 from granular_lmp.lammps.outputs import STATUS, SWEEP, csv_text, replace_text, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
@@ -186,6 +187,7 @@ def sweep(
     force: bool = False,
     progress: Progress | None = None,
     remark: Callable[[str], None] | None = None,
+    kernel: bool = False,
 ) -> Sweep:
     """Run `scene` with every combination of the values in `over`; finished runs are not repeated.
 
@@ -210,6 +212,8 @@ def sweep(
         Callback ``progress(runs done, runs, seconds left)``.
     remark : callable, optional
         Callback for each of `Sweep.notes`, before the first run.
+    kernel : bool
+        As in `granular_lmp.run`. Runs that are finished are kept, with it or without, as their numbers are the same.
 
     Raises
     ------
@@ -218,10 +222,14 @@ def sweep(
     RunFolderError
         If the folder exists and is not that of this sweep (without `force`), another sweep is at work in it, or a run
         folder holds the run of another scene.
+    LammpsMissingError
+        If the kernel is asked for and was not built.
     RunInterrupted
         On Ctrl-C; finished runs are kept.
     """
     folder = absolute(folder)
+    if kernel:
+        built()
     asked = {key: plain_value([*values]) for key, values in over.items()}
     grid = points(scene, asked, folder / RUNS)
     made, notes = {point.run: point.of_run for point in grid}, remarks(each.scene for each in grid)
@@ -242,7 +250,8 @@ def sweep(
         total = left = sum(cost.values())
         started = saved = time.monotonic()
         try:
-            for name, row in _results(folder / RUNS, {name: made[name] for name in cost}, executor or Here()):
+            todo = {name: made[name] for name in cost}
+            for name, row in _results(folder / RUNS, todo, executor or Here(), kernel):
                 rows[name] = row
                 left -= cost.pop(name)
                 if progress is not None:
@@ -298,7 +307,7 @@ def _read_request(folder: Path) -> dict[str, Any] | None:
     return {"over": request["over"], "scene": request["scene"]}
 
 
-def _results(folder: Path, todo: dict[str, Scene], executor: Executor) -> Iterator[tuple[str, Point]]:
+def _results(folder: Path, todo: dict[str, Scene], executor: Executor, kernel: bool) -> Iterator[tuple[str, Point]]:
     """Yield name and row of each run as it ends.
 
     The futures are polled, because the futures of some executors have no callbacks.
@@ -317,7 +326,7 @@ def _results(folder: Path, todo: dict[str, Scene], executor: Executor) -> Iterat
 
     try:
         for name, scene in todo.items():
-            waiting[_submitted(executor, scene, folder / name)] = name
+            waiting[_submitted(executor, scene, folder / name, kernel)] = name
             if time.monotonic() > look_at:
                 yield from done()
         while waiting:
@@ -328,10 +337,10 @@ def _results(folder: Path, todo: dict[str, Scene], executor: Executor) -> Iterat
             future.cancel()
 
 
-def _submitted(executor: Executor, scene: Scene, folder: Path) -> "Future[Point]":
+def _submitted(executor: Executor, scene: Scene, folder: Path, kernel: bool) -> "Future[Point]":
     """Return the future of a run; of one that fails at once or is refused, a future that holds the error."""
     try:
-        return executor.submit(run_point, scene, folder)
+        return executor.submit(run_point, scene, folder, kernel)
     except RunInterrupted:
         raise
     except Exception as error:  # also of a batch system that takes no more jobs
@@ -340,7 +349,7 @@ def _submitted(executor: Executor, scene: Scene, folder: Path) -> "Future[Point]
         return future
 
 
-def run_point(scene: Scene, folder: Path) -> Point:
+def run_point(scene: Scene, folder: Path, kernel: bool = False) -> Point:
     """Do one run of a sweep, or the rest of it, and return its row; the executor calls this function.
 
     Raises
@@ -355,7 +364,7 @@ def run_point(scene: Scene, folder: Path) -> Point:
 
     try:
         with terminable():
-            record = _continued(scene, folder, heed)
+            record = _continued(scene, folder, heed, kernel)
     except RunInterrupted:
         raise
     except GranularError as error:  # as a row: an exception of several arguments cannot be sent between processes
@@ -363,14 +372,14 @@ def run_point(scene: Scene, folder: Path) -> Point:
     return summary_of(scene, record.info, record)
 
 
-def _continued(scene: Scene, folder: Path, heed: Callable[[int, int], None]) -> Record:
+def _continued(scene: Scene, folder: Path, heed: Callable[[int, int], None], kernel: bool) -> Record:
     """Continue a run from its checkpoint, however it ended, or begin it."""
     status = info_of(folder).get("status", "finished")
     if status != "finished":
         # It has no checkpoint, or failed by a guard; what failed otherwise may fail from its checkpoint again
         with suppress(RunFolderError, *([LammpsError] if status == "failed" else [])):
             return resume(folder, progress=heed)
-    return run(scene, folder, force=True, progress=heed)
+    return run(scene, folder, force=True, progress=heed, kernel=kernel)
 
 
 def _result(scene: Scene, folder: Path, future: "Future[Point]") -> Point:

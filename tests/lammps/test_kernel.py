@@ -20,6 +20,8 @@ from granular_lmp.lammps.outputs import LOG, MONITOR_CONTACTS
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import Record, read_status, write_status
 from granular_lmp.scene.shipped import shipped
+from granular_lmp.studies.kick import run_kicked
+from granular_lmp.studies.sweep import sweep
 from tests.conftest import kernel_lacks
 from tests.hard.guard_study import FAMILIES, random_scene
 from tests.house.test_docs import ROOT
@@ -389,3 +391,52 @@ def test_the_command_line_names_the_option(
 ) -> None:
     assert main(["run", *words, "--kernel", "-o", str(tmp_path / "run")]) == 2
     assert named in capsys.readouterr().err
+
+
+def test_a_sweep_takes_it_and_keeps_what_is_finished(small: Scene, tmp_path: Path) -> None:
+    first = sweep(small, {"wave.amplitude": [0.1]}, tmp_path, force=True)
+    both_runs = sweep(small, {"wave.amplitude": [0.1, 0.2]}, tmp_path, force=True, kernel=True)
+    without, with_it = (read_status(tmp_path / row["run"]) for row in both_runs.rows)
+    assert "kernel" not in without
+    assert with_it["kernel"] == library.description()
+    assert both_runs.rows[0] == first.rows[0]
+
+
+def test_a_sweep_without_a_kernel_is_refused_at_once(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    with pytest.raises(LammpsMissingError, match="build-kernel"):
+        sweep(small, {"wave.amplitude": [0.1]}, tmp_path / "sweep", kernel=True)
+    assert not (tmp_path / "sweep").exists()
+
+
+def test_a_kicked_sheet_takes_it(tmp_path: Path) -> None:
+    sheet = {"packing.rows": 12, "packing.columns": 12, "time.duration": 10.0, "time.sample": 0.5}
+    path = run_kicked(Scene.load("tr_periodic").with_values(sheet), tmp_path / "run", kernel=True)
+    assert read_status(path.parent)["kernel"] == library.description()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "s on one rank with --kernel"),
+        (
+            ("--set", "effects.rolling_stiffness=1.0", "--set", "effects.rolling_friction=0.1"),
+            "none: --kernel: does not",
+        ),
+    ],
+)
+def test_check_says_what_it_would_save(words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "tr_periodic", *words]) == 0
+    assert said in next(line for line in capsys.readouterr().out.splitlines() if line.startswith("kernel"))
+
+
+def test_doctor_says_whether_there_is_one(
+    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    main(["doctor"])
+    assert f"kernel       {built}: run --kernel takes half the time" in capsys.readouterr().out
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    main(["doctor"])
+    assert "kernel       none, with it LAMMPS's loop takes about half the time" in capsys.readouterr().out

@@ -36,8 +36,9 @@ def tried(monkeypatch: pytest.MonkeyPatch) -> list[Scene]:
     """Scenes whose speed was asked for, each said to make 1e6 sphere-steps a second and to start in 0.5 s."""
     scenes: list[Scene] = []
 
-    def speed(scene: Scene) -> tuple[float, float]:
-        scenes.append(scene)
+    def speed(scene: Scene, kernel: bool = False) -> tuple[float, float]:
+        if not kernel:
+            scenes.append(scene)
         return 1e6, 0.5
 
     monkeypatch.setattr(forecast, "speed", speed)
@@ -89,7 +90,7 @@ def test_check_says_time_and_memory(tried: list[Scene], capsys: pytest.CaptureFi
 def test_check_says_why_it_knows_no_time(
     name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def missing(scene: Scene) -> None:
+    def missing(scene: Scene, kernel: bool = False) -> None:
         raise LammpsMissingError("LAMMPS cannot be loaded")
 
     monkeypatch.setattr(forecast, "speed", missing)
