@@ -7,6 +7,7 @@ import shlex
 from argparse import ArgumentParser
 from collections.abc import Sequence
 from functools import cache
+from math import pi, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -354,3 +355,22 @@ def test_solid_spheres_have_the_polynomials_of_the_theory_page(nu: float) -> Non
     assert cubic == pytest.approx(120 * kappa**2 * (1 + c), rel=0, abs=1e-11)
     expected = (8 * kappa**2 - 10 * kappa + 1) / (2 * kappa + 1)
     assert np.cos(sh.antiresonance(constants)) == pytest.approx(expected, rel=0, abs=1e-14)
+
+
+# ---------------------------------------------------------------- the glossary
+
+
+def test_numbers_of_the_glossary_are_those_of_the_paper_s_spheres() -> None:
+    sphere = Scene.load("tr_nonresonant").sphere
+    rows = sphere.lattice_constant * sqrt(3) / 2
+    page = (ROOT / "docs" / "glossary.md").read_text("utf-8")
+    for said in (
+        f"| {sphere.radius * 1e6} µm, {sphere.mass:.3e} kg |",
+        f"| {sphere.static_overlap * 1e9:.4f} nm |",
+        f"| {sphere.normal_stiffness:.1f} N/m, {sphere.shear_stiffness:.1f} N/m |",
+        f"| {sphere.time_scale * 1e9:.3f} ns |",
+        f"| ξ = 1: {2 * pi * rows * 1e6:.2f} µm |",
+        f"| ω = 1: {1e-6 / (2 * pi * sphere.time_scale):.1f} MHz |",
+        f"| {sphere.overlap_ratio:.1e} |".replace("e-04", "e-4"),
+    ):
+        assert said in page
