@@ -47,7 +47,7 @@ def in_lammps(wave: Wave, overlap_ratio: float = PAPER.sphere.overlap_ratio) -> 
 
 
 class Stepped:
-    """Trajectories of waves by steps per sample, computed side by side and kept."""
+    """Trajectories of waves by steps per sample, each computed once."""
 
     def __init__(self, records: Mapping[Wave, int] | None = None) -> None:
         self.records = defaultdict(lambda: RECORDS, records or {})
@@ -55,25 +55,17 @@ class Stepped:
         self.limits: dict[Wave, np.ndarray] = {}
 
     def prepare(self, wanted: Iterable[tuple[Wave, int]]) -> None:
-        missing = sorted(set(wanted) - set(self.kept))
-        for count in sorted({count for _, count in missing}):
-            waves = [wave for wave, other in missing if other == count]
-            records = max(self.records[wave] for wave in waves)
-            made = stepped([in_lammps(wave) for wave in waves], count, records=records, points=17)
-            for wave, record in zip(waves, made, strict=True):
-                self.kept[wave, count] = record[: self.records[wave] + 1]
+        for wave, count in set(wanted) - set(self.kept):
+            (self.kept[wave, count],) = stepped([in_lammps(wave)], count, records=self.records[wave], points=17)
 
     def single(self, wave: Wave, count: int) -> np.ndarray:
         self.prepare([(wave, count)])
         return self.kept[wave, count]
 
     def prepare_limits(self, waves: Iterable[Wave]) -> None:
-        """Integrate the waves to which the others are compared: RT, which takes the smallest steps, on its own."""
-        for fast in (True, False):
-            group = [wave for wave in waves if (wave[0] == "RT") == fast]
-            records = max(self.records[wave] for wave in group)
-            exact = limit([in_lammps(wave) for wave in group], timestep.TAU[: records + 1])
-            self.limits |= dict(zip(group, exact, strict=True))
+        """Integrate the waves to which the others are compared."""
+        for wave in waves:
+            self.limits[wave] = limit([in_lammps(wave)], timestep.TAU[: self.records[wave] + 1])[0]
 
     def errors(self, wave: Wave, record: np.ndarray) -> dict[str, float]:
         """The errors of p, q, φ, of those that do not vanish by symmetry."""

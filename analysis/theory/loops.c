@@ -269,3 +269,20 @@ void stages(whole n, whole first, whole last, whole width, const double *weights
     slope(data, trial, stack + (row + 1) * n);
   }
 }
+
+/* `count` steps of velocity Verlet, as of timestep.py: the slip grows with the speeds of half a step. */
+void stepped(const Torus *t, double *state, double *rate, double step, whole count)
+{
+  const whole speeds = 3 * t->points, memory = 6 * t->points, size = (t->history ? 9 : 6) * t->points;
+  torus(t, state, rate);
+  for (whole n = 0; n < count; n++) {
+    for (whole i = speeds; i < memory; i++) state[i] += step / 2 * rate[i];
+    for (whole i = 0; i < speeds; i++) state[i] += step * state[speeds + i];
+    if (t->history) {
+      torus(t, state, rate);
+      for (whole i = memory; i < size; i++) state[i] += step * rate[i];
+    }
+    torus(t, state, rate);
+    for (whole i = speeds; i < memory; i++) state[i] += step / 2 * rate[i];
+  }
+}

@@ -50,8 +50,9 @@ def library() -> ctypes.CDLL | None:
     found.errors.argtypes = [size, size, *[pointer] * 5, size, number, pointer]
     found.plane.argtypes = [pointer] * 6
     found.torus.argtypes = [pointer] * 3
+    found.stepped.argtypes = [*[pointer] * 3, number, size]
     found.stages.argtypes = [*[size] * 4, *[pointer] * 5]
-    for function in (found.weighted, found.errors, found.plane, found.torus, found.stages):
+    for function in (found.weighted, found.errors, found.plane, found.torus, found.stages, found.stepped):
         function.restype = None
     return found
 
@@ -100,6 +101,12 @@ class Slope:
         assert loop is not None
         sizes = trial.size, first, last, weights.shape[1]
         loop.stages(*sizes, *map(address, (weights, stack, trial)), self.function, ctypes.addressof(self.data))
+
+    def stepped(self, state: Floats, step: float, count: int) -> None:
+        """Make steps of velocity Verlet in a state of the lattice; see `timestep.verlet`."""
+        loop, rate = library(), np.empty_like(state)
+        assert loop is not None
+        loop.stepped(ctypes.addressof(self.data), address(state), address(rate), step, count)
 
 
 def weighted(weights: Floats, rows: Floats, out: Floats) -> None:

@@ -153,16 +153,14 @@ def torus_shifts(wavenumber: float, points: int, direction: float = 90.0) -> Flo
 
 
 def at_ends(shifts: Floats, direction: float = 90.0) -> Neighbours:
-    """Neighbours from the matrix of `torus_shifts`; from those of W waves, (W, K, 3K), for places (W, ..., 3, K)."""
-    waves, points = shifts.shape[:-2], shifts.shape[-2]
-    back = np.ascontiguousarray(shifts.swapaxes(-1, -2))
+    """Neighbours from the matrix of `torus_shifts`."""
+    back = np.ascontiguousarray(shifts.T)
 
     def ahead(values: Floats) -> Floats:
-        return (values.reshape(*waves, -1, points) @ shifts).reshape(*values.shape[:-1], 3, points)
+        return (values @ shifts).reshape(*values.shape[:-1], 3, -1)
 
     def behind(values: Floats) -> Floats:
-        there = values.reshape(*waves, -1, 3 * points) @ back
-        return there.reshape(*values.shape[:-2], points)
+        return np.asarray(values.reshape(*values.shape[:-2], -1) @ back)
 
     return shifted(direction, ahead, behind)
 

@@ -17,33 +17,22 @@ The second harmonic is one oscillator, so it needs no lattice to be stepped (`st
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import refuse_oblique
 from analysis.theory.contact import Contact
-from analysis.theory.lattice import accelerations, integrate, longest_step, on_torus, rhs, touching
-from analysis.theory.neighbours import Neighbours, at_ends, torus_neighbours, torus_shifts
+from analysis.theory.lattice import accelerations, on_torus, torus_trajectory, touching
+from analysis.theory.lattice_loop import torus_slope
+from analysis.theory.neighbours import Neighbours
 from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 
 SAMPLE, RECORDS = 0.5, 240
 TAU = SAMPLE * np.arange(RECORDS + 1)
-
-
-@dataclass(frozen=True)
-class _Contacts(Contact):
-    """The contacts of several waves, alike but for κ, for states (waves, 9, K)."""
-
-    kappas: tuple[float, ...] = ()
-
-    @cached_property
-    def kappa(self) -> Floats:  # type: ignore[override]  # κ of each wave
-        return np.array(self.kappas)[:, None, None]
 
 
 def stepped(
@@ -53,8 +42,7 @@ def stepped(
 
     Parameters
     ----------
-    waves : along y and of phase 0, in contacts with η > 0 and without restitution, which differ in ν at most; they are
-        stepped side by side.
+    waves : along y and of phase 0, in contacts with η > 0.
     per_sample : steps to a sample.
     sample, records : τ between records, and their number after the first.
     points : K of the torus, odd; see `analysis.theory.lattice.torus_trajectory`.
@@ -63,24 +51,38 @@ def stepped(
     """
     if paper := [wave for wave in waves if not wave.contact.overlap_ratio]:
         raise ValueError(f"overlap_ratio = {paper[0].contact.overlap_ratio} must be above 0: LAMMPS steps the slip")
-    state, contact, neighbours = _side_by_side(waves, points)
-    step = sample / per_sample
-    places, speeds, slip = state[:, :3], state[:, 3:6], state[:, 6:]
-    record = np.empty((records + 1, len(waves), 3))
-    record[0] = places[..., 0]
+    return np.stack([_stepped(wave, per_sample, sample / per_sample, records, points) for wave in waves])
+
+
+def _stepped(wave: Wave, per_sample: int, step: float, records: int, points: int) -> Floats:
+    """Return p, q, φ (records + 1, 3) of one wave of `stepped`."""
+    _refuse(wave)
+    state, neighbours = on_torus(wave, points)
+    slope = torus_slope(state, wave.contact, neighbours)
+    record = np.empty((records + 1, 3))
+    record[0] = state[:3, 0]
     with np.errstate(over="ignore", invalid="ignore"):
-        acceleration = accelerations(state, touching(state, contact, neighbours), contact, neighbours)
         for index in range(1, records + 1):
-            for _ in range(per_sample):
-                speeds += step / 2 * acceleration
-                places += step * speeds
-                now = touching(state, contact, neighbours)  # the slip is no part of it
-                if contact.has_history:  # which without shear it has not
-                    slip += step * now.shear_rate(contact)
-                acceleration = accelerations(state, now, contact, neighbours)
-                speeds += step / 2 * acceleration
-            record[index] = places[..., 0]
-    return np.moveaxis(record, 1, 0) / _amplitudes(waves)
+            if slope is None:
+                verlet(state, wave.contact, neighbours, step, per_sample)
+            else:
+                slope.stepped(state, step, per_sample)
+            record[index] = state[:3, 0]
+    return record / wave.amplitude
+
+
+def verlet(state: Floats, contact: Contact, neighbours: Neighbours, step: float, count: int) -> None:
+    """Make steps in a state (6 or 9, K): the equations at the top of this module."""
+    places, speeds, slip = state[:3], state[3:6], state[6:]
+    acceleration = accelerations(state, touching(state, contact, neighbours), contact, neighbours)
+    for _ in range(count):
+        speeds += step / 2 * acceleration
+        places += step * speeds
+        now = touching(state, contact, neighbours)  # the slip is no part of it
+        if contact.has_history:  # which without shear it has not
+            slip += step * now.shear_rate(contact)
+        acceleration = accelerations(state, now, contact, neighbours)
+        speeds += step / 2 * acceleration
 
 
 def stepped_second_harmonic(wave: Wave, tau: Floats, step: float) -> Floats:
@@ -132,47 +134,21 @@ def _forces(wave: Wave) -> tuple[complex, complex]:
     return complex(scale * running[wave.longitudinal]), complex(scale * left[wave.longitudinal])
 
 
-def _amplitudes(waves: Sequence[Wave]) -> Floats:
-    """Return D0/Δ0 of each wave, (waves, 1, 1)."""
-    return np.array([wave.amplitude for wave in waves])[:, None, None]
-
-
-def _side_by_side(waves: Sequence[Wave], points: int) -> tuple[Floats, Contact, Neighbours]:
-    """Return the states (waves, 9, K) of waves on tori, with what `rhs` needs of them.
-
-    Raises ValueError unless they run along y with phase 0, in contacts without restitution that differ in ν at most.
-    """
-    for wave in waves:
-        refuse_oblique(wave.mode)
-        if wave.phase:
-            raise ValueError(f"phase = {wave.phase} must be 0 of waves that are integrated side by side")
-        if wave.contact.restitution is not None:
-            raise ValueError(
-                f"restitution = {wave.contact.restitution} must be None of waves side by side: its dashpot depends on ν"
-            )
-    alike = {replace(wave.contact, poisson_ratio=0.0) for wave in waves}
-    if len(alike) != 1:
-        raise ValueError(f"{len(alike)} kinds of contact: waves that are integrated side by side may differ in ν only")
-    contact = _Contacts(**asdict(waves[0].contact), kappas=tuple(wave.contact.kappa for wave in waves))
-    state = np.stack([on_torus(wave, points)[0] for wave in waves])
-    wavenumbers = [wave.mode.wavenumber for wave in waves]
-    if len(waves) == 1:
-        return state, contact, torus_neighbours(wavenumbers[0], points)
-    return state, contact, at_ends(np.stack([torus_shifts(each, points) for each in wavenumbers]))
+def _refuse(wave: Wave) -> None:
+    """Raise ValueError for a wave whose row n = 0 is no point of its torus."""
+    refuse_oblique(wave.mode)
+    if wave.phase:
+        raise ValueError(f"phase = {wave.phase} must be 0 of a wave that is stepped")
 
 
 def limit(waves: Sequence[Wave], tau: ArrayLike = TAU, rtol: float = 1e-10) -> Floats:
     """p, q, φ in D0 of the row n = 0 of each wave, (waves, T, 3), for the step → 0: the exact lattice to about 50 rtol.
 
-    The waves run along y with phase 0, in contacts without restitution that differ in ν at most. They are integrated
-    side by side, with the steps that the fastest needs. Raises ValueError for others.
+    The waves run along y with phase 0. Raises ValueError for others.
     """
-    state, contact, neighbours = _side_by_side(waves, points=25)
-    amplitudes = _amplitudes(waves)
-    # The error is a mean over all numbers: one wave's is larger by the root of their number at most
-    share, longest = rtol / np.sqrt(len(waves)), min(longest_step(wave.contact) for wave in waves)
-    states = integrate(lambda y: rhs(y, contact, neighbours), state, tau, share, amplitudes.min(), longest)
-    return np.moveaxis(states[:, :, :3, 0], 1, 0) / amplitudes
+    for wave in waves:
+        _refuse(wave)
+    return np.stack([torus_trajectory(wave, tau, points=25, rtol=rtol)[..., 0] for wave in waves])
 
 
 def extrapolated(coarse: Floats, fine: Floats) -> Floats:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.theory import lattice, loops
-from analysis.theory.contact import Contact
+from analysis.theory import lattice, loops, timestep
+from analysis.theory.contact import Contact, Law
 from analysis.theory.lattice_loop import torus_slope
 from analysis.theory.neighbours import ring_neighbours, torus_neighbours
 from analysis.theory.network import Material, Network, Wall
@@ -195,3 +195,12 @@ def test_jkr_contacts_rings_and_complex_waves_are_left_to_numpy() -> None:
     assert torus_slope(state + 0j, Contact(0.17), torus) is None
     assert torus_slope(state, Contact(0.17, adhesion_law="jkr"), torus) is None
     assert torus_slope(np.zeros((6, 201)), Contact(0.17), torus_neighbours(0.8, 201)) is None
+
+
+@compiled
+@pytest.mark.parametrize("law", ["secant", "incremental"])
+def test_steps_are_those_of_numpy(law: Law, monkeypatch: pytest.MonkeyPatch) -> None:
+    wave = Wave.of_mode("RT", 0.802, 0.1, Contact(0.17, overlap_ratio=0.003, law=law, viscosity=0.01))
+    found = timestep.stepped([wave], 5, records=20, points=17)
+    monkeypatch.setattr(loops, "library", lambda: None)
+    assert np.allclose(found, timestep.stepped([wave], 5, records=20, points=17), rtol=0, atol=1e-13)

@@ -129,24 +129,24 @@ def test_what_is_stepped_or_set_on_rows_is_a_wave_along_y() -> None:
         ([oblique], r"direction = 17\.0 of the mode is not 90"),
         ([replace(right, phase=0.3)], r"phase = 0\.3 must be 0"),
         ([Wave.of_mode("TR", 1.1, 0.2, Contact(NU))], r"overlap_ratio = 0\.0 must be above 0"),
-        ([right, Wave.of_mode("TR", 1.1, 0.2, replace(contact, overlap_ratio=0.02))], "2 kinds of contact"),
     ]
-    bouncing = Contact(NU, overlap_ratio=0.01, prestress=1.0, restitution=0.9)
-    wrong.append(([Wave.of_mode("TR", 1.1, 0.2, bouncing)], r"restitution = 0\.9 must be None"))
     for waves, message in wrong:
         with pytest.raises(ValueError, match=message):
             stepped(waves, 2, records=2)
 
 
-def test_waves_stepped_side_by_side_are_those_stepped_alone() -> None:
-    waves = [Wave.of_mode("TR", xi, 0.2, Contact(nu, overlap_ratio=1e-3)) for xi, nu in ((0.8, NU), (2.1, -0.5))]
+def test_waves_in_contacts_of_two_kinds_are_stepped_in_one_call() -> None:
+    waves = [Wave.of_mode("TR", xi, 0.2, Contact(nu, overlap_ratio=1e-3 * xi)) for xi, nu in ((0.8, NU), (2.1, -0.5))]
     together, apart = stepped(waves, 4, records=40), [stepped([wave], 4, records=40)[0] for wave in waves]
-    # 160 steps of numbers of order one, whose sums are taken in another order
-    np.testing.assert_allclose(together, apart, rtol=0, atol=1e-11)
+    np.testing.assert_array_equal(together, apart)
     assert np.max(np.abs(together[0] - together[1])) > 0.1
 
 
-@pytest.mark.parametrize("effects", [{"shear": False}, {"rotation": False}, {"viscosity": 0.01}], ids=str)
+@pytest.mark.parametrize(
+    "effects",
+    [{"shear": False}, {"rotation": False}, {"viscosity": 0.01}, {"restitution": 0.9, "prestress": 1.0}],
+    ids=str,
+)
 def test_waves_of_any_contact_are_stepped_to_their_limit(effects: dict[str, Any]) -> None:
     wave = Wave.of_mode("L", 0.8, 0.2, Contact(NU, overlap_ratio=1e-3, **effects))
     (coarse,), (fine,) = (stepped([wave], count, records=40) for count in (8, 16))
