@@ -52,7 +52,7 @@ def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
     groups = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(problem.materials))]
     return groups + [
         wall(
-            model(rigid(each), problem.units, **law) if problem.scene.loose else _against(problem, m - 1, law),
+            model(rigid(each), problem.units, **law) if problem.scene.loose else _against(problem, name, m - 1, law),
             f"{name[0]}plane {f'{place!r} NULL' if name.endswith('lo') else f'NULL {place!r}'}"
             + " contacts" * (not problem.scene.loose),
             name=f"{name}{m}",
@@ -63,10 +63,10 @@ def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _against(problem: Problem, material: int, law: Mapping[str, Any]) -> str:
-    """Return the model of the contact of spheres of a material, by its index, with the walls of a crystal at rest."""
-    declared = problem.scene.wall or problem.scene.rigid
-    assert declared is not None  # else there is no wall
+def _against(problem: Problem, name: str, material: int, law: Mapping[str, Any]) -> str:
+    """Return the model of the contact of spheres of a material, by its index, with a wall of a crystal at rest."""
+    declared = problem.scene.wall if name[0] == "z" else problem.scene.rigid
+    assert declared is not None  # else there is no such wall
     against, own = declared.beside(problem.materials)[material], problem.materials[material]
     sphere, shear_modulus = of_law(against.law(own.radius), own.radius, own)
     return model(sphere, problem.units, **law, shear_modulus=shear_modulus)

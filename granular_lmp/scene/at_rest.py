@@ -96,14 +96,16 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
 
 def law_at_rest(scene: Scene) -> AdhesionLaw:
     """Return the law of the contacts at rest, of spheres and with walls: one in a perfect lattice, else of each."""
-    law, wall, contacts = scene.sphere.contact_law, scene.wall or scene.rigid, contacts_of(scene)
-    if scene.perfect:
-        beside = wall and wall.law(contacts.radius[contacts.i])
-    else:
+    contacts, laws = contacts_of(scene), [scene.sphere.contact_law]
+    which = np.zeros(len(contacts), dtype=int)
+    if not scene.perfect:
         rest = crystal_of(scene)
-        law = law_between(rest.atoms, rest.materials, contacts.i, contacts.j)
-        beside = wall and wall.law_of(rest.atoms, rest.materials, contacts.i)
-    return chosen(contacts.on_wall.astype(int), [law, beside]) if beside else law
+        laws = [law_between(rest.atoms, rest.materials, contacts.i, contacts.j)]
+    for number, (wall, outward) in enumerate(_walls(scene), 1):
+        of_one = wall.law(contacts.radius[contacts.i])
+        laws.append(of_one if scene.perfect else wall.law_of(rest.atoms, rest.materials, contacts.i))
+        which[contacts.on_wall & (contacts.normals @ outward > 0.5)] = number
+    return chosen(which, laws) if len(laws) > 1 else laws[0]
 
 
 def _faces(scene: Scene) -> list[Face]:

@@ -7,13 +7,12 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene.bodies import Contact, Substrate
 from granular_lmp.scene.sections import Effects, Packing
 
-_SIZES = ("disorder.radius", "radius")
-
 
 def check_arrangement(
     lattice: Lattice,
+    space: int,
     packing: Packing,
-    material: Sphere,
+    bodies: tuple[Sphere, Contact, Substrate | None],
     disorder: Disorder,
     inclusions: tuple[Inclusion, ...],
 ) -> None:
@@ -21,9 +20,22 @@ def check_arrangement(
 
     Spheres come to rest without friction. Lines of contacts run through a square and a cubic lattice, which resists no
     shear then, so every contact must be at rest where it is; a chain resists no shift sideways, so it must not be
-    compressed.
+    compressed, and a layer in space no push along z. Measured stiffnesses are of one material.
     """
+    material, contact, substrate = bodies
+    measured = [contact.normal_stiffness, contact.shear_stiffness]
+    measured += [substrate.normal_stiffness, substrate.shear_stiffness] if substrate else []
     for key, value in _unequal(material, disorder, inclusions).items():
+        if space == 3 and not lattice.solid and substrate is None:
+            raise SceneError(
+                f"{key} = {value!r}: must be that of all spheres in a layer that nothing holds along z, out of which "
+                "contacts that push would press them; needs a [substrate], or packing.space = 2"
+            )
+        if any(measured) and not key.endswith("radius"):
+            raise SceneError(
+                f"{key} = {value!r}: must be left out beside measured stiffnesses, which are of the spheres of the "
+                "lattice"
+            )
         if lattice.collapses:
             raise SceneError(
                 f'{key} = {value!r}: must be that of all spheres with packing.lattice = "{packing.lattice}", which has '
@@ -42,30 +54,6 @@ def check_arrangement(
         )
 
 
-def check_in_space(
-    lattice: Lattice,
-    substrate: Substrate | None,
-    contact: Contact,
-    material: Sphere,
-    disorder: Disorder,
-    inclusions: tuple[Inclusion, ...],
-) -> None:
-    """Check that spheres in space that differ are held along z, and that no measured stiffness is of other moduli."""
-    measured = [contact.normal_stiffness, contact.shear_stiffness]
-    measured += [substrate.normal_stiffness, substrate.shear_stiffness] if substrate else []
-    for key, value in _unequal(material, disorder, inclusions).items():
-        if not lattice.solid and substrate is None:
-            raise SceneError(
-                f"{key} = {value!r}: must be that of all spheres in a layer that nothing holds along z, out of which "
-                "contacts that push would press them; needs a [substrate], or packing.space = 2"
-            )
-        if any(measured) and not key.endswith(_SIZES):
-            raise SceneError(
-                f"{key} = {value!r}: must be left out beside measured stiffnesses, which are of the spheres of the "
-                "lattice"
-            )
-
-
 def _unequal(material: Sphere, disorder: Disorder, inclusions: tuple[Inclusion, ...]) -> dict[str, float]:
     """Return by key what makes contacts differ: radii, moduli and adhesion that are not those of the lattice."""
     found = {"disorder.radius": disorder.radius} if disorder.radius else {}
@@ -75,10 +63,9 @@ def _unequal(material: Sphere, disorder: Disorder, inclusions: tuple[Inclusion, 
     return found
 
 
-def check_walls(packing: Packing, substrate: Substrate | None, contact: Contact, effects: Effects) -> None:
+def check_walls(packing: Packing, contact: Contact, effects: Effects) -> None:
     """Check that nothing is asked of a crystal at rest whose faces are rigid planes that these do not know."""
     troubles = {
-        "[substrate]": substrate is not None,
         "[contact]": contact != Contact(),
         "effects.rolling and effects.twisting": effects.rolling_stiffness
         or effects.rolling is True

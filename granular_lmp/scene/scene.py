@@ -33,7 +33,7 @@ from granular_lmp.scene.frequency import with_placeholder, without_wavevector
 from granular_lmp.scene.monitors import Monitor, check_monitors
 from granular_lmp.scene.records import said
 from granular_lmp.scene.refusals import NEEDS_REST, NEEDS_WAVE, UNWAVED, is_loose, refuse, refuse_tables
-from granular_lmp.scene.relaxation import check_arrangement, check_in_space, check_walls
+from granular_lmp.scene.relaxation import check_arrangement, check_walls
 from granular_lmp.scene.samples import located
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.sections import (
@@ -305,7 +305,7 @@ class Scene(HasCard, Derived):
             return
         check_space(self.packing, self.substrate, self.effects, self.absorb, self.lattice, self.space)
         if self.rigid:
-            check_walls(self.packing, self.substrate, self.contact, self.effects)
+            check_walls(self.packing, self.contact, self.effects)
         wave, shape, _ = self.wave, self.shape, self.wall
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude if wave else 0.0)
         check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike)
@@ -317,9 +317,8 @@ class Scene(HasCard, Derived):
         validation.check_lattice(shape, self.packing, self.effects, self.sphere)
         validation.check_straight(self.lattice, self.packing, words.across(wave, self.source, self.start))
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
-        check_arrangement(self.lattice, self.packing, self.material, self.disorder, self.inclusion)
-        if self.space == 3:
-            check_in_space(self.lattice, self.substrate, self.contact, self.material, self.disorder, self.inclusion)
+        bodies = self.material, self.contact, self.substrate
+        check_arrangement(self.lattice, self.space, self.packing, bodies, self.disorder, self.inclusion)
         validation.check_absorb(self.absorb, self.packing, self.quiet, self.form, self.envelope, shape, self.source)
         if wave is None:
             validation.check_motion(self.sphere, shape, self.moved)

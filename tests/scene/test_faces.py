@@ -132,10 +132,6 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "friction on the way to rest": ({"packing.relax_friction": 0.3}, "packing.relax_friction"),
     "rolling": ({"effects.rolling_stiffness": 1.0}, "effects.rolling"),
     "stiffnesses": ({"contact.normal_stiffness": 500.0}, r"\[contact\]"),
-    "a film": (
-        {"substrate": {"youngs_modulus": 7e10, "poisson_ratio": 0.2, "work_of_adhesion": 0.06}},
-        r"\[substrate\]",
-    ),
     "a chain": ({"packing.lattice": "chain", "packing.columns": 1, "packing.sides": WALL, "wave.mode": "L"}, "a chain"),
 }
 

@@ -108,6 +108,7 @@ def test_a_packet_in_space_holds_one_branch() -> None:
         (FREE, {"packing.space": 3, "disorder.radius": 1e-5} | SIZE, r"radius = 1e-05: .* that nothing holds along z"),
         (FREE, {"packing.lattice": "cubic", "disorder.radius": 1e-5} | SIZE, 'lattice = "cubic", .* would collapse'),
         (LAYER, {"contact.normal_stiffness": 500.0, "inclusion": [STEEL]} | SIZE, "left out beside measured stiffness"),
+        (FREE, {"contact.normal_stiffness": 500.0, "inclusion": [STEEL]} | SIZE, "left out beside measured stiffness"),
         (LAYER, {"packing.relax_friction": 0.3} | SIZE, r"relax_friction = 0\.3: must be 0 where packing\.space is 3"),
         (LAYER, {"wave.mode": "L"}, r"wave\.mode = 'L': must be one of S1, S2, S3, H1, H2, H3, 1 to 6"),
         (FREE, {"contact.shear_stiffness": 1e6}, r"contact\.shear_stiffness = 1000000\.0: must be below 4/3"),

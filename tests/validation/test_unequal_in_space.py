@@ -46,6 +46,7 @@ MEASURED = {
     "substrate.shear_stiffness": 500.0,
 }
 FIXED = {"packing.ends": "fixed", "packing.rows": 9}
+WALLED = {"packing.first": "wall", "packing.last": "wall", "packing.sides": "wall"}
 OPEN = {"packing.first": "free", "packing.last": "free", "packing.sides": "free"}
 CASES: dict[str, tuple[str, Changes]] = {
     "a layer": ("monolayer_rocking", SPREAD),
@@ -58,6 +59,8 @@ CASES: dict[str, tuple[str, Changes]] = {
     "a layer of JKR spheres": ("monolayer_rocking", SPREAD | {"sphere.adhesion_law": "jkr"}),
     "a layer with measured stiffnesses": ("monolayer_rocking", SPREAD | MEASURED),
     "a layer between held rows": ("monolayer_rocking", SPREAD | FIXED),
+    "a layer in a box": ("monolayer_rocking", FIXED | WALLED),
+    "an unequal layer in a box": ("monolayer_rocking", SPREAD | FIXED | WALLED),
     "an island": ("monolayer_rocking", SPREAD | FIXED | OPEN),
     "a layer that is pressed together": ("monolayer_rocking", SPREAD | {"packing.contact_force": 1e-8}),
     "a layer between two plates": ("monolayer_rocking", SPREAD | {"substrate.sides": "both"}),
