@@ -52,7 +52,14 @@ PHASES = 2 * np.pi / 6 * np.arange(6)  # the next orders that look like e^{2iθ}
 ORDERS = np.arange(-2, 3)
 HELD_HERE = (HOLDS[NETWORK] | HELD) - {AT_REST, ENVELOPE, SLIDING, OPENING} - STRUCK - FACES - IN_SPACE
 RTOL = 1e-9
-UNIFORM = {"inclusion": [], "disorder.radius": 0.0, "disorder.density": 0.0, "disorder.vacancies": 0.0}
+UNIFORM = {
+    "inclusion": [],
+    "pair": [],
+    "disorder.stiffness": 0.0,
+    "disorder.radius": 0.0,
+    "disorder.density": 0.0,
+    "disorder.vacancies": 0.0,
+}
 # Share of a start that is no plane wave at the places at rest, from which spheres of unequal radii lie overlaps away,
 # 1e-4 of a wavelength; one sphere of a thousand that a striker moves has more
 PLANE_WAVE = 1e-2

@@ -7,13 +7,14 @@ the run, which its deck holds.
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measure.stiffnesses import scaled
+from analysis.measure.stiffnesses import CLASSES, deviates, kinds_of, scaled, spread
 from analysis.theory import green
 from analysis.theory.choice import TheoryError
 from analysis.theory.lattices import LATTICES
@@ -207,7 +208,7 @@ def _substrates(record: Record, network: Network, scales: Scales) -> Iterator[Wa
     ends = (network.materials[0], material), (scales.radius, np.inf)
     factors = scaled(*ends, network.adhesion, 0.0, _stiffnesses(declared, scales))
     for place, way in planes:
-        yield Wall((0.0, 0.0, place), (0.0, 0.0, way), material, factors)
+        yield Wall((0.0, 0.0, place), (0.0, 0.0, way), material, _varied(record.scene, network, factors))
 
 
 def _rigid(record: Record, network: Network) -> Iterator[Wall]:
@@ -217,7 +218,15 @@ def _rigid(record: Record, network: Network) -> Iterator[Wall]:
         for place, way in _planes(record, name):
             point, normal = np.zeros((2, network.dimension))
             point[axis], normal[axis] = place, way
-            yield Wall(tuple(point), tuple(normal), material)
+            yield Wall(tuple(point), tuple(normal), material, _varied(record.scene, network, (1.0, 1.0)))
+
+
+def _varied(scene: Scene, network: Network, factors: tuple[float, float]) -> Floats | tuple[float, float]:
+    """Return the factors of contacts with a wall, by material where stiffnesses have a spread."""
+    if not scene.disorder.stiffness:
+        return factors
+    own = np.tile(deviates(), len(network.materials) // CLASSES)
+    return np.asarray(np.multiply.outer(1 + scene.disorder.stiffness * own, factors))
 
 
 def _planes(record: Record, axis: str) -> Iterator[tuple[float, float]]:
@@ -227,11 +236,29 @@ def _planes(record: Record, axis: str) -> Iterator[tuple[float, float]]:
         yield from ((float(place), way) for place, way in ends if place != "NULL" and named == axis)
 
 
-def _factors(record: Record, network: Network, scales: Scales) -> tuple[float, float]:
-    """Return the factors of the contacts of spheres, by the measured stiffnesses of two of the declared ones."""
-    load = record.scene.packing.contact_force * scales.second**2 / (scales.kilogram * scales.metre)
-    ends = (network.materials[0],) * 2, (scales.radius,) * 2
-    return scaled(*ends, network.adhesion, load, _stiffnesses(record.scene.contact, scales))
+def _factors(record: Record, network: Network, scales: Scales) -> Floats | tuple[float, float]:
+    """Return the factors of the contacts of spheres, by measured stiffnesses, of pairs of kinds too, and their spread.
+
+    Raises TheoryError for stiffnesses of all contacts beside materials of several moduli.
+    """
+    scene = record.scene
+    load = scene.packing.contact_force * scales.second**2 / (scales.kilogram * scales.metre)
+    kinds = kinds_of(scene)
+    whole = _stiffnesses(scene.contact, scales)
+    if whole != (None, None) and len({kind[:3] for kind in kinds}) > 1:
+        raise TheoryError("contact: the network knows stiffnesses of all contacts where all spheres have one material")
+    materials = [scales.material(kind) for kind in kinds]
+    radii = [scales.radius if kind.radius is None else kind.radius / scales.metre for kind in kinds]
+    both = scaled((materials[0],) * 2, (radii[0],) * 2, network.adhesion, load, whole)
+    if not (scene.pair or scene.disorder.stiffness):
+        return both
+    found = np.full((len(kinds), len(kinds), 2), both)
+    for pair, (m, n) in product(scene.pair, np.ndindex(len(kinds), len(kinds))):
+        if sorted(pair.of) == sorted((kinds[m].number, kinds[n].number)):
+            own = _stiffnesses(pair, scales)
+            single = scaled((materials[m], materials[n]), (radii[m], radii[n]), network.adhesion, load, own)
+            found[m, n] = [one if given else other for one, given, other in zip(single, own, both, strict=True)]
+    return spread(found, scene.disorder.stiffness) if scene.disorder.stiffness else found
 
 
 def _stiffnesses(declared: Any, scales: Scales) -> tuple[float | None, float | None]:

@@ -12,13 +12,13 @@ Later snapshots are refused: the slip of the contacts, which they would need, is
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.measure.outside import Scales, outside
+from analysis.measure.stiffnesses import CLASSES, kinds_of
 from analysis.measure.strikes import scale_of_strike
 from analysis.second_harmonic import ALONG_Y
 from analysis.theory.bloch import frame
@@ -173,15 +173,9 @@ def _centre_of(folder: Path) -> Path:
 
 
 def _materials(record: Record, scales: Scales) -> list[Material]:
-    """Return the materials of a run: that of its sphere, then each that an inclusion adds, in units of its deck."""
-    sphere, names = record.scene.material, ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
-    if record.scene.effects.adhesion is False:
-        sphere = replace(sphere, work_of_adhesion=0.0)
-    kinds = [
-        tuple(getattr(sphere if getattr(each, name) is None else each, name) for name in names)
-        for each in (sphere, *record.scene.inclusion)
-    ]
-    return [scales.material(SimpleNamespace(**dict(zip(names, kind, strict=True)))) for kind in dict.fromkeys(kinds)]
+    """Return the materials of a run in units of its deck, each for all classes of stiffness."""
+    classes = CLASSES if record.scene.disorder.stiffness else 1
+    return [scales.material(kind) for kind in kinds_of(record.scene) for _ in range(classes)]
 
 
 def read_network(

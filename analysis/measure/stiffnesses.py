@@ -1,18 +1,72 @@
-"""Measured stiffnesses of contacts: the factors of their forces.
+"""Measured stiffnesses of contacts, and their spread: the factors of their forces.
 
 A stiffness that is declared in N/m at rest scales the force of its contact at every overlap. With the law P(δ), k(δ) of
 the moduli, and the load F0 on a contact at rest, the normal stiffness K takes the factor c = K/k(δ) at the δ where
 c P(δ) = F0; the shear stiffness is declared of the same δ.
+
+Spheres of stiffnesses with a spread σ are in eight classes, whose deviates g are the means of a Gaussian over eighths
+of the probability, of variance 1: contacts of classes c and d have the factor 1 + σ(g_c + g_d)/√2, with a wall 1 + σ g.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from analysis.theory.bonds import Law, dmt, jkr
 from analysis.theory.choice import TheoryError
 from analysis.theory.network import Material, mixed
 from analysis.theory.network_laws import Adhesion
+from granular_lmp.runs.record import Scene
 
+Floats = NDArray[np.float64]
+CLASSES = 8
 _WIDE = 1e4  # an overlap at rest is sought up to as many times that of the force that the moduli give
+
+
+class Kind(NamedTuple):
+    """Constants of the spheres of a material, SI; the radius is None for that of the lattice.
+
+    number : 0 of the lattice, n of the n-th inclusion if a pair names it, −1 of any other.
+    """
+
+    youngs_modulus: float
+    poisson_ratio: float
+    work_of_adhesion: float
+    number: int = 0
+    radius: float | None = None
+
+
+def kinds_of(scene: Scene) -> list[Kind]:
+    """Return the materials of a scene, by number of the types in its deck: the lattice's, then each that is new.
+
+    An inclusion that a pair names has a material of its own.
+    """
+    sphere, adheres = scene.material, scene.effects.adhesion is not False
+    own = Kind(sphere.youngs_modulus, sphere.poisson_ratio, sphere.work_of_adhesion * adheres)
+    found, named = [own], {kind for pair in scene.pair for kind in pair.of}
+    for number, each in enumerate(scene.inclusion, 1):
+        given = {name: getattr(each, name) for name in Kind._fields[:3] if getattr(each, name) is not None}
+        kind = own._replace(**given, radius=each.radius)
+        kind = kind._replace(number=number if number in named else -(kind[:3] != own[:3]))
+        if kind[:4] not in [other[:4] for other in found]:
+            found.append(kind)
+    return found
+
+
+def deviates() -> Floats:
+    """Return the deviates of the classes, (8,)."""
+    edges = ndtri(np.linspace(0, 1, CLASSES + 1))
+    means = -np.diff(np.exp(-(edges**2) / 2))  # over √(2π)/8, which the variance takes out
+    return np.asarray(means / np.sqrt(np.mean(means**2)))
+
+
+def spread(factors: Floats, deviation: float) -> Floats:
+    """Return the factors (8K, 8K, 2) of classes of K materials, in turn, from those of the materials (K, K, 2)."""
+    own = deviates()
+    more = 1 + deviation * (own[:, None] + own) / np.sqrt(2)
+    return np.stack([np.kron(factors[..., part], more) for part in range(2)], axis=-1)
 
 
 def scaled(

@@ -120,7 +120,7 @@ def by_radius(
 
 
 class Measured(NamedTuple):
-    """Stiffnesses at rest of the contacts of two spheres, and with walls; None: what the law gives.
+    """Stiffnesses at rest of the contacts of two spheres, with walls, and of pairs of kinds; None: what the law gives.
 
     They scale the force of the law at every overlap, so that overlaps at rest stay.
     """
@@ -129,17 +129,27 @@ class Measured(NamedTuple):
     shear: float | None = None
     wall_normal: float | None = None
     wall_shear: float | None = None
+    pairs: tuple[tuple[tuple[int, ...], tuple[float | None, float | None]], ...] = ()
 
-    def scale(self, law: Law, walls: NDArray[np.bool_]) -> Law:
-        """Return the law of contacts, some of them with walls, with these stiffnesses."""
+    def scale(self, law: Law, walls: NDArray[np.bool_], kinds: Integers) -> Law:
+        """Return the law of contacts, some of them with walls, of two kinds (2, C) each, with these stiffnesses."""
 
-        def factor(pair: float | None, wall: float | None, computed: Floats) -> Floats:
-            known = [computed if each is None else np.full_like(computed, each) for each in (wall, pair)]
-            return np.where(walls, *known) / computed
+        def factor(pair: float | None, wall: float | None, of_kinds: int, computed: Floats) -> Floats:
+            known = [(wall, walls), (pair, ~walls)]
+            known += [(both[of_kinds], ~walls & _between(kinds, own)) for own, both in self.pairs]
+            found = computed
+            for stiffness, there in known:
+                found = found if stiffness is None else np.where(there, stiffness, found)
+            return found / computed
 
         return law.scaled(
-            factor(self.normal, self.wall_normal, law.stiffness), factor(self.shear, self.wall_shear, law.shear)
+            factor(self.normal, self.wall_normal, 0, law.stiffness), factor(self.shear, self.wall_shear, 1, law.shear)
         )
+
+
+def _between(kinds: Integers, both: Sequence[int]) -> NDArray[np.bool_]:
+    """Return which contacts (C,) of two kinds (2, C) are between both kinds."""
+    return np.all(np.sort(kinds, axis=0) == np.sort(both)[:, None], axis=0)
 
 
 class Strain(NamedTuple):

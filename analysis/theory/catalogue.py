@@ -55,7 +55,7 @@ _MODES = {said("wave.mode", mode) for mode in ("L", "TR", "RT")}
 _SHEET = _CONTACTS | _MODES | {said("packing.ends", "periodic"), SECANT}
 _LATTICE = _SHEET | HELD | {COMPRESSED, NO_SHEAR, NO_ROTATION}
 _ALONG_Y = _LATTICE | {RUNNING}
-_IMPERFECT = {f"disorder.{name}" for name in ("radius", "density", "vacancies")} | {
+_IMPERFECT = {f"disorder.{name}" for name in ("radius", "density", "vacancies", "stiffness")} | {
     f"inclusion.{name}"
     for name in (
         *("rows", "every", "spheres", "disc", "half_plane", "share", "layers", "vacancy", "radius", "density"),
@@ -78,11 +78,13 @@ HOLDS: dict[str, frozenset[str]] = {
     | {"source"}
     | FACES
     | IN_SPACE
-    | _IMPERFECT,
+    | _IMPERFECT
+    | {"pair"},
     # Rows of other densities in a pattern that repeats; `analysis.theory.scenes` refuses what is no pattern
     CRYSTAL: _ALONG_Y
     | {STANDING, INCREMENTAL, OBLIQUE, JKR, *LATTICES, *BRANCHES}
-    | {f"inclusion.{name}" for name in ("rows", "every", "density")},
+    | {f"inclusion.{name}" for name in ("rows", "every", "density")}
+    | {"pair"},
     SCRIPT + "spectrum": _ALONG_Y | {INCREMENTAL, JKR},
     SCRIPT + "oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},
     SCRIPT + "standing": _LATTICE | {STANDING, INCREMENTAL},

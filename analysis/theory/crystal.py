@@ -276,7 +276,7 @@ class Crystal:
         if not len(first):
             raise ValueError("no two spheres touch, and none touches a wall: radii add up to less than every distance")
         law = dmt(overlap, A, B, F) if adhesion == "dmt" else jkr(overlap, A, B, F)
-        law = law if measured is None else measured.scale(law, second < 0)
+        law = law if measured is None else measured.scale(law, second < 0, np.stack([kinds[first], kinds[second]]))
         if not shear:
             none = 0 * law.shear
             law = law._replace(shear=none, shear_growth=none, shear_curvature=none)

@@ -91,13 +91,13 @@ class Wall(NamedTuple):
     """A plane at rest through a point, with the unit normal that points out of the packing, in its dimensions.
 
     Without a material it is rigid and does not adhere. `factors` multiply the normal force and the shear force of its
-    contacts at a given overlap, as measured stiffnesses ask for.
+    contacts at a given overlap, as measured stiffnesses ask for: two numbers, or (K, 2) by material of the sphere.
     """
 
     point: tuple[float, ...]
     normal: tuple[float, ...]
     material: Material | None = None
-    factors: tuple[float, float] = (1.0, 1.0)
+    factors: Floats | tuple[float, float] = (1.0, 1.0)
 
     def beyond(self, position: Floats) -> Floats:
         """Return how far places (..., d) are from the plane, (...), negative where inside."""
@@ -124,7 +124,8 @@ class Network:
     viscosity : η of a dashpot along the normal and the tangent of every closed contact.
     restitution : e in (0, 1] that sets the dashpots instead, without adhesion only; None: it does not.
     adhesion : law of the normal force.
-    factors : of the normal and of the shear forces of pairs at a given overlap, as measured stiffnesses ask for.
+    factors : of the normal and of the shear forces of pairs at a given overlap, as measured stiffnesses ask for: two
+        numbers, or (K, K, 2) by pair of K materials.
     walls, drives : what acts from outside (`analysis.theory.network_outside`).
     drag : (N,) rates, per time, at which velocity and spin of spheres decay; None: of none.
     """
@@ -144,7 +145,7 @@ class Network:
     viscosity: float = 0.0
     restitution: float | None = None
     adhesion: Adhesion = "dmt"
-    factors: tuple[float, float] = (1.0, 1.0)
+    factors: Floats | tuple[float, float] = (1.0, 1.0)
     walls: tuple[Wall, ...] = ()
     drives: tuple[Drive, ...] = ()
     drag: Floats | None = None
@@ -244,7 +245,8 @@ class Network:
         """Return A, B and F of the contacts of spheres `first` and `second`, each (M,), by the mixing above."""
         i, j = self.kinds[first], self.kinds[second]
         A, B, F, _ = mixed(self.materials, (i, j), (self.radius[first], self.radius[second]), self.shear_mixing)
-        pressing, shearing = self.factors
+        count = len(self.materials)
+        pressing, shearing = np.moveaxis(np.broadcast_to(self.factors, (count, count, 2))[i, j], -1, 0)
         return pressing * A, shearing * self.shear * B, pressing * F
 
     def on_wall(self, wall: Wall, spheres: Integers) -> tuple[Floats, Floats, Floats]:
@@ -254,7 +256,7 @@ class Network:
         A, B, F, _ = mixed(
             both, (kinds, np.full_like(kinds, len(self.materials))), (radii, np.full_like(radii, np.inf))
         )
-        pressing, shearing = wall.factors
+        pressing, shearing = np.broadcast_to(wall.factors, (len(self.materials), 2))[kinds].T
         return pressing * A, shearing * self.shear * B, pressing * F
 
 

@@ -33,7 +33,7 @@ NAMES = ("L", "TR", "RT")
 
 
 # Keys that the crystal is made from, or that change nothing of it; any other that departs from its default is refused
-CRYSTAL_KEYS = frozenset({"name", "inclusion", "monitor", "source", "disorder.seed"}).union(
+CRYSTAL_KEYS = frozenset({"name", "inclusion", "pair", "monitor", "source", "disorder.seed"}).union(
     f"{section}.{key}"
     for section, keys in {
         "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density adhesion_law",
@@ -168,19 +168,21 @@ class Setting:
         """Return the stiffnesses that the scene declares as measured."""
         pair, wall = self.scene.contact, self.scene.substrate
         of_wall = (None, None) if wall is None else (wall.normal_stiffness, wall.shear_stiffness)
-        return Measured(pair.normal_stiffness, pair.shear_stiffness, *of_wall)
+        pairs = tuple(((*each.of,), (each.normal_stiffness, each.shear_stiffness)) for each in self.scene.pair)
+        return Measured(pair.normal_stiffness, pair.shear_stiffness, *of_wall, pairs)
 
     @cached_property
-    def densities(self) -> NDArray[Any]:
-        """Return the density of each row of the pattern that repeats, (P,), the centre row first.
+    def pattern(self) -> tuple[NDArray[Any], NDArray[np.intp]]:
+        """Return density and kind of each row of the pattern that repeats, (P,) each, the centre row first.
 
-        Rows of a density that is varied are those of another kind, also where they have the density of the others.
+        Rows of a density that is varied, or that [[pair]] names, are of another kind, the number of their inclusion,
+        also where they have the density of the others, which are of kind 0.
 
         Raises ValueError for what is not a pattern of rows of other densities.
         """
         scene, shape = self.scene, self.scene.shape
         rows = np.full(shape.rows, self.number("sphere.density"))
-        kinds = np.full(shape.rows, scene.sphere.density)
+        kinds, named = np.full(shape.rows, scene.sphere.density), {kind for pair in scene.pair for kind in pair.of}
         for number, each in enumerate(scene.inclusion, 1):
             differs = {name for name, value in vars(each).items() if value != getattr(type(each)(), name)}
             if other := sorted(differs - {"rows", "every", "density"}):
@@ -190,7 +192,7 @@ class Setting:
             chosen = slice(first, last + 1, each.every)
             rows = rows.astype(np.result_type(rows, 0.0 if varied is None else varied))
             rows[chosen] = each.density if varied is None else varied
-            kinds[chosen] = each.density if varied is None else -number
+            kinds[chosen] = each.density if varied is None and number not in named else -number
         shift = self.lattice.repeats
         if shape.ends == "periodic":
             fits = (
@@ -205,7 +207,14 @@ class Setting:
             raise ValueError(f"the densities of {len(rows)} rows do not repeat after {LONGEST} rows or fewer")
         if np.ptp(kinds) == 0:
             length = 1
-        return np.roll(rows, -shape.centre_row)[:length]
+        of_row = np.maximum(-kinds, 0).astype(np.intp)
+        density, kind = (np.roll(each, -shape.centre_row)[:length] for each in (rows, of_row))
+        return density, kind
+
+    @property
+    def densities(self) -> NDArray[Any]:
+        """Return the density of each row of the pattern."""
+        return self.pattern[0]
 
     @cached_property
     def overlap(self) -> Any:
@@ -232,7 +241,7 @@ class Setting:
         if layers:
             self.refuse(CRYSTAL_KEYS)
         sphere, effects = self.scene.sphere, self.scene.effects
-        density = self.densities if layers else np.array([sphere.density])
+        density, kind = self.pattern if layers else (np.array([sphere.density]), np.zeros(1, dtype=np.intp))
         vectors, place, row = self.places(len(density))
         material = Elastic(
             *(self.number(f"sphere.{name}") for name in ("youngs_modulus", "poisson_ratio", "work_of_adhesion"))
@@ -243,7 +252,8 @@ class Setting:
             place[:, :components],
             self.number("sphere.radius"),
             density[row],
-            [material],  # type: ignore[list-item]  # the same three numbers
+            [material] * (max(kind) + 1),  # type: ignore[list-item]  # the same three numbers
+            kind=kind[row],
             walls=self.walls(place, material),
             adhesion=sphere.adhesion_law,  # type: ignore[arg-type]  # checked by the scene
             shear_law=effects.shear_law,  # type: ignore[arg-type]  # checked by the scene

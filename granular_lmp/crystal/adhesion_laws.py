@@ -66,6 +66,15 @@ class _Law:
             pull_off_force=self.pull_off_force / force,
         )
 
+    def times(self, normal: Numbers, shear: Numbers) -> Self:
+        """Return the law whose normal and shear forces are larger by factors at every overlap."""
+        return replace(
+            self,
+            normal_coefficient=self.normal_coefficient * normal,
+            shear_coefficient=self.shear_coefficient * shear,
+            pull_off_force=self.pull_off_force * normal,
+        )
+
     def closed(self, overlap: Numbers) -> Any:
         """Return whether spheres that have touched still do, at any overlap."""
         return overlap > self.pull_off_overlap

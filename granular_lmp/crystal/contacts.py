@@ -34,6 +34,7 @@ Integers = NDArray[np.int64]
 # Tolerance between the overlaps of the positions and those of a declared force: a share of them, and rounding, in radii
 SAME_OVERLAP = 1e-3
 ROUNDING = 1e-9
+FACTORS = "factors"  # of `ase.Atoms.info`, (M, M + 1, 2): of normal and shear forces by pair of materials, walls last
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +216,20 @@ def law_between(crystal: ase.Atoms, materials: Sequence[Sphere], i: Integers, j:
     radius, material = crystal.arrays["radius"] * materials[0].radius, _material(crystal)
     effective_radius = radius[i] * radius[j] / (radius[i] + radius[j])
     modulus, shear_modulus, adhesion = _mixed(materials, material[i], material[j])
-    return ADHESION_LAWS[names[0]].between(modulus, shear_modulus, effective_radius, adhesion)
+    law = ADHESION_LAWS[names[0]].between(modulus, shear_modulus, effective_radius, adhesion)
+    return times_factors(law, crystal, i, j)
+
+
+def times_factors(law: AdhesionLaw, crystal: ase.Atoms, i: Integers, j: Integers | int) -> AdhesionLaw:
+    """Return the law of contacts, scaled by the factors of their materials (`granular_lmp.crystal.stiffnesses`).
+
+    `j` is −1 for walls. A crystal without factors keeps its law.
+    """
+    factors, material = crystal.info.get(FACTORS), _material(crystal)
+    if factors is None:
+        return law
+    other = np.where(np.asarray(j) < 0, -1, material[j])
+    return law.times(*np.moveaxis(factors[material[i], other], -1, 0))
 
 
 def equivalent(one: Sphere, other: Sphere) -> Sphere:

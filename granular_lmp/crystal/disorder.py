@@ -16,8 +16,10 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.contacts import FACTORS
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.stiffnesses import CLASSES, WIDEST, Pair, factors_of, spread
 from granular_lmp.errors import CrystalError
 
 Floats = NDArray[np.float64]
@@ -26,6 +28,7 @@ CUT = 3.0  # deviates beyond it are drawn again
 _MATERIAL = ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
 # Streams of the generator: one for each thing that is drawn, so that none depends on another
 _RADIUS, _DENSITY, _VACANCIES, _INCLUSIONS = range(4)
+_STIFFNESS = 2**31  # each inclusion has a stream of its own
 # Largest overlap at the places in the lattice, in radii of the smaller sphere. Beyond it spheres come to rest far from
 # their places, where they have other neighbours.
 LARGEST_OVERLAP = 0.25
@@ -45,15 +48,19 @@ class Disorder:
         Share of the free spheres that is left out, in [0, 1).
     seed : int
         0 to 2^32 − 1.
+    stiffness : float
+        Relative standard deviation of the stiffnesses of contacts (`granular_lmp.crystal.stiffnesses`).
     """
 
     radius: float = 0.0
     density: float = 0.0
     vacancies: float = 0.0
     seed: int = 1
+    stiffness: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, most in (("radius", 1 / CUT), ("density", 1 / CUT), ("vacancies", 1.0)):
+        limits = {"radius": 1 / CUT, "density": 1 / CUT, "vacancies": 1.0, "stiffness": WIDEST}
+        for name, most in limits.items():
             value = getattr(self, name)
             if not 0 <= value < most:
                 raise CrystalError(f"disorder.{name} = {value!r}: must be at least 0 and below {most:.4g}")
@@ -118,6 +125,7 @@ def imperfect(
     sphere: Sphere,
     disorder: Disorder | None = None,
     inclusions: Sequence[Inclusion] = (),
+    pairs: Sequence[Pair] = (),
     *,
     recorded: int | None = None,
 ) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
@@ -132,6 +140,8 @@ def imperfect(
     disorder : Disorder, optional
     inclusions : sequence of Inclusion
         Later ones win. A radius or a density of an inclusion is the mean from which its spheres deviate.
+    pairs : sequence of Pair
+        Measured stiffnesses of two kinds. Spheres of a kind that they name have a material of their own.
     recorded : int, optional
         Index of a sphere that must be there: no vacancy is drawn at its place.
 
@@ -140,7 +150,8 @@ def imperfect(
     crystal : ase.Atoms
         With the arrays of the lattice and ``density`` (kg/m³) and ``material``. Free spheres that vacancies have left
         without any neighbour are left out too: nothing would hold them. ``crystal.info["isolated"]`` counts them, and
-        ``crystal.info["disorder"]`` holds the spreads and the seed.
+        ``crystal.info["disorder"]`` holds the spreads and the seed, ``crystal.info["factors"]`` those of contacts, if
+        pairs or a spread of stiffnesses ask for any.
     materials : tuple of Sphere
         By index, the sphere of the lattice first.
 
@@ -159,7 +170,7 @@ def imperfect(
     if recorded is not None:
         free[recorded] = False
     missing[_drawn(free, disorder.vacancies, disorder.seed, _VACANCIES, "disorder.vacancies")] = True
-    materials = [sphere]
+    kinds, named = [(sphere, 0)], {kind for pair in pairs for kind in pair.of}
     for number, inclusion in enumerate(inclusions):
         _check(inclusion, number)
         chosen = _chosen(lattice, inclusion, number, disorder.seed)
@@ -171,9 +182,10 @@ def imperfect(
         radius[chosen] = 1.0 if inclusion.radius is None else inclusion.radius / sphere.radius
         density[chosen] = sphere.density if inclusion.density is None else inclusion.density
         other = replace(sphere, **inclusion.of_material)  # type: ignore[arg-type]  # the names are of numbers
-        if other not in materials:
-            materials.append(other)
-        material[chosen] = materials.index(other)
+        kind = other, number + 1 if number + 1 in named else -(other != sphere)
+        if kind not in kinds:
+            kinds.append(kind)
+        material[chosen] = kinds.index(kind)
 
     crystal = lattice.copy()
     crystal.arrays["radius"] = radius * (1 + disorder.radius * _deviates(len(lattice), disorder.seed, _RADIUS))
@@ -192,7 +204,17 @@ def imperfect(
     crystal.arrays["material"] = place[1:]
     crystal.info |= {"disorder": asdict(disorder), "isolated": int(isolated.sum())}
     require_places(crystal)
-    return crystal, tuple(materials[each] for each in used)
+    materials, numbers = zip(*(kinds[each] for each in used), strict=True)
+    if not (pairs or disorder.stiffness):
+        return crystal, materials
+    radii = [sphere.radius, *(sphere.radius if each.radius is None else each.radius for each in inclusions)]
+    crystal.info[FACTORS] = factors_of(materials, numbers, radii, pairs)
+    if not disorder.stiffness:
+        return crystal, materials
+    rank = _stream(disorder.seed, _STIFFNESS).permutation(len(lattice))[~(missing | isolated)]
+    crystal.arrays["material"] = CLASSES * crystal.arrays["material"] + rank * CLASSES // len(lattice)
+    crystal.info[FACTORS] = spread(crystal.info[FACTORS], disorder.stiffness)
+    return crystal, tuple(each for each in materials for _ in range(CLASSES))
 
 
 def _check(inclusion: Inclusion, number: int) -> None:

@@ -18,6 +18,7 @@ hcp        [1-100]     (1-100) planes                                close-packe
 The last two of fcc and the last of hcp are those of films on a substrate.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -26,6 +27,7 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.crystal.wavevector import EDGES, ROW_SPACING, WaveVector, zone_edge
 
 Floats = NDArray[np.float64]
@@ -73,6 +75,8 @@ class Lattice:
         True if the cell holds all layers, the first and the last free or on a wall.
     densities : tuple of float
         Densities of the rows of a cell, kg/m³, where rows differ in a pattern; () where they do not.
+    kinds, pairs : tuple of int, tuple of Pair
+        Kinds of these rows, and measured stiffnesses of two kinds.
     """
 
     name: str
@@ -88,6 +92,8 @@ class Lattice:
     cell_layers: int = 1
     film: bool = False
     densities: tuple[float, ...] = ()
+    kinds: tuple[int, ...] = ()
+    pairs: tuple[Pair, ...] = ()
 
     @property
     def solid(self) -> bool:
@@ -124,9 +130,10 @@ class Lattice:
         rows = self.row_period if self.highest_shift(2) else self.cell_rows
         return replace(self, cell_rows=rows, cell_layers=layers, film=True)
 
-    def patterned(self, densities: tuple[float, ...]) -> "Lattice":
-        """Return the lattice of one layer whose rows have these densities in turn, as many as rows of a cell."""
-        return replace(self, cell_rows=len(densities), densities=densities)
+    def patterned(self, densities: Sequence[float], kinds: Sequence[int] = (), pairs: Sequence[Pair] = ()) -> "Lattice":
+        """Return the lattice of one layer whose rows have these densities and kinds in turn, as many as of a cell."""
+        rows = {"densities": tuple(densities), "kinds": tuple(kinds), "pairs": tuple(pairs)}
+        return replace(self, cell_rows=len(densities), **rows)  # type: ignore[arg-type]  # by their names
 
     def zone_edge(self, direction: float) -> float:
         """Return the ξ at which the zone ends in a direction (degrees): a hexagon, a square where no row is shifted."""

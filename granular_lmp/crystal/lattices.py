@@ -16,7 +16,7 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.contacts import Contacts, find_contacts
+from granular_lmp.crystal.contacts import FACTORS, Contacts, find_contacts
 from granular_lmp.crystal.lattice import CHAIN as CHAIN
 from granular_lmp.crystal.lattice import HEXAGONAL as HEXAGONAL
 from granular_lmp.crystal.lattice import HONEYCOMB as HONEYCOMB
@@ -27,6 +27,7 @@ from granular_lmp.crystal.lattice import PLANE_LATTICES as PLANE_LATTICES
 from granular_lmp.crystal.lattice import SQUARE as SQUARE
 from granular_lmp.crystal.lattice import Lattice as Lattice
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.stiffnesses import factors_of
 from granular_lmp.crystal.walls import Wall, on_wall
 
 Floats = NDArray[np.float64]
@@ -159,7 +160,13 @@ def unit_cell(sphere: Sphere, lattice: Lattice = HEXAGONAL) -> ase.Atoms:
     cell = ase.Atoms(f"X{count}", positions=positions, cell=lattice.cell(a), pbc=periodic)
     cell.set_array("radius", np.ones(count))
     if lattice.densities:
-        cell.set_array("density", np.array(lattice.densities)[np.argsort(lattice.place(row, column, layer))])
+        rows = row[np.argsort(lattice.place(row, column, layer))]
+        cell.set_array("density", np.array(lattice.densities)[rows])
+    if lattice.pairs:
+        kinds, material = np.unique(lattice.kinds, return_inverse=True)
+        cell.set_array("material", material[rows])
+        radii = [sphere.radius] * (max(kinds) + 1)
+        cell.info[FACTORS] = factors_of([sphere] * len(kinds), kinds.tolist(), radii, lattice.pairs)
     return cell
 
 
@@ -171,7 +178,7 @@ def unit_lattice(sphere: Sphere, lattice: Lattice = HEXAGONAL, wall: Wall | None
     hexagonal lattice, two in the square one, one in a chain.
     """
     cell = unit_cell(sphere, lattice)
-    contacts = find_contacts(cell, [sphere], sphere.contact_force)
+    contacts = find_contacts(cell, [sphere] * max(1, len(set(lattice.kinds))), sphere.contact_force)
     if wall is None:
         return contacts
     for height in wall.heights:

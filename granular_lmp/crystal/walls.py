@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw, chosen
-from granular_lmp.crystal.contacts import Contacts, Floats, Integers, mixed
+from granular_lmp.crystal.contacts import Contacts, Floats, Integers, mixed, times_factors
 from granular_lmp.crystal.sphere import Sphere
 
 BELOW, BOTH = "below", "both"
@@ -62,12 +62,7 @@ class Wall:
                 (self.shear_stiffness, rest.shear_stiffness(overlap)),
             )
         )
-        return replace(
-            bare,
-            normal_coefficient=bare.normal_coefficient * normal,
-            shear_coefficient=bare.shear_coefficient * shear,
-            pull_off_force=bare.pull_off_force * normal,
-        )
+        return bare.times(normal, shear)
 
     def beside(self, materials: Sequence[Sphere]) -> list["Wall"]:
         """Return the wall as spheres of each material of a crystal touch it, of which the first is that of the wall."""
@@ -77,7 +72,8 @@ class Wall:
         """Return the law of the contacts of spheres of a crystal (W,) with the wall, whether they touch or not."""
         radius = crystal.arrays["radius"][spheres] * materials[0].radius
         material = crystal.arrays.get("material", np.zeros(len(crystal), dtype=int))[spheres]
-        return chosen(material, [each.law(radius) for each in self.beside(materials)])
+        law = chosen(material, [each.law(radius) for each in self.beside(materials)])
+        return times_factors(law, crystal, spheres, -1)
 
     def _computed(self, radius: Floats | float) -> AdhesionLaw:
         law = ADHESION_LAWS[self.material.adhesion_law]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from granular_lmp.crystal.adhesion_laws import AdhesionLaw
-from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.contacts import FACTORS, Contacts, Floats
 from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, highest_frequency, row_stretches
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.at_rest import contacts_of, crystal_of, law_at_rest, swiftness
@@ -163,7 +163,14 @@ class Case:
             hold = float(weakest) / self.scene.sphere.holding_force
         stiffer = self.shear_stiffness / self.scene.sphere.stiffness_ratio
         strength = self.strength or 1.0  # of strikes alone that of their own amplitude
-        return FRICTION_PER_AMPLITUDE * strength * stiffer * self._stiffer_walls / hold if hold > 0 else inf
+        stiffer *= self._stiffer_walls * float(self._factors[..., 1].max())
+        return FRICTION_PER_AMPLITUDE * strength * stiffer / hold if hold > 0 else inf
+
+    @property
+    def _factors(self) -> Floats:
+        """Factors of the contacts of materials, those of a perfect crystal 1 (`granular_lmp.crystal.stiffnesses`)."""
+        given = None if self.scene.perfect else crystal_of(self.scene).atoms.info.get(FACTORS)
+        return np.ones((1, 2, 2)) if given is None else np.asarray(given)
 
     @property
     def _stiffer_walls(self) -> float:
@@ -232,6 +239,7 @@ class Case:
         radius = float(crystal.atoms.arrays["radius"].max()) * scene.sphere.radius
         stiffest = max(replace(each, radius=radius).normal_coefficient for each in crystal.materials)
         lattice, own = scene.sphere, self.contacts.mass.max()
+        stiffest *= float(self._factors[..., 0].max())
         stronger = np.sqrt(own / lattice.mass) * (stiffest / lattice.normal_coefficient) ** (1 / 3)
         return lattice.restitution_viscosity(scene.effects.restitution) * max(float(stronger), 1.0)
 

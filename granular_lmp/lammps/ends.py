@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.contacts import FACTORS
 from granular_lmp.lammps.contact import model, of_law, rigid, wall
 from granular_lmp.problem import Problem
 
@@ -68,7 +69,10 @@ def _against(problem: Problem, name: str, material: int, law: Mapping[str, Any])
     declared = problem.scene.wall if name[0] == "z" else problem.scene.rigid
     assert declared is not None  # else there is no such wall
     against, own = declared.beside(problem.materials)[material], problem.materials[material]
-    sphere, shear_modulus = of_law(against.law(own.radius), own.radius, own)
+    law_of_wall, factors = against.law(own.radius), problem.crystal.info.get(FACTORS)
+    if factors is not None:
+        law_of_wall = law_of_wall.times(*map(float, factors[material, -1]))
+    sphere, shear_modulus = of_law(law_of_wall, own.radius, own)
     return model(sphere, problem.units, **law, shear_modulus=shear_modulus)
 
 

@@ -1,9 +1,11 @@
 """The block of a deck with the law of its contacts, which all effects write together."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from itertools import combinations_with_replacement
 from typing import Any
 
-from granular_lmp.crystal.contacts import equivalent
+from granular_lmp.crystal.contacts import FACTORS, equivalent
 from granular_lmp.effects.openings import at_rest_lines
 from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.lammps.contact import model, pairs
@@ -16,10 +18,8 @@ def contacts(problem: Problem) -> list[str]:
     law: dict[str, Any] = {"friction": problem.scene.effects.friction if problem.scene.loose else "${friction}"}
     for effect in EFFECTS:
         law |= effect.law(problem.scene, problem.on[effect.name])
-    materials = problem.materials
     laws = {
-        (m, n): model(equivalent(materials[m], materials[n]), problem.units, **law)
-        for m, n in combinations_with_replacement(range(len(materials)), 2)
+        (m, n): of_pair(problem, m, n, law) for m, n in combinations_with_replacement(range(len(problem.materials)), 2)
     }
     words = "damping and nu" if problem.scene.loose else "damping, nu and half the work of adhesion"
     return [
@@ -28,3 +28,16 @@ def contacts(problem: Problem) -> list[str]:
         *walls(problem, law),
         *at_rest_lines(problem),
     ]
+
+
+def of_pair(problem: Problem, one: int, other: int, law: Mapping[str, Any]) -> str:
+    """Return the model of the contacts of two materials, times the factors of stiffnesses that differ from theirs."""
+    sphere, factors = equivalent(problem.materials[one], problem.materials[other]), problem.crystal.info.get(FACTORS)
+    if factors is None:
+        return model(sphere, problem.units, **law)
+    normal, shear = map(float, factors[one, other])
+    stiffer = replace(
+        sphere, youngs_modulus=sphere.youngs_modulus * normal, work_of_adhesion=sphere.work_of_adhesion * normal
+    )
+    modulus = None if shear == normal else shear * sphere.effective_shear_modulus
+    return model(stiffer, problem.units, **law, shear_modulus=modulus)

@@ -21,6 +21,7 @@ from granular_lmp.crystal.equilibrium import Equilibrium, relax
 from granular_lmp.crystal.lattices import CHAIN, HELD, PERIODIC, WALL, Shape, centre, packed
 from granular_lmp.crystal.potential import box_load
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.crystal.touching import contacts_of_neighbours, touching
 from granular_lmp.crystal.walls import Face, Wall
 from granular_lmp.errors import CrystalError
@@ -86,7 +87,8 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
     if scene.perfect:
         return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene))
     packing, walls = scene.packing, (scene.wall, scene.rigid)
-    key = scene.sphere, scene.shape, scene.disorder, scene.inclusion, *walls, packing.relax, packing.relax_friction
+    imperfections = scene.disorder, scene.inclusion, scene.pair
+    key = scene.sphere, scene.shape, *imperfections, *walls, packing.relax, packing.relax_friction
     if key not in _KEPT:
         _KEPT[key] = _relaxed(scene, progress)
         while len(_KEPT) > _MOST_KEPT:
@@ -222,7 +224,7 @@ def echo_at(scene: Scene, monitor: Monitor) -> float:
 
 def places(scene: Scene) -> ase.Atoms:
     """Return the spheres of a scene at their places in the lattice, before they come to rest."""
-    return _imperfect(scene.sphere, scene.shape, scene.disorder, scene.inclusion)[0]
+    return _imperfect(scene.sphere, scene.shape, scene.disorder, scene.inclusion, scene.pair)[0]
 
 
 def sphere_count(scene: Scene) -> int:
@@ -231,15 +233,15 @@ def sphere_count(scene: Scene) -> int:
 
 
 def _imperfect(
-    sphere: Sphere, shape: Shape, disorder: Disorder, inclusions: tuple[Inclusion, ...]
+    sphere: Sphere, shape: Shape, disorder: Disorder, inclusions: tuple[Inclusion, ...], pairs: tuple[Pair, ...]
 ) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
     lattice = packed(sphere, shape)
-    return imperfect(lattice, sphere, disorder, inclusions, recorded=centre(lattice))
+    return imperfect(lattice, sphere, disorder, inclusions, pairs, recorded=centre(lattice))
 
 
 def _relaxed(scene: Scene, progress: Progress | None) -> CrystalAtRest:
     sphere, shape, packing = scene.sphere, scene.shape, scene.packing
-    crystal, materials = _imperfect(sphere, shape, scene.disorder, scene.inclusion)
+    crystal, materials = _imperfect(sphere, shape, scene.disorder, scene.inclusion, scene.pair)
     faces, box = _faces(scene), packing.relax
     pressed = sphere.contact_force and box == "box"
     rest = relax(

@@ -1,4 +1,4 @@
-"""What the spheres of a scene are, and what they touch: ranges of their constants, ``[contact]`` and ``[substrate]``.
+"""What the spheres of a scene are and touch: ranges of their constants, ``[contact]``, ``[[pair]]``, ``[substrate]``.
 
 The records of spheres and imperfections belong to other rooms, so that their rules stand here.
 """
@@ -10,7 +10,8 @@ from granular_lmp.crystal.walls import BELOW, BOTH
 from granular_lmp.scene.places import rows_rule, spheres_rule
 from granular_lmp.scene.schema import ArrayRule, Bare, Interval, Rule, choice, number
 
-_STIFFNESS = ("N/m", "measured, at rest; left out: what the moduli give", 1e-6, 1e12)
+_MEASURED, _STIFFEST = "measured, at rest; left out: what the moduli give", (1e-6, 1e12)
+_STIFFNESS = ("N/m", _MEASURED, *_STIFFEST)
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,17 @@ SPHERE_RULES = {
 LATTICE_SPHERE_RULES = SPHERE_RULES | {
     "adhesion_law": Rule(str, "", "jkr: also beyond contact", words=tuple(ADHESION_LAWS)),
 }
+PAIR_RULES = {
+    "of": ArrayRule(
+        int,
+        "",
+        "two kinds of spheres: 0 those of the lattice, n those of the n-th [[inclusion]]",
+        Interval(0, 10_000_000),
+        entries=("kind", "kind"),
+    ),
+    "normal_stiffness": Rule(float, "N/m", _MEASURED, Interval(*_STIFFEST)),
+    "shear_stiffness": Rule(float, "N/m", _MEASURED, Interval(*_STIFFEST)),
+}
 DISORDER_RULES = {
     "radius": Rule(
         float, "", "relative standard deviation, Gaussian, cut at 3; of a struck sheet: one-sided", Interval(0, 0.1)
@@ -67,6 +79,7 @@ DISORDER_RULES = {
     "density": Rule(float, "", "relative standard deviation, Gaussian, cut at 3", Interval(0, 0.33)),
     "vacancies": Rule(float, "", "share of the free spheres that is left out", Interval(0, 0.99)),
     "seed": Rule(int, "", "of the random numbers", Interval(0, 2**32 - 1)),
+    "stiffness": Rule(float, "", "relative standard deviation of contacts, eight classes of spheres", Interval(0, 0.3)),
 }
 INCLUSION_RULES = {
     "rows": rows_rule(),

@@ -10,6 +10,7 @@ from granular_lmp.crystal.lattices import ENDS_OF_Y, QUIET, WALL, Lattice, Shape
 from granular_lmp.crystal.modes import Physics
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.scene import remarks, words
@@ -29,8 +30,9 @@ from granular_lmp.scene.sections import (
 )
 from granular_lmp.scene.shape import Room, decide, declared_shape
 from granular_lmp.scene.sources import Source, echo_at
-from granular_lmp.scene.space import lattice_of, measured, remarks_on_space, space_of, wall_of
+from granular_lmp.scene.space import lattice_of, remarks_on_space, space_of, wall_of
 from granular_lmp.scene.start import Start
+from granular_lmp.scene.stiffnesses import measured
 from granular_lmp.scene.strikers import Striker, scale_of, stretch
 from granular_lmp.units import AnyUnits, units_of
 
@@ -52,6 +54,7 @@ class Derived(Document):
     absorb: Absorb
     disorder: Disorder
     inclusion: tuple[Inclusion, ...]
+    pair: tuple[Pair, ...]
     source: tuple[Source, ...]
     monitor: tuple[Monitor, ...]
     start: Start
@@ -131,7 +134,8 @@ class Derived(Document):
     @cached_property
     def wave_lattice(self) -> Lattice:
         """Lattice in whose mode the wave starts: rows differ in a pattern where a branch of them has the number."""
-        return wave_lattice_of(self.wave, self.lattice, self.packing, self.space, self.material, self.inclusion)
+        density, kinds = self.material.density, (self.inclusion, self.pair)
+        return wave_lattice_of(self.wave, self.lattice, self.packing, self.space, density, *kinds)
 
     @property
     def declared_vector(self) -> WaveVector:
@@ -214,7 +218,8 @@ class Derived(Document):
 
     @property
     def _random(self) -> bool:
-        return any((self.disorder.radius, self.disorder.density, self.disorder.vacancies))
+        disorder = self.disorder
+        return any((disorder.radius, disorder.density, disorder.vacancies, disorder.stiffness))
 
     @property
     def imperfections(self) -> str:
@@ -338,7 +343,13 @@ def physics_of(effects: Effects, space: int) -> Physics:
 
 
 def wave_lattice_of(
-    wave: Wave | None, lattice: Lattice, packing: Packing, space: int, material: Sphere, inclusions: Sequence[Inclusion]
+    wave: Wave | None,
+    lattice: Lattice,
+    packing: Packing,
+    space: int,
+    density: float,
+    inclusions: Sequence[Inclusion],
+    pairs: Sequence[Pair],
 ) -> Lattice:
     """Return the lattice in whose mode a wave starts.
 
@@ -348,7 +359,7 @@ def wave_lattice_of(
     if not (numbered and inclusions) or lattice.cell_size > 1 or space == 3:
         return lattice
     assert wave is not None
-    return patterned(lattice, packing, material.density, inclusions, wave.mode)
+    return patterned(lattice, packing, density, inclusions, pairs, wave.mode)
 
 
 def wavenumbers_of(

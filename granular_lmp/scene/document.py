@@ -1,6 +1,7 @@
 """A declared document, a scene or a collision: a name and sections of keys, read from TOML and written back."""
 
 from collections.abc import Collection, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -220,7 +221,7 @@ class Document:
             for other in self.exclusive.get(key, ()):
                 if other not in changes:
                     inner.pop(other.rpartition(".")[2], None)
-            inner[name] = value
+            inner[name] = deepcopy(value)  # a later key may change a part of it
         return self.from_dict(tables)
 
     def _refuse_part(self, changes: Mapping[str, Any]) -> None:

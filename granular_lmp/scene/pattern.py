@@ -6,6 +6,7 @@ import numpy as np
 
 from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattice import Lattice
+from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import shown
 from granular_lmp.scene.sections import AUTO, Packing
@@ -16,14 +17,21 @@ _NEEDS = "a branch has its number where rows of other densities repeat"
 
 
 def patterned(
-    lattice: Lattice, packing: Packing, density: float, inclusions: Sequence[Inclusion], mode: str
+    lattice: Lattice,
+    packing: Packing,
+    density: float,
+    inclusions: Sequence[Inclusion],
+    pairs: Sequence[Pair],
+    mode: str,
 ) -> Lattice:
-    """Return the lattice with the shortest cell whose rows repeat with their densities, the centre row first.
+    """Return the lattice with the shortest cell whose rows repeat, by density and kind, the centre row first.
 
     Parameters
     ----------
     density : float
         That of the sphere of the lattice, kg/m³.
+    pairs : sequence of Pair
+        Measured stiffnesses of two kinds.
     mode : str
         ``wave.mode``, for the error message.
 
@@ -42,10 +50,11 @@ def patterned(
             )
     if packing.rows == AUTO:
         raise SceneError(f"packing.rows = {packing.rows!r}: must be a number with [[inclusion]], which counts rows")
-    rows = np.full(int(packing.rows), density)
-    for each in inclusions:
-        rows[each.rows[0] : each.rows[1] + 1 : each.every] = density if each.density is None else each.density
-    if not np.ptp(rows):
+    rows, named = np.tile([density, 0.0], (int(packing.rows), 1)), {kind for pair in pairs for kind in pair.of}
+    for number, each in enumerate(inclusions, 1):
+        chosen = slice(each.rows[0], each.rows[1] + 1, each.every)
+        rows[chosen] = density if each.density is None else each.density, number if number in named else 0
+    if not np.ptp(rows, axis=0).any():
         return lattice
     length = _length(rows, lattice.row_period, periodic=packing.ends == "periodic")
     if not length:
@@ -53,7 +62,8 @@ def patterned(
             f"wave.mode = {mode!r}: {_NEEDS}, and those of {len(rows)} rows do not repeat after {LONGEST} rows or fewer"
             f"{', all around the periodic cell' if packing.ends == 'periodic' else ''}; must be L, TR or RT"
         )
-    return lattice.patterned(tuple(np.roll(rows, -((len(rows) - 1) // 2))[:length].tolist()))
+    densities, kinds = np.roll(rows, -((len(rows) - 1) // 2), axis=0)[:length].T
+    return lattice.patterned(densities.tolist(), kinds.astype(int).tolist(), pairs)
 
 
 def _length(rows: np.ndarray, period: int, *, periodic: bool) -> int:

@@ -34,7 +34,7 @@ NEEDS_ADHESION = {"sphere.adhesion_law": "is of spheres that adhere; needs spher
 # Tables and keys that need spheres at rest under load, and why
 NEEDS_REST: dict[str, str] = {
     "source": f"has no unit of time where nothing is at rest; needs {_AT_REST}",
-    "contact": f"has stiffnesses at rest under load; needs {_AT_REST}",
+    **dict.fromkeys(("contact", "pair", "disorder.stiffness"), f"has stiffnesses at rest under load; needs {_AT_REST}"),
     "absorb": f"absorbs linear waves, and contacts without load have none; needs {_AT_REST}",
     "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
     **dict.fromkeys(("packing.relax", "packing.relax_friction"), f"is the way to rest under load; needs {_AT_REST}"),

@@ -3,7 +3,8 @@
 A scene has the tables ``[sphere]``, ``[packing]``, ``[contact]``, ``[substrate]``, ``[disorder]``, ``[wave]``,
 ``[envelope]``, ``[time]``,
 ``[effects]``, ``[output]``, ``[absorb]`` and ``[start]`` (`granular_lmp.scene.sections`), and any number of
-``[[inclusion]]``, ``[[source]]`` (`granular_lmp.scene.sources`), ``[[monitor]]`` (`granular_lmp.scene.monitors`) and
+``[[inclusion]]``, ``[[pair]]``, ``[[source]]`` (`granular_lmp.scene.sources`), ``[[monitor]]``
+(`granular_lmp.scene.monitors`) and
 ``[[striker]]`` (`granular_lmp.scene.strikers`). Times are in units of t0 (τ), wave numbers in rad per row, amplitudes
 in units of the static overlap Δ0. An "auto" of the packing is decided here (`Scene.shape`), an "auto" of the physics
 in `granular_lmp.effects`.
@@ -22,9 +23,17 @@ from granular_lmp.card import HasCard
 from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattices import FREE
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation, words
-from granular_lmp.scene.bodies import DISORDER_RULES, INCLUSION_RULES, LATTICE_SPHERE_RULES, Contact, Substrate
+from granular_lmp.scene.bodies import (
+    DISORDER_RULES,
+    INCLUSION_RULES,
+    LATTICE_SPHERE_RULES,
+    PAIR_RULES,
+    Contact,
+    Substrate,
+)
 from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.derived import Derived, at_rest, physics_of, wave_lattice_of, wavenumbers_of
 from granular_lmp.scene.files import assignment as assignment
@@ -52,6 +61,7 @@ from granular_lmp.scene.sources import Source, check_quiet, check_sources
 from granular_lmp.scene.space import check_space, lattice_of, space_of, wall_of
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.start import located as located_state
+from granular_lmp.scene.stiffnesses import check_stiffnesses
 from granular_lmp.scene.strikers import Striker, check_strikes
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
 
@@ -99,12 +109,17 @@ class Scene(HasCard, Derived):
         "absorb": Absorb,
         "start": Start,
     }
-    repeated = {"inclusion": Inclusion, "source": Source, "monitor": Monitor, "striker": Striker}
+    repeated = {"inclusion": Inclusion, "pair": Pair, "source": Source, "monitor": Monitor, "striker": Striker}
     optional = ("contact", "disorder", "absorb", "start")
     absent = ("substrate",)
     lacking = "wave"
     marks = ("striker", "start", "source")
-    rules = {"sphere": LATTICE_SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
+    rules = {
+        "sphere": LATTICE_SPHERE_RULES,
+        "disorder": DISORDER_RULES,
+        "inclusion": INCLUSION_RULES,
+        "pair": PAIR_RULES,
+    }
     attributes = {"sphere": "material"}
     exclusive = {
         **STEP_OR_TOLERANCE,
@@ -126,6 +141,7 @@ class Scene(HasCard, Derived):
     substrate: Substrate | None = None
     disorder: Disorder = Disorder()
     inclusion: tuple[Inclusion, ...] = ()
+    pair: tuple[Pair, ...] = ()
     source: tuple[Source, ...] = ()
     monitor: tuple[Monitor, ...] = ()
     start: Start = Start()
@@ -152,6 +168,7 @@ class Scene(HasCard, Derived):
         disorder: Disorder | None = None,
         start: Start | None = None,
         inclusion: Sequence[Inclusion] = (),
+        pair: Sequence[Pair] = (),
         source: Sequence[Source] = (),
         monitor: Sequence[Monitor] = (),
         striker: Sequence[Striker] = (),
@@ -242,8 +259,8 @@ class Scene(HasCard, Derived):
         packing, substrate = records["packing"], records.get("substrate")
         sphere, lattice = at_rest(material, packing, effects, records["contact"]), lattice_of(packing, substrate)
         validation.check_sphere(material, sphere, effects, wave.amplitude)
-        space, inclusions = space_of(packing, lattice, substrate), records.get("inclusion", ())
-        kind = wave_lattice_of(wave, lattice, packing, space, material, inclusions)
+        space, kinds = space_of(packing, lattice, substrate), (records.get("inclusion", ()), records.get("pair", ()))
+        kind = wave_lattice_of(wave, lattice, packing, space, material.density, *kinds)
         wall = wall_of(material, substrate, effects)
         found = wavenumbers_of(wave, sphere, physics_of(effects, space), kind, wall)
         return records | {"wave": replace(wave, wavenumber=found[0])}
@@ -306,6 +323,7 @@ class Scene(HasCard, Derived):
         check_space(self.packing, self.substrate, self.effects, self.absorb, self.lattice, self.space)
         if self.rigid:
             check_walls(self.packing, self.contact, self.effects)
+        check_stiffnesses(self.packing, self.lattice, self.disorder, self.inclusion, self.pair)
         wave, shape, _ = self.wave, self.shape, self.wall
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude if wave else 0.0)
         check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike)

@@ -1,4 +1,4 @@
-"""The third dimension of a scene: its lattice with orientation and layers, its walls, and measured stiffnesses."""
+"""The third dimension of a scene: its lattice with orientation and layers, and its walls."""
 
 from dataclasses import replace
 
@@ -7,11 +7,9 @@ from granular_lmp.crystal.lattices import FREE, PERIODIC
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import BOTH, Wall
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.bodies import Contact, Substrate
+from granular_lmp.scene.bodies import Substrate
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.sections import Absorb, Effects, Packing
-
-_ROUNDS = 60  # of a scale that each round brings nearer by a third of its error at least
 
 
 def lattice_of(packing: Packing, substrate: Substrate | None) -> Lattice:
@@ -76,42 +74,6 @@ def remarks_on_space(lattice: Lattice, substrate: Substrate | None, space: int) 
     if space == 2 or lattice.solid or substrate:
         return []
     return ["nothing holds the layer along z: motions out of its plane have the frequency 0 where contacts only turn"]
-
-
-def measured(sphere: Sphere, contact: Contact) -> Sphere:
-    """Return the sphere whose contact at rest has the measured stiffnesses: moduli and work of adhesion scaled.
-
-    Young's modulus and the work of adhesion are scaled alike, which scales f_N at every overlap; Poisson's ratio,
-    κ = g/k = 2(1−ν)/(2−ν), is then a number that need not be that of a material.
-
-    Raises
-    ------
-    SceneError
-        If the ratio of the stiffnesses is that of no Poisson's ratio above −1.
-    """
-    if contact == Contact():
-        return sphere
-    normal = sphere.normal_stiffness if contact.normal_stiffness is None else contact.normal_stiffness
-    shear = sphere.shear_stiffness if contact.shear_stiffness is None else contact.shear_stiffness
-    found = sphere
-    for _ in range(_ROUNDS):
-        kappa = shear / normal / float(found.contact_law.excess(found.static_overlap))
-        if not kappa < 4 / 3:
-            raise SceneError(
-                f"contact.shear_stiffness = {shear!r}: must be below 4/3 of the normal stiffness, {normal!r} N/m"
-            )
-        ratio = (2 - 2 * kappa) / (2 - kappa)
-        scale = normal / found.normal_stiffness
-        modulus = found.effective_modulus * scale
-        found = replace(
-            found,
-            youngs_modulus=2 * (1 - ratio**2) * modulus,
-            poisson_ratio=ratio,
-            work_of_adhesion=found.work_of_adhesion * scale,
-        )
-        if abs(scale - 1) < 1e-15:
-            break
-    return found
 
 
 def wall_of(material: Sphere, substrate: Substrate | None, effects: Effects) -> Wall | None:

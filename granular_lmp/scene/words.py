@@ -14,6 +14,7 @@ from granular_lmp.scene.strikers import Striker, fastest_striker
 def imperfections(disorder: Disorder, inclusions: Sequence[Inclusion]) -> str:
     """Return imperfections in words, "" in a perfect lattice: "radius 0.0001, seed 1, 2 inclusions"."""
     spread = {"radius": disorder.radius, "density": disorder.density, "vacancies": disorder.vacancies}
+    spread |= {"stiffness": disorder.stiffness}
     words = [f"{name} {value!r}" for name, value in spread.items() if value]
     drawn = bool(words) or any(each.share for each in inclusions)
     words += [f"seed {disorder.seed}"] if drawn else []

@@ -1,0 +1,99 @@
+"""Contacts of which some are stiffer than the law of their materials says: by pair of kinds, and with a spread.
+
+A factor of a pair scales the force of its law at every overlap. Contacts that nothing presses keep their overlap, so
+that spheres at rest in a lattice stay there, and the second derivative of the force scales as the first one does.
+
+**Kinds** are 0, the spheres of the lattice, and n, those of the n-th inclusion. A measured stiffness K of two kinds at
+rest gives the factor c = K/k(δ) of the normal force at the overlap δ where c f_N(δ) = F0, the load of a contact.
+
+**Spread.** Each sphere is drawn into one of eight classes of equal size, as LAMMPS has coefficients by pair of types.
+Class c has the deviate g_c, the mean of a Gaussian over its eighth of the probability, scaled to unit variance, and
+
+    factor of a contact of classes c and d = 1 + σ (g_c + g_d)/√2,    of a contact with a wall 1 + σ g_c
+
+Both have the standard deviation σ. Contacts that share a sphere are alike in part, as where roughness differs.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
+from granular_lmp.crystal.contacts import mixed
+from granular_lmp.crystal.sphere import Sphere
+
+Floats = NDArray[np.float64]
+CLASSES = 8
+WIDEST = 0.3  # of a spread: the softest contact has 0.28 of the mean stiffness there
+_ROUNDS = 60  # of a factor that each round brings nearer by a third of its error at least
+_ROUNDING = 1e-15
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Measured stiffnesses of the contact at rest of two kinds of spheres; None: those that the law gives."""
+
+    of: Sequence[int] = ()
+    normal_stiffness: float | None = None
+    shear_stiffness: float | None = None
+
+    def factors(self, law: AdhesionLaw, load: float) -> tuple[float, float]:
+        """Return the factors of normal and shear force of a contact with this law that a load (N) presses."""
+        factor = 1.0
+        for _ in range(_ROUNDS if self.normal_stiffness else 0):
+            before = factor
+            factor = self.normal_stiffness / float(law.normal_stiffness(law.overlap_under(load / before)))  # type: ignore[operator]
+            if abs(factor / before - 1) < _ROUNDING:
+                break
+        shear = float(law.shear_stiffness(law.overlap_under(load / factor)))
+        return factor, 1.0 if self.shear_stiffness is None else self.shear_stiffness / shear
+
+
+def deviates() -> Floats:
+    """Return the deviates of the classes, (8,), ascending, of mean 0 and variance 1."""
+    gaussian = NormalDist()
+    edges = [gaussian.inv_cdf(number / CLASSES) for number in range(1, CLASSES)]
+    density = np.array([0.0, *map(gaussian.pdf, edges), 0.0])
+    means = CLASSES * (density[:-1] - density[1:])
+    return np.asarray(means / np.sqrt(np.mean(means**2)))
+
+
+def spread(factors: Floats, deviation: float) -> Floats:
+    """Return the factors of materials in classes, material m of class c being 8m + c, from those of the materials."""
+    own, count = deviates(), len(factors)
+    both = np.concatenate([(own[:, None] + own) / np.sqrt(2), own[:, None]], axis=1)
+    columns = np.append(np.repeat(np.arange(count), CLASSES), count)
+    of_class = np.append(np.tile(np.arange(CLASSES), count), CLASSES)
+    of_materials = np.repeat(factors, CLASSES, axis=0)[:, columns]
+    return np.asarray(of_materials * (1 + deviation * np.tile(both, (count, 1))[:, of_class])[..., None])
+
+
+def factors_of(
+    materials: Sequence[Sphere], kinds: Sequence[int], radii: Sequence[float], pairs: Sequence[Pair]
+) -> Floats:
+    """Return the factors of the contacts of materials, and of theirs with walls, (M, M + 1, 2).
+
+    Parameters
+    ----------
+    materials : (M,)
+    kinds : (M,)
+        The kind of each, −1 where no pair names it.
+    radii : by kind, m.
+    pairs : measured ones; all others have the factor 1.
+    """
+    found = np.ones((len(materials), len(materials) + 1, 2))
+    for pair, (m, n) in product(pairs, np.ndindex(len(materials), len(materials))):
+        if sorted(pair.of) == sorted((kinds[m], kinds[n])):
+            one, other = radii[kinds[m]], radii[kinds[n]]
+            law = _law(materials[m], materials[n], one * other / (one + other))
+            found[m, n] = pair.factors(law, materials[0].contact_force)
+    return found
+
+
+def _law(one: Sphere, other: Sphere, radius: float) -> AdhesionLaw:
+    modulus, shear_modulus, adhesion = (float(each[0]) for each in mixed(one, other))
+    return ADHESION_LAWS[one.adhesion_law].between(modulus, shear_modulus, radius, adhesion)
