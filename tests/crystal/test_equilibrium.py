@@ -97,7 +97,8 @@ def test_a_summary_says_how_a_crystal_came_to_rest_in_what_json_holds() -> None:
     disorder = spread(0.8, seed=3, vacancies=0.02)
     rest = relax(*imperfect(packed(SILICA, Shape(12, 10, "periodic")), SILICA, disorder))
     summary = json.loads(json.dumps(rest.summary()))
-    assert summary["disorder"] == {"radius": disorder.radius, "density": 0.0, "vacancies": 0.02, "seed": 3}
+    expected = {"radius": disorder.radius, "density": 0.0, "vacancies": 0.02, "seed": 3, "stiffness": 0.0}
+    assert summary["disorder"] == expected
     assert summary["protocol"] == rest.protocol
     assert summary["spheres"] == 118
     assert (summary["isolated"], summary["loose"]) == (0, 0)
