@@ -84,8 +84,8 @@ WAVES: dict[str, Settings] = {
     | AT_REST
     | source(rows=[18, 18], force="y", signal="tone"),
     "wall end": FIXED | {"packing.last": "wall"},
-    "spread of stiffness": {"disorder.stiffness": 0.05},
-    "stiffness of a pair": {
+    "stiffness spread": {"disorder.stiffness": 0.05},
+    "pair stiffness": {
         "inclusion": [{"rows": [20, 21], "density": 2500.0}],
         "pair": [{"of": [0, 1], "normal_stiffness": 500.0}],
     },
