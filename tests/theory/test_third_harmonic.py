@@ -7,10 +7,13 @@ from numpy.typing import ArrayLike, NDArray
 from analysis.second_harmonic import ModeName
 from analysis.theory import bloch, lattice
 from analysis.theory.bloch import frame, hexagonal, in_plane, real_modes, wavevector_of
+from analysis.theory.bonds import ShearLaw
 from analysis.theory.contact import Contact
+from analysis.theory.crystal import Crystal
 from analysis.theory.hierarchy import hierarchy_orders
+from analysis.theory.network import Material
 from analysis.theory.second_order import Answer, wave
-from analysis.theory.third_order import third_harmonic
+from analysis.theory.third_order import shift, third_harmonic
 
 Complexes = NDArray[np.complex128]
 
@@ -165,6 +168,23 @@ def test_geometry_and_memory_have_their_own_cubic_terms(
 def test_without_them_the_third_harmonic_is_seen_to_be_wrong(contact: str) -> None:
     wave: tuple[ModeName, float, float, Contact] = ("TR", 0.802, 90.0, CONTACTS[contact])
     assert relative(in_the_hierarchy(*wave), predicted("TR", 0.802, 90.0, SILICA)) > 100 * FITTED
+
+
+@pytest.mark.parametrize("law", ["secant", "incremental"])
+def test_a_sheet_that_lies_askew_in_space_has_the_third_order_of_the_plane(law: ShearLaw) -> None:
+    apart = 2 * 50.0 - 0.1159709  # at rest by the DMT law
+    flat, silica = apart * np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]]), [Material(73e3, 0.17, 63.0)]
+    turn = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3
+    plane = Crystal.of(flat, [[0.0, 0.0]], 50.0, 2.2e-3, silica, shear_law=law)
+    space = Crystal.of(np.pad(flat, ((0, 0), (0, 1))) @ turn.T, np.zeros((1, 3)), 50.0, 2.2e-3, silica, shear_law=law)
+    k = np.array([0.7, 0.9, 0.0]) / apart
+    for branch in range(3):
+        one = wave(plane, k[:2], branch)
+        same = np.argmin(np.abs(space.modes(turn @ k).frequencies - one.frequency))
+        other = wave(space, turn @ k, same)
+        assert shift(space, other).total == pytest.approx(float(shift(plane, one).total), rel=1e-10)
+        sizes = [np.linalg.norm(third_harmonic(*each)) for each in ((plane, one), (space, other))]
+        assert sizes[1] == pytest.approx(sizes[0], rel=1e-10)
 
 
 def test_the_potential_law_is_not_held_and_is_refused() -> None:
