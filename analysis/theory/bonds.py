@@ -30,7 +30,6 @@ A length of infinity is the paper's contact, whose normal is fixed and whose arm
 Source: the laws of the paper (springN, springS) and of LAMMPS's pair style granular; the expansion is not in the paper.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -94,29 +93,14 @@ def jkr(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLik
     law = Jkr(A, F)
     depth, widest = law.depth, np.sqrt(3 * law.depth)
     r = law.radius(delta, np.ones(delta.shape, dtype=bool)) / widest
-    push = [3 * F * each for each in (r**3 - r**1.5, 3 * r**2 - 1.5 * r**0.5, 6 * r - 0.75 / r**0.5)]
-    push.append(3 * F * (6 + 0.375 / r**1.5))
-    depths = [depth * each for each in (6 * r - 1 / r**0.5, 6 + 0.5 / r**1.5, -0.75 / r**2.5)]
-    return by_radius(push, depths, B * widest * r, B * widest, delta - law.end, push[0] + 2 * law.pull * F)
-
-
-def by_radius(
-    push: Sequence[Floats] | Floats,
-    depth: Sequence[Floats] | Floats,
-    shear: Floats,
-    growth: Floats,
-    reach: Floats,
-    friction: Floats,
-) -> Law:
-    """Return the law of f(a), δ(a) and k(a) of the radius of a contact.
-
-    push : f and its first three derivatives by a; depth : the first three of δ; growth : dk/da, a constant
-    """
-    f, f1, f2, f3 = push
-    d1, d2, d3 = depth
-    bent = f2 * d1 - f1 * d2
+    f, f1, f2 = (3 * F * each for each in (r**3 - r**1.5, 3 * r**2 - 1.5 * r**0.5, 6 * r - 0.75 / r**0.5))
+    f3 = 3 * F * (6 + 0.375 / r**1.5)
+    d1, d2, d3 = (depth * each for each in (6 * r - 1 / r**0.5, 6 + 0.5 / r**1.5, -0.75 / r**2.5))
+    # Derivatives by δ of functions of r; k grows in proportion to it
+    bent, rise = f2 * d1 - f1 * d2, B * widest
     third = (f3 * d1 - f1 * d3) / d1**4 - 3 * d2 * bent / d1**5
-    return Law(f, f1 / d1, bent / d1**3, third, shear, growth / d1, -growth * d2 / d1**3, reach, friction)
+    sheared = rise * r, rise / d1, -rise * d2 / d1**3
+    return Law(f, f1 / d1, bent / d1**3, third, *sheared, delta - law.end, f + 2 * law.pull * F)
 
 
 class Measured(NamedTuple):

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import Any, Literal, NamedTuple, Self, TypeVar, cast
+from typing import Any, NamedTuple, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,10 +24,10 @@ from numpy.typing import ArrayLike, NDArray
 from analysis.theory.bonds import Bonds, Measured, ShearLaw, dmt, jkr
 from analysis.theory.mirror import Mirror, images, mirrored
 from analysis.theory.network import Material, ShearMixing, mixed
+from analysis.theory.network_laws import Adhesion
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-Adhesion = Literal["dmt", "jkr"]
 Array = TypeVar("Array", bound=NDArray[Any])
 PLANE, SPACE = (0, 1, 5), (0, 1, 2, 3, 4, 5)
 _EVEN = 1e-13  # difference of arms that is rounding

@@ -31,7 +31,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.law_formulas import JkrFormulas
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import sliding_force
-from granular_lmp.errors import LaunchError, SceneError
+from granular_lmp.errors import SceneError
 from granular_lmp.studies.kick import run_kicked
 from tests.polarisations import spoilt
 
@@ -329,12 +329,6 @@ def test_impacts_have_no_adhesion_law() -> None:
 def test_a_sheet_that_is_kicked_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="record does not name the law"):
         run_kicked(PERIODIC.with_values({"sphere.adhesion_law": "jkr"}), tmp_path / "run")
-
-
-def test_the_kernel_refuses_the_law_before_a_file_is_written(tmp_path: Path) -> None:
-    with pytest.raises(LaunchError, match="does not know the contact 'jkr"):
-        run(PERIODIC.with_values({"sphere.adhesion_law": "jkr"}), tmp_path / "run", kernel=True)
-    assert not (tmp_path / "run").exists()
 
 
 def test_the_figure_of_effects_names_the_law() -> None:
