@@ -30,6 +30,7 @@ A length of infinity is the paper's contact, whose normal is fixed and whose arm
 Source: the laws of the paper (springN, springS) and of LAMMPS's pair style granular; the expansion is not in the paper.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, NamedTuple

@@ -22,7 +22,7 @@ from analysis.theory.network import Material, Network
 from analysis.theory.network_state import forces, start
 from analysis.theory.resonance import three_mode
 from analysis.theory.wave import Wave, antiresonance, nonlinearity, resonance, shifted_second_order, trajectory
-from granular_lmp import ImpactScene, Scene, build, run
+from granular_lmp import ImpactScene, Scene, build
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.disorder import Disorder, imperfect
 from granular_lmp.crystal.equilibrium import relax
