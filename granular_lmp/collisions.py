@@ -73,16 +73,17 @@ class Collisions:
         return np.asarray(law.normal_coefficient / self.scene.sphere.normal_coefficient)
 
     def kinetic_energy(self, velocity: Floats, spin: Floats, spheres: Integers) -> Floats:
-        """Return ½mv² + ½(I/mR²)m(Rω)² of n spheres, in m v², of velocities (…, n, 2), in v, and R ω/v (…, n)."""
-        surface = self.crystal.arrays["radius"][spheres] * spin
-        return np.asarray(self.mass[spheres] * (np.sum(velocity**2, axis=-1) + INERTIA_RATIO * surface**2) / 2)
+        """Return ½mv² + ½(I/mR²)m(Rω)² of n spheres, in m v², of velocities (…, n, 2 or 3), in v, and R ω/v."""
+        turning = spin**2 if spin.ndim < velocity.ndim else np.sum(spin**2, axis=-1)
+        surface = self.crystal.arrays["radius"][spheres] ** 2 * turning
+        return np.asarray(self.mass[spheres] * (np.sum(velocity**2, axis=-1) + INERTIA_RATIO * surface) / 2)
 
     @property
     def given_energy(self) -> float:
         """Kinetic energy of all spheres at the beginning, in m v²."""
-        velocity, spin = self.state[:, 2:4].copy(), self.state[:, 4] * self.scene.sphere.radius
+        velocity, spin = self.state[:, 3:5].copy(), self.state[:, 8] * self.scene.sphere.radius
         for striker, spheres in zip(self.scene.striker, self.strikers, strict=True):
-            velocity[spheres] = striker.components
+            velocity[spheres] = striker.components[:2]
         unit, everyone = self.scale.velocity, np.arange(len(self.crystal))
         return float(self.kinetic_energy(velocity / unit, spin / unit, everyone).sum())
 

@@ -138,9 +138,11 @@ class Problem:
 
     @cached_property
     def state(self) -> NDArray[np.float64]:
-        """Displacements (m), velocities (m/s) and spins (rad/s) of ``[start]``, (N, 5); without the strikers."""
+        """Displacements (m), velocities (m/s) and spins (rad/s) of ``[start]``, (N, 9); without the strikers."""
         turns = self.on["rotation"]
-        return state_in(self.scene.start, self.crystal, self.scene.sphere.radius, self.strikers, turns=turns)
+        return state_in(
+            self.scene.start, self.crystal, self.scene.sphere.radius, self.strikers, turns=turns, space=self.scene.space
+        )
 
     @cached_property
     def monitors(self) -> tuple[PlacedMonitor, ...]:

@@ -83,7 +83,7 @@ def _centre(problem: Problem) -> list[str]:
 
 def _recorded(problem: Problem) -> list[str]:
     """Return the dump of the recorded spheres of a struck crystal."""
-    forces = " fx fy" if problem.scene.output.forces else ""
+    forces = "".join(f" f{axis}" for axis in axes(problem) if problem.scene.output.forces)
     seen = "all" if len(problem.recorded) == len(problem.crystal) else "recorded"
     return [
         f"group        recorded id {id_ranges(problem.recorded)}",

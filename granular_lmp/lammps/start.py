@@ -79,13 +79,9 @@ def _state(problem: Problem) -> NDArray[np.float64]:
         return np.empty((len(problem.crystal), 0))
     units = problem.units
     length, velocity = units.number(1.0, length=1), units.number(1.0, length=1, time=-1)
-    factors = np.array([length, length, velocity, velocity, units.number(1.0, time=-1)])
-    state = np.asarray(problem.state * factors)
-    if problem.scene.space == 3:  # ux uy uz, their rates, and spins about x, y, z
-        none = np.zeros(len(state))
-        ux, uy, vx, vy, spin = state.T
-        state = np.column_stack([ux, uy, none, vx, vy, none, none, none, spin])
-    return state[:, : None if problem.on["rotation"] else -len(turns(problem))]
+    state = np.asarray(problem.state * np.repeat([length, velocity, units.number(1.0, time=-1)], 3))
+    moves = [*range(9)] if problem.scene.space == 3 else [0, 1, 3, 4, 8]
+    return state[:, moves[: None if problem.on["rotation"] else -len(turns(problem))]]
 
 
 # --- the lines --------------------------------------------------------------------------------------------------------
@@ -99,7 +95,7 @@ def _waves(problem: Problem) -> bool:
 def _preloads(problem: Problem) -> bool:
     """Return whether contacts are sheared at the beginning; without a wave only by a state that displaces spheres."""
     if problem.scene.wave is None:
-        return problem.on["shear"] and bool(problem.state[:, :2].any())
+        return problem.on["shear"] and bool(problem.state[:, :3].any())
     return _waves(problem) or problem.scene.start.moves
 
 

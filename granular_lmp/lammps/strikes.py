@@ -11,12 +11,14 @@ def strikers(problem: Problem) -> list[str]:
     """
     alone = problem.scene.wave is None
     text = ["# --- strikers" + ("" if alone else ": velocities in addition to that of the wave")]
-    how = "0.0 units box" if alone else "NULL sum yes units box"
+    none, how = ("0.0", "units box") if alone else ("NULL", "sum yes units box")
     for striker, spheres in zip(problem.scene.striker, problem.strikers, strict=True):
-        vx, vy = (problem.units.number(each, length=1, time=-1) for each in striker.components)
+        vx, vy, *vz = (
+            problem.units.number(each, length=1, time=-1) for each in striker.components[: problem.scene.space]
+        )
         text += [
             f"group        striker id {id_ranges(spheres)}",
-            f"velocity     striker set {vx!r} {vy!r} {how}",
+            f"velocity     striker set {vx!r} {vy!r} {' '.join(map(repr, vz)) or none} {how}",
             "group        striker delete",
         ]
     return text if problem.strikers else []

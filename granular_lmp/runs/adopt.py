@@ -216,9 +216,9 @@ def _of_strikes(record: Record, dump: Path, problem: Problem) -> None:
     """Raise RunFolderError unless the recorded spheres begin with the velocities of strikers and state."""
     if record.velocity.shape[1] != len(problem.recorded):
         raise RunFolderError(f"{dump}: holds {record.velocity.shape[1]} spheres, and the scene records other ones")
-    velocity = problem.state[:, 2:4].copy()
+    velocity = problem.state[:, 3 : 3 + problem.scene.space].copy()
     for striker, spheres in zip(problem.scene.striker, problem.strikers, strict=True):
-        velocity[spheres] = striker.components
+        velocity[spheres] = striker.components[: problem.scene.space]
     expected = velocity[problem.recorded] / problem.scale.velocity
     off = np.abs(record.velocity[0] - expected).max(axis=1)
     if off.max() > _PLACED:

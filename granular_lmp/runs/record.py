@@ -46,12 +46,22 @@ Floats = NDArray[np.float64]
 TRAJECTORY = "trajectory.csv"
 HEADER = ["tau", "p", "q", "phi"]
 IN_SPACE = ["ux", "uy", "uz", "phix", "phiy", "phiz"]  # behind them in space
-_SPHERE_COLUMNS = tuple(
-    [*("id", "type", "x", "y", "z", "radius"), *mass, *("Displacement.X", "Displacement.Y", "vx", "vy", "vz"), *more]
-    for mass in (["mass"], [])
-    for turned in ([], ["omegaz"], ["omegaz", "v_theta"])
-    for more in (turned, [*turned, "fx", "fy"])
-)
+
+
+def _sphere_columns(space: int) -> list[list[str]]:
+    """Return what the columns of a dump of spheres may be that move in some dimensions."""
+    moved, forces = (
+        [f"{name}{axis}" for axis in axes[:space]] for name, axes in (("Displacement.", "XYZ"), ("f", "xyz"))
+    )
+    spins, angles = ["omegaz"], ["v_theta"]
+    if space == 3:
+        spins, angles = ["omegax", "omegay", "omegaz"], [f"Orientation.{part}" for part in "WXYZ"]
+    return [
+        ["id", "type", *"xyz", "radius", *mass, *moved, "vx", "vy", "vz", *turned, *force]
+        for mass in (["mass"], [])
+        for turned in ([], spins, [*spins, *angles])
+        for force in ([], forces)
+    ]
 
 
 def header_of(scene: Scene) -> list[str]:
@@ -72,7 +82,8 @@ class Record(HasCard):
         displacement along the wave vector k and along ẑ × k in units of D0, v/D0 and −u/D0 for a wave along y, and its
         rotation Rθ/D0, which is 0 if spheres do not turn and nan if they turn but are not tracked. Of a scene without a
         wave ``displacement`` and ``velocity`` of the n recorded spheres, (T, n, 2), columns x and y, in ℓ and in v, and
-        if they turn ``spin``, (T, n), R ω/v; with ``output.forces`` also ``force``, (T, n, 2), in m v/t0.
+        if they turn ``spin``, (T, n), R ω/v; with ``output.forces`` also ``force``, (T, n, 2), in m v/t0. In space all
+        of these are (T, n, 3).
     scene : Scene
         Scene of the run with every "auto" decided.
     info : dict
@@ -133,7 +144,7 @@ class Record(HasCard):
         """Make the record of a run that has recorded nothing."""
         if scene.wave is not None:
             return cls(np.empty(0), dict.fromkeys(header_of(scene)[1:], np.empty(0)), scene, folder=folder)
-        still = np.empty((0, len(prepare(scene).recorded), 2))
+        still = np.empty((0, len(prepare(scene).recorded), scene.space))
         return cls(np.empty(0), {"displacement": still, "velocity": still}, scene, folder=folder)
 
     @classmethod
@@ -165,7 +176,7 @@ class Record(HasCard):
         """Make the record of a run folder from its dump: of the centre sphere, or of the recorded spheres."""
         folder = Path(folder)
         if scene.wave is None:
-            table = read_dump(folder / (dump or SNAPSHOTS), None, *_SPHERE_COLUMNS)
+            table = read_dump(folder / (dump or SNAPSHOTS), None, *_sphere_columns(scene.space))
             steps = table["step"].tolist()
             if len(steps) < 2 and scene.time.tolerance is not None:
                 raise RunFolderError(f"{folder / SNAPSHOTS}: lacks records")
@@ -265,7 +276,7 @@ class Record(HasCard):
 
     @property
     def velocity(self) -> Floats:
-        """Velocity of the recorded spheres, (T, n, 2), in v; in D0/t0 in a scene with a wave.
+        """Velocity of the recorded spheres, as `displacement`, in v; in D0/t0 in a scene with a wave.
 
         Raises
         ------
@@ -276,12 +287,12 @@ class Record(HasCard):
 
     @property
     def spin(self) -> Floats:
-        """R ω of the recorded spheres, (T, n), in the unit of velocities; 0 where spheres do not turn.
+        """R ω of the recorded spheres, (T, n) or in space (T, n, 3), in the unit of velocities; 0 if they do not turn.
 
         Raises RunFolderError as `velocity`.
         """
         if "velocity" in self.signals:
-            return self.signals.get("spin", np.zeros(self.velocity.shape[:2]))
+            return self.signals.get("spin", np.zeros(self.velocity.shape[: self.scene.space]))
         return self._motion_of_centre[3]
 
     @cached_property

@@ -83,10 +83,10 @@ def dimensionless(columns: dict[str, Floats], scene: Scene) -> tuple[Floats, Flo
 
 
 def force_on(columns: dict[str, Floats], scene: Scene) -> Floats:
-    """Return the force on spheres, (..., 2), in units of the scene, m ℓ/t0², from the columns of a dump."""
+    """Return the force on spheres, (..., 2) or (..., 3), in units of the scene, m ℓ/t0², from the columns of a dump."""
     scale = scene.scale
     unit = scene.units.number(scale.mass * scale.length / scale.time**2, mass=1, length=1, time=-2)
-    return np.stack([columns["fx"], columns["fy"]], axis=-1) / unit
+    return np.stack([columns[f"f{axis}"] for axis in "xyz"[: scene.space]], axis=-1) / unit
 
 
 def _angle(columns: dict[str, Floats], turns: str) -> Floats | None:

@@ -2,7 +2,7 @@
 
 Of the centre sphere a line for each time: tau, p, q, phi. Of recorded spheres a line for each time and sphere, time by
 time: tau, row, column, u, v, their rates u_t and v_t, and where spheres turn phi_t = R ω; the names are those of a
-monitor. With ``output.forces`` fx and fy follow.
+monitor, and in space there are w, and phix, phiy, phiz. With ``output.forces`` fx and fy follow, in space fz.
 """
 
 import csv
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import PackageMissingError, RunFolderError, one_line
 from granular_lmp.lammps.outputs import STATUS, csv_text, replace_text
+from granular_lmp.runs.components import MOTION
 from granular_lmp.runs.scales import length_of
 
 Columns = dict[str, NDArray[Any]]
@@ -40,30 +41,36 @@ def columns(record: Any) -> Columns:
     row, column = record.row, record.column
     found = {"tau": np.repeat(record.tau, len(row))}
     found |= {name: np.tile(places, len(record.tau)) for name, places in (("row", row), ("column", column))}
-    for names, values in ((("u", "v"), record.displacement), (("u_t", "v_t"), record.velocity)):
-        found |= {name: values[..., axis].ravel() for axis, name in enumerate(names)}
-    found |= {"phi_t": record.spin.ravel()} if "spin" in record.signals else {}
-    forces = record.signals.get("force")
-    return found if forces is None else found | {f"f{axis}": forces[..., n].ravel() for n, axis in enumerate("xy")}
+    names, signals = MOTION[record.scene.space], record.signals
+    moves, turns = names[: record.scene.space], names[record.scene.space :]
+    parts = [(moves, record.displacement), ([f"{name}_t" for name in moves], record.velocity)]
+    parts += [([f"{name}_t" for name in turns], record.spin)] if "spin" in signals else []
+    parts += [(["fx", "fy", "fz"][: len(moves)], signals["force"])] if "force" in signals else []
+    return found | {
+        name: values.reshape(*record.velocity.shape[:2], -1)[..., axis].ravel()
+        for each, values in parts
+        for axis, name in enumerate(each)
+    }
 
 
 def si(record: Any) -> Columns:
     """Return columns of one length by name, in SI units.
 
     Of the centre sphere ``t_s``, ``p_m``, ``q_m``, ``theta_rad``; of recorded spheres ``t_s``, ``row``, ``column``,
-    ``ux_m``, ``uy_m``, ``vx_m_s``, ``vy_m_s``, and where spheres turn ``spin_rad_s``.
+    ``ux_m``, ``uy_m``, ``vx_m_s``, ``vy_m_s``, and where spheres turn ``spin_rad_s``, about z; in space ``uz_m``,
+    ``vz_m_s``, ``spinx_rad_s`` and ``spiny_rad_s`` too.
     """
     scale, radius = record.scale, record.scene.sphere.radius
     unit = length_of(record.scene)
     units = {  # by column: name, factor, divisor
         "tau": ("t_s", scale.time, 1.0),
         **{"p": ("p_m", unit, 1.0), "q": ("q_m", unit, 1.0), "phi": ("theta_rad", unit, radius)},
-        **{"u": ("ux_m", unit, 1.0), "v": ("uy_m", unit, 1.0)},
+        **{name: (f"u{axis}_m", unit, 1.0) for name, axis in zip("uvw", "xyz", strict=True)},
         **{f"u{axis}": (f"u{axis}_m", unit, 1.0) for axis in "xyz"},
         **{f"phi{axis}": (f"theta{axis}_rad", unit, radius) for axis in "xyz"},
-        **{"u_t": ("vx_m_s", scale.velocity, 1.0), "v_t": ("vy_m_s", scale.velocity, 1.0)},
-        "phi_t": ("spin_rad_s", scale.velocity, radius),
-        **{f"f{axis}": (f"f{axis}_N", scale.mass * scale.velocity / scale.time, 1.0) for axis in "xy"},
+        **{f"{name}_t": (f"v{axis}_m_s", scale.velocity, 1.0) for name, axis in zip("uvw", "xyz", strict=True)},
+        **{f"phi{axis}_t": (f"spin{axis.strip('z')}_rad_s", scale.velocity, radius) for axis in ("", "x", "y", "z")},
+        **{f"f{axis}": (f"f{axis}_N", scale.mass * scale.velocity / scale.time, 1.0) for axis in "xyz"},
     }
     found: Columns = {}
     for name, values in columns(record).items():
@@ -128,7 +135,11 @@ def to_xarray(record: Any) -> Any:
     }
     coordinates: dict[str, Any] = {"tau": ("tau", record.tau, said["tau"])}
     if "displacement" in signals:
-        coordinates |= {"row": ("sphere", record.row), "column": ("sphere", record.column), "axis": ["x", "y"]}
+        coordinates |= {
+            "row": ("sphere", record.row),
+            "column": ("sphere", record.column),
+            "axis": [*"xyz"[: scene.space]],
+        }
     scales = {f"{length}_m": length_of(scene), "t0_s": scene.scale.time, "R_m": scene.sphere.radius}
     origin = {"scene": scene.to_toml(), "status": str(record.info.get("status", ""))}
     return optional_package("xarray").Dataset(variables, coordinates, scales | origin)

@@ -26,7 +26,12 @@ LOOSEST = 0.04  # disorder.radius of a sheet: gaps of neighbours are then below 
 UNWAVED = ("sphere", "packing", "time", "output")
 # Tables and keys that a scene has beside a wave only, and why
 NEEDS_WAVE: dict[str, str] = {
-    **dict.fromkeys(("envelope", "substrate"), "is of the scene of a wave: must be left out without [wave]"),
+    "envelope": "is of the scene of a wave: must be left out without [wave]",
+    **dict.fromkeys(
+        (f"packing.{name}" for name in ("layers", "depth", "orientation")),
+        "is of a lattice in space: must be left out without [wave], where a crystal has one layer",
+    ),
+    "packing.space": "must be left out without [wave], where a [substrate] alone lets spheres leave the plane",
     "time.allow_echo": "must be left out without [wave], where every echo belongs to the answer",
 }
 _AT_REST = "sphere.work_of_adhesion above 0, or packing.contact_force in a sheet"
@@ -35,6 +40,7 @@ NEEDS_ADHESION = {"sphere.adhesion_law": "is of spheres that adhere; needs spher
 NEEDS_REST: dict[str, str] = {
     "source": f"has no unit of time where nothing is at rest; needs {_AT_REST}",
     **dict.fromkeys(("contact", "pair", "disorder.stiffness"), f"has stiffnesses at rest under load; needs {_AT_REST}"),
+    "substrate": f"holds spheres that adhere to it; needs {_AT_REST}",
     "absorb": f"absorbs linear waves, and contacts without load have none; needs {_AT_REST}",
     "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
     **dict.fromkeys(("packing.relax", "packing.relax_friction"), f"is the way to rest under load; needs {_AT_REST}"),
@@ -124,7 +130,7 @@ def held_sides(scene: Derived) -> str:
 
 @_line("physics", loose=False)
 def striker_is_nowhere(scene: Derived) -> str:
-    return next(striker_troubles(scene.striker, scene.shape), "")
+    return next(striker_troubles(scene.striker, scene.shape, scene.space), "")
 
 
 @_line("physics")
@@ -300,7 +306,7 @@ def _closing(scene: Derived) -> float:
     """Return the velocity with which spheres may meet over that of the fastest; of two bodies it is along y."""
     if scene.shape.spheres > 2 or scene.start.noise:
         return 1.0
-    along = [each.components[1] for each in scene.striker] + list(scene.start.motion[:, 3])
+    along = [each.components[1] for each in scene.striker] + list(scene.start.motion[:, 4])
     bodies = [*along, 0.0] if len(along) < 2 else along
     closing = (max(bodies) - min(bodies)) / min(len(along), 2)
     return float(closing) / scene.scale.velocity

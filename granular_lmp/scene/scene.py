@@ -326,7 +326,7 @@ class Scene(HasCard, Derived):
         check_stiffnesses(self.packing, self.lattice, self.disorder, self.inclusion, self.pair)
         wave, shape, _ = self.wave, self.shape, self.wall
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude if wave else 0.0)
-        check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike)
+        check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike, self.space)
         of_time = self.time, self.struck, self.space
         check_sources(self.source, wave, self.envelope, self.packing, shape, self.sphere, *of_time)
         check_quiet(self.source, self.absorb)

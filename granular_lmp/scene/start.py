@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from io import StringIO
 from itertools import islice
-from math import hypot, isfinite, sqrt
+from math import isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +26,12 @@ from granular_lmp.scene.places import AtPlaces, place_of, spheres_at
 from granular_lmp.scene.schema import Rule, count, flag, number, shown
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
-State = Sequence[tuple[float, ...]]  # for each sphere the numbers of COLUMNS, the first two whole
+State = Sequence[tuple[float, ...]]  # for each sphere the numbers of COLUMNS, the first two whole, or of IN_SPACE too
 COLUMNS = ("row", "column", "ux_m", "uy_m", "vx_m_s", "vy_m_s", "spin_rad_s")
+IN_SPACE = ("uz_m", "vz_m_s", "spinx_rad_s", "spiny_rad_s")  # behind them, of spheres that leave the plane
+# The nine components of a motion, ux uy uz, vx vy vz, spins about x, y, z: where they stand behind row and column
+_PARTS = (0, 1, 5, 2, 3, 6, 7, 8, 4)
+_OUT_OF_PLANE = [2, 5, 6, 7]
 TIME = "t_s"  # A file may have it too, as it names each sphere once
 MOST = 5000  # spheres: a scene file below `granular_lmp.scene.files.LARGEST_FILE`
 FARTHEST = 1e6  # radii that a state displaces a sphere at most; LAMMPS sorts the whole box into bins of a sphere each
@@ -36,18 +40,21 @@ SMALLEST, LARGEST = 1e-30, 1e12  # any number but 0, in SI: no power of it overf
 
 @dataclass(frozen=True)
 class StateRule(Rule):
-    """Allowed values of a state: the name of a CSV file, or a list of seven numbers for each sphere."""
+    """Allowed values of a state: the name of a CSV file, or a list of seven or eleven numbers for each sphere."""
 
     @property
     def allowed(self) -> str:
         """Allowed values in words."""
-        return f'a file "NAME.csv" with the columns {",".join(COLUMNS)}, or a list of [{", ".join(COLUMNS)}]'
+        return (
+            f'a file "NAME.csv" with the columns {",".join(COLUMNS)}, or a list of [{", ".join(COLUMNS)}]; in space '
+            f"{', '.join(IN_SPACE)} may follow"
+        )
 
     def own_schema(self) -> dict[str, Any]:
         """Return the JSON Schema of a state."""
         places = [{"type": "integer", "minimum": 0}] * 2
-        numbers = [{"type": "number", "minimum": -LARGEST, "maximum": LARGEST}] * (len(COLUMNS) - 2)
-        sphere = {"type": "array", "prefixItems": [*places, *numbers], "minItems": 7, "maxItems": 7, "items": False}
+        numbers = [{"type": "number", "minimum": -LARGEST, "maximum": LARGEST}] * (len(COLUMNS + IN_SPACE) - 2)
+        sphere = {"type": "array", "prefixItems": [*places, *numbers], "minItems": 7, "maxItems": 11, "items": False}
         return {
             "anyOf": [{"type": "string", "pattern": r"\.csv$"}, {"type": "array", "items": sphere, "maxItems": MOST}]
         }
@@ -82,7 +89,8 @@ class Start:
     """Where spheres are and how they move at the beginning; those that are not named are at rest, in their places.
 
     With ``noise`` v every sphere that is free to move has a random velocity on top: along x, along y, and of its
-    surface where it turns, each uniform in ±v less their mean: they have no momentum. In a chain it is along y alone.
+    surface where it turns, each uniform in ±v less their mean: they have no momentum. In a chain it is along y alone,
+    and in space along z and of the surface about x and y too.
 
     With ``touching`` spheres that adhere do not begin at rest under their adhesion, but with contacts of no overlap, as
     bodies that meet: their contacts snap in as soon as they close.
@@ -104,8 +112,11 @@ class Start:
 
     @property
     def motion(self) -> NDArray[np.float64]:
-        """Displacements ux, uy (m), velocities vx, vy (m/s) and spin (rad/s) of each sphere, (n, 5)."""
-        return np.array([each[2:] for each in self.state]).reshape(-1, 5)
+        """Displacements (m), velocities (m/s) and spins (rad/s) of each sphere, (n, 9)."""
+        every = len(COLUMNS + IN_SPACE)
+        return np.array([each + (0.0,) * (every - len(each)) for each in self.state]).reshape(-1, every)[:, 2:][
+            :, _PARTS
+        ]
 
     @property
     def moves(self) -> bool:
@@ -114,23 +125,27 @@ class Start:
 
     def fastest(self, radius: float) -> float:
         """Return the largest velocity, m/s, also of the surface of a sphere of this radius that turns."""
-        own = max((max(hypot(vx, vy), radius * abs(spin)) for *_, vx, vy, spin in self.state), default=0.0)
-        return own + 2 * sqrt(2) * self.noise  # less the mean velocity, which is below the noise
+        moving, turning = (np.linalg.norm(self.motion[:, part], axis=1) for part in (slice(3, 6), slice(6, 9)))
+        own = max(moving.max(initial=0.0), radius * turning.max(initial=0.0))
+        return float(own) + 2 * sqrt(2) * self.noise  # less the mean velocity, which is below the noise
 
-    def random(self, count: int) -> NDArray[np.float64]:
-        """Return random velocities along x and y and of the surface, m/s, of spheres in the order of a crystal."""
-        return np.random.default_rng(self.seed).uniform(-self.noise, self.noise, (count, 3))
+    def random(self, count: int, space: int = 2) -> NDArray[np.float64]:
+        """Return random velocities, and those of the surface, m/s, of spheres in the order of a crystal, (count, 6)."""
+        random, found = np.random.default_rng(self.seed), np.zeros((count, 6))
+        moving = [0, 1, 5] if space == 2 else [*range(6)]
+        found[:, moving] = random.uniform(-self.noise, self.noise, (count, len(moving)))
+        return found
 
     @property
     def farthest(self) -> float:
         """Largest displacement, m."""
-        return max((hypot(ux, uy) for _, _, ux, uy, *_ in self.state), default=0.0)
+        return float(np.linalg.norm(self.motion[:, :3], axis=1).max(initial=0.0))
 
 
 def state_in(
-    start: Start, crystal: ase.Atoms, radius: float, struck: Sequence[NDArray[np.int64]], *, turns: bool
+    start: Start, crystal: ase.Atoms, radius: float, struck: Sequence[NDArray[np.int64]], *, turns: bool, space: int
 ) -> NDArray[np.float64]:
-    """Return displacements (m), velocities (m/s) and spins (rad/s) of the spheres of a crystal, (N, 5).
+    """Return displacements (m), velocities (m/s) and spins (rad/s) of the spheres of a crystal, (N, 9), along x, y, z.
 
     Parameters
     ----------
@@ -143,60 +158,66 @@ def state_in(
         Indices of the spheres that have velocities of their own (`granular_lmp.scene.strikers.struck`).
     turns : bool
         True if spheres turn.
+    space : int
+        Dimensions in which spheres move.
 
     Raises
     ------
     SceneError
         If the state moves a vacancy or what cannot move, or presses spheres too deep.
     """
-    motion = np.zeros((len(crystal), 5))
+    motion = np.zeros((len(crystal), 9))
     if start.noise:
-        motion += _noise(start, crystal, radius, struck, turns=turns)
-    return motion + _declared(start, crystal, radius, struck, turns=turns) if start.state else motion
+        motion += _noise(start, crystal, radius, struck, turns=turns, space=space)
+    return motion + _declared(start, crystal, radius, struck, turns=turns, space=space) if start.state else motion
 
 
 def _noise(
-    start: Start, crystal: ase.Atoms, radius: float, struck: Sequence[NDArray[np.int64]], *, turns: bool
+    start: Start, crystal: ase.Atoms, radius: float, struck: Sequence[NDArray[np.int64]], *, turns: bool, space: int
 ) -> NDArray[np.float64]:
     """Return the random part of `state_in`, without momentum."""
     free = ~crystal.arrays["fixed"]
     free[np.concatenate([np.empty(0, dtype=int), *struck])] = False
-    random = start.random(len(crystal)) * free[:, None]
+    random = start.random(len(crystal), space) * free[:, None]
     if crystal.info["lattice_name"] == CHAIN.name:
         random[:, 0] = 0.0
     size, density = (crystal.arrays.get(name, np.ones(len(crystal))) for name in ("radius", "density"))
     mass = density * size**3 * free
-    random[free, :2] -= mass @ random[:, :2] / mass.sum()
-    spin = random[:, 2] / (radius * size) * turns
-    return np.column_stack([np.zeros((len(crystal), 2)), random[:, :2], spin])
+    random[free, :3] -= mass @ random[:, :3] / mass.sum()
+    spins = random[:, 3:] / (radius * size)[:, None] * turns
+    return np.column_stack([np.zeros((len(crystal), 3)), random[:, :3], spins])
 
 
 def _declared(
-    start: Start, crystal: ase.Atoms, radius: float, struck: Sequence[NDArray[np.int64]], *, turns: bool
+    start: Start, crystal: ase.Atoms, radius: float, struck: Sequence[NDArray[np.int64]], *, turns: bool, space: int
 ) -> NDArray[np.float64]:
     """Return the declared part of `state_in`."""
-    motion = np.zeros((len(crystal), 5))
+    motion = np.zeros((len(crystal), 9))
     row, column = np.array(start.places).T
     ascending = np.lexsort((column, row))  # as the spheres of a crystal
     motion[spheres_at((), start.places, crystal, "sphere that moves")] = start.motion[ascending]
-    own, everything = np.isin(np.arange(len(crystal)), np.concatenate([np.empty(0), *struck])), [0, 1, 2, 3, 4]
+    own, everything = np.isin(np.arange(len(crystal)), np.concatenate([np.empty(0), *struck])), [*range(9)]
     chain = crystal.info["lattice_name"] == CHAIN.name
     refuse_motion(motion, everything, crystal, crystal.arrays["fixed"], "of a held row, which does not move")
     refuse_motion(motion, everything, crystal, own, "of a [[striker]], which has its own velocity")
     if chain:
-        refuse_motion(motion, [0, 2], crystal, ~own | own, "of a chain, which nothing holds sideways")
+        refuse_motion(motion, [0, 3], crystal, ~own | own, "of a chain, which nothing holds sideways")
+    if space == 2:
+        refuse_motion(motion, _OUT_OF_PLANE, crystal, ~own | own, "in the plane; a [substrate] lets it leave")
     if not turns:
-        refuse_motion(motion, [4], crystal, ~own | own, "where nothing turns it (effects.friction, effects.rotation)")
+        refuse_motion(
+            motion, [6, 7, 8], crystal, ~own | own, "where nothing turns it (effects.friction, effects.rotation)"
+        )
     if start.farthest > FARTHEST * radius:
         raise SceneError(
             f"start.state: a displacement of {start.farthest:.4g} m: must be at most {FARTHEST:g} times "
             f"sphere.radius = {radius!r}"
         )
     moved = crystal.copy()
-    moved.positions[:, :2] += motion[:, :2] / radius
+    moved.positions += motion[:, :3] / radius
     i, j, vector = overlapping(moved)
     radii = crystal.arrays["radius"]
-    overlap = (radii[i] + radii[j] - np.linalg.norm(vector[:, :2], axis=1)) / (2 * np.minimum(radii[i], radii[j]))
+    overlap = (radii[i] + radii[j] - np.linalg.norm(vector, axis=1)) / (2 * np.minimum(radii[i], radii[j]))
     if overlap.max(initial=0.0) > LARGEST_OVERLAP_RATIO:
         worst = int(overlap.argmax())
         raise SceneError(
@@ -211,7 +232,7 @@ def refuse_motion(
 ) -> None:
     """Raise a SceneError if spheres that cannot move so do."""
     for sphere, column in np.argwhere(motion[:, columns] * who[:, None] != 0)[:1]:
-        name, value = COLUMNS[2:][columns[column]], motion[sphere, columns[column]]
+        name, value = (COLUMNS + IN_SPACE)[2:][_PARTS[columns[column]]], motion[sphere, columns[column]]
         at = place_of(crystal, sphere)
         raise SceneError(f"start.state: sphere {at}: {name} = {value:g}: must be 0 for a sphere {why}")
 
@@ -225,10 +246,13 @@ def located(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _checked(values: Any, where: str) -> tuple[float, ...]:
-    """Return seven numbers of a sphere, row and column whole."""
-    if not isinstance(values, list | tuple) or len(values) != len(COLUMNS):
-        raise SceneError(f"{where} = {shown(values)}: must be [{', '.join(COLUMNS)}]")
-    for name, value in zip(COLUMNS, values, strict=True):
+    """Return seven numbers of a sphere, row and column whole, or eleven."""
+    every = COLUMNS + IN_SPACE
+    if not isinstance(values, list | tuple) or len(values) not in (len(COLUMNS), len(every)):
+        raise SceneError(
+            f"{where} = {shown(values)}: must be [{', '.join(COLUMNS)}]; in space {', '.join(IN_SPACE)} too"
+        )
+    for name, value in zip(every, values, strict=False):
         number = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
         if not number or abs(value) > LARGEST or 0 < abs(value) < SMALLEST:
             raise SceneError(
@@ -252,9 +276,13 @@ def _read(name: str, key: str) -> Iterable[tuple[str, list[Any]]]:
         if needed not in names:
             raise SceneError(f"{file}: column {needed}: is missing; must have row, column and any of {COLUMNS[2:]}")
     for each in names:
-        if each not in (*COLUMNS, TIME) or names.count(each) > 1:
-            raise SceneError(f"{file}: column {shown(each)}: must be one of {', '.join(COLUMNS)}, each once")
-    if not set(names) & set(COLUMNS[2:]):
+        if each not in (*COLUMNS, *IN_SPACE, TIME) or names.count(each) > 1:
+            raise SceneError(
+                f"{file}: column {shown(each)}: must be one of {', '.join(COLUMNS)}, each once; in space "
+                f"{', '.join(IN_SPACE)} too"
+            )
+    told = COLUMNS + IN_SPACE if set(names) & set(IN_SPACE) else COLUMNS
+    if not set(names) & set(told[2:]):
         raise SceneError(f"{file}: must have one of the columns {', '.join(COLUMNS[2:])}, as else nothing moves")
     for where, line in enumerate(lines[1:], start=2):
         if not line:
@@ -262,7 +290,7 @@ def _read(name: str, key: str) -> Iterable[tuple[str, list[Any]]]:
         if len(line) != len(names):
             raise SceneError(f"{file}: line {where}: {len(line)} values: must be {len(names)}, one for each column")
         said = dict(zip(names, line, strict=True))
-        yield f"{file}: line {where}", [_number(said.get(each, "0")) for each in COLUMNS]
+        yield f"{file}: line {where}", [_number(said.get(each, "0")) for each in told]
 
 
 def _number(text: str) -> Any:

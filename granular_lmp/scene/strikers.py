@@ -17,7 +17,8 @@ from granular_lmp.scene.schema import number
 from granular_lmp.scene.sections import Absorb, Packing
 from granular_lmp.scene.start import Start
 
-WORDS = {"x": (1.0, 0.0), "y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}  # unit vectors
+WORDS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}  # unit vectors
+WORDS |= {f"-{name}": tuple(0.0 - part for part in vector) for name, vector in WORDS.items()}  # type: ignore[misc]
 
 
 @dataclass(frozen=True)
@@ -29,17 +30,17 @@ class Striker(AtPlaces):
 
     velocity: float = number("m/s", "of each sphere; must be given", 1e-9, 1e4, default=0.0)
     direction: float | str = number(
-        "degrees", "from x towards y; or a word", -180, 180, open_low=True, words=tuple(WORDS), default="y"
+        "degrees", "from x towards y; or a word, z in space", -180, 180, open_low=True, words=tuple(WORDS), default="y"
     )
 
     @property
-    def components(self) -> tuple[float, float]:
-        """Velocity along x and y, m/s."""
+    def components(self) -> tuple[float, float, float]:
+        """Velocity along x, y and z, m/s."""
         if isinstance(self.direction, str):
-            x, y = WORDS[self.direction]
+            x, y, z = WORDS[self.direction]
         else:
-            x, y = cos(radians(self.direction)), sin(radians(self.direction))
-        return self.velocity * x, self.velocity * y
+            x, y, z = cos(radians(self.direction)), sin(radians(self.direction)), 0.0
+        return self.velocity * x, self.velocity * y, self.velocity * z
 
     @property
     def along_y(self) -> bool:
@@ -47,8 +48,8 @@ class Striker(AtPlaces):
         return self.direction in ("y", "-y", 90.0, -90.0)
 
 
-def striker_troubles(strikers: Sequence[Striker], shape: Shape) -> Iterator[str]:
-    """Yield what is wrong with each striker by itself."""
+def striker_troubles(strikers: Sequence[Striker], shape: Shape, space: int) -> Iterator[str]:
+    """Yield what is wrong with each striker by itself, of spheres that move in `space` dimensions."""
     for number_, each in enumerate(strikers, 1):
         if not each.velocity:
             yield f"striker {number_}: velocity: missing; must be a number in [1e-9, 10000], m/s"
@@ -56,6 +57,11 @@ def striker_troubles(strikers: Sequence[Striker], shape: Shape) -> Iterator[str]
             yield (
                 f'striker {number_}: direction = {each.direction!r}: must be "y" or "-y" in a chain, which nothing '
                 "holds sideways"
+            )
+        elif space == 2 and each.components[2]:
+            yield (
+                f'striker {number_}: direction = "{each.direction}": leaves the plane; needs a [substrate], or '
+                "packing.space = 3 beside [wave]"
             )
         yield from (f"striker {number_}: {trouble}" for trouble in place_troubles(each.rows, each.spheres, shape))
 
@@ -100,6 +106,7 @@ def check_strikes(
     absorb: Absorb,
     sphere: Sphere,
     strike: float,
+    space: int,
 ) -> None:
     """Check that strikers and the state of a crystal at rest have places, and that they are not too strong."""
     pushed = (*strikers, *start.at())
@@ -108,7 +115,7 @@ def check_strikes(
     if not pushed and not start.noise:
         return
     places = (trouble for at in start.at() for trouble in place_troubles((), at.spheres, shape))
-    for trouble in (*striker_troubles(strikers, shape), *(f"start.state: {each}" for each in places)):
+    for trouble in (*striker_troubles(strikers, shape, space), *(f"start.state: {each}" for each in places)):
         raise SceneError(trouble)
     check_counted(strikers, packing.rows, packing.columns, "[[striker]]")
     check_counted(start.at(), packing.rows, packing.columns, "[start]")

@@ -39,7 +39,7 @@ def across(wave: Wave | None, sources: Sequence[Source], start: Start) -> str:
         kind = "motion" if each.motion else "force"
         words += [] if getattr(each, kind) == "y" else [f"source {number}: {kind} = {getattr(each, kind)!r}"]
     # Strikers and states that move spheres across a chain are refused in any
-    words += ["start.state: a spin above 0"] if start.motion[:, 4].any() else []
+    words += ["start.state: a spin above 0"] if start.motion[:, 6:].any() else []
     return next(iter(words), "")
 
 
