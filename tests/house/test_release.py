@@ -1,5 +1,6 @@
 """A release is consistent: one version, dependencies that agree, and a checklist whose commands are there."""
 
+import json
 import os
 import re
 import tomllib
@@ -36,6 +37,14 @@ def field(text: str, name: str) -> str | None:
 def test_the_version_of_the_citation_is_that_of_the_package() -> None:
     assert field(cited(), "version") == __version__
     assert "version" in PROJECT["dynamic"]  # hatchling reads it from the package
+
+
+def test_the_metadata_of_the_software_are_those_of_the_package() -> None:
+    said = json.loads((ROOT / "codemeta.json").read_text("utf-8"))
+    assert said["version"] == __version__
+    assert said["keywords"] == PROJECT["keywords"]
+    assert said["license"].endswith(PROJECT["license"])
+    assert set(said["softwareRequirements"]) <= {Requirement(each).name for each in PROJECT["dependencies"]}
 
 
 def test_a_doi_comes_with_its_date_and_both_are_well_formed() -> None:
