@@ -6,7 +6,8 @@ these from costing the whole crystal:
 
 - *Old factors.* Each step is solved by conjugate gradients, preconditioned with the factors of an earlier K. A few
   iterations make up for the contacts that have changed since. New factors cost as much as thirty iterations in a
-  crystal of 1e4 spheres, and are made when a step took many.
+  crystal of 1e4 spheres, and are made when a step took many. In space blocks take the place of factors
+  (`granular_lmp.crystal.dissection`).
 - *Secants.* When a step raises the energy, single contacts have become much stiffer on the way, or have formed. They
   get the stiffness that makes a parabola of the energies before and after, and the step is taken again; the other
   contacts keep theirs.
@@ -23,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.dissection import dissection, factorised
+from granular_lmp.crystal.dissection import blockwise, dissection, factorised
 from granular_lmp.crystal.potential import SKIN, Pairs, Potential, State
 from granular_lmp.errors import CrystalError
 
@@ -44,7 +45,7 @@ _FAR = 1e-3  # k1 Δ0: a larger force is far from balance
 # linearly (Dembo, Eisenstat & Steihaug, SIAM J. Numer. Anal. 19, 400 (1982)). A share of 0.03 is a third faster, but
 # lets rounding grow to other contacts at s = 12.
 _SHARE_LEFT = 1e-3
-_ITERATIONS = 30
+_ITERATIONS, _BLOCKWISE = 30, 400  # of conjugate gradients, with old factors and with blocks
 _RESOLVED = 1e-3  # Δ0: over a smaller way the energy of a contact does not show its stiffness
 _ATTEMPTS = 2  # secants, before λ grows
 
@@ -78,7 +79,7 @@ def balance(
             factors = _Factors(_Tangent(*stable, potential.mass, added), order)
         share = min(_SHARE_LEFT, float(np.sqrt(largest)))
         change, iterations = _conjugate_gradients(tangent, factors, np.append(state.force, state.stress), share)
-        if iterations > _ITERATIONS / 2 or (change is None and not far):
+        if iterations > factors.iterations / 2 or (change is None and not far):
             factors = None
         if change is None:
             added = max(_HARDER * added, _BUCKLING)
@@ -104,8 +105,10 @@ def balance(
     )
 
 
-def _order(potential: Potential, pairs: Pairs) -> Integers:
-    """Return the order of all bodies in which factors stay sparse; walls couple to no sphere."""
+def _order(potential: Potential, pairs: Pairs) -> Integers | None:
+    """Return the order of all bodies in which factors stay sparse; None in space. Walls couple to no sphere."""
+    if potential.axes == 3:
+        return None
     places = np.zeros((len(potential.free), potential.axes))
     places[: len(potential.crystal)] = potential.crystal.positions[:, : potential.axes]
     return dissection(places, pairs.i[: pairs.between], pairs.j[: pairs.between])
@@ -162,14 +165,19 @@ class _Tangent:
 
 
 class _Factors:
-    """The inverse of a `_Tangent`: the strains, which couple to every sphere, are eliminated last."""
+    """The inverse of a `_Tangent`: the strains, which couple to every sphere, are eliminated last.
 
-    def __init__(self, tangent: _Tangent, order: Integers) -> None:
+    Without an order it is that of a stiffer one, by the blocks of single spheres.
+    """
+
+    def __init__(self, tangent: _Tangent, order: Integers | None) -> None:
         import scipy.sparse as sparse  # slow to import, and only crystals at rest need it
 
         self._by_both, self._axes = tangent.by_both, len(tangent.by_e)
         added = tangent.added * tangent.mass
-        self._solve = factorised(tangent.by_u.tocsr() + sparse.diags(added[: -self._axes], format="csr"), order)
+        by_u = tangent.by_u.tocsr() + sparse.diags(added[: -self._axes], format="csr")
+        self._solve = blockwise(by_u, self._axes) if order is None else factorised(by_u, order)
+        self.iterations = _ITERATIONS if order is not None else _BLOCKWISE
         self._answer = self._solve(tangent.by_both)
         self._schur = tangent.by_e - tangent.by_both.T @ self._answer + np.diag(added[-self._axes :])
 
@@ -190,11 +198,11 @@ def _conjugate_gradients(
     direction = factors(left)
     first = energy = float(left @ direction)
     weighted = float(np.sum(force**2 / tangent.mass))
-    for iteration in range(1, _ITERATIONS + 1):
+    for iteration in range(1, factors.iterations + 1):
         product = tangent @ direction
         curvature = float(direction @ product)
         if energy < 0:
-            return None, _ITERATIONS  # the factors are those of an unstable crystal, of no use for long
+            return None, factors.iterations  # the factors are those of an unstable crystal, of no use for long
         if curvature <= 0:
             return None, iteration
         x += energy / curvature * direction
