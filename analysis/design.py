@@ -48,7 +48,7 @@ from analysis.theory.partners import LARGEST, SILICA, design, table
 from analysis.theory.partners import Resonance as Resonance
 from analysis.theory.partners import compressed as compressed
 from analysis.theory.rows import Rows, heavy_rows
-from analysis.theory.scenes import CRYSTAL_KEYS, MOTION, OUT_OF_PLANE, VARIED, Setting
+from analysis.theory.scenes import CRYSTAL_KEYS, MOTION, VARIED, Setting
 from analysis.theory.variation import Resonance as Resonant
 from analysis.theory.variation import Spot, Value
 from granular_lmp.runs.record import GranularError, Scene
@@ -59,6 +59,10 @@ UNITS = {  # by the number that describes a sphere
     "radius": "m", "youngs_modulus": "Pa", "poisson_ratio": "NU", "work_of_adhesion": "J/m2", "density": "kg/m3"
 }  # fmt: skip
 GOALS = ("growth", "frequency", "gap", "passing")
+# Keys of crystals that are not of one layer of equal contacts in the plane, which rows for scattering do not hold
+BEYOND_ROWS = {key for key in CRYSTAL_KEYS if key.startswith(("contact.", "substrate."))} | {
+    f"packing.{name}" for name in ("space", "layers", "depth", "orientation")
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +145,7 @@ class Question:
         stiffnesses of rows, measured stiffnesses, the third dimension, and spheres that do not turn.
         """
         scene, setting = self.scene, Setting(self.scene)
-        setting.refuse(CRYSTAL_KEYS - MOTION - OUT_OF_PLANE)
+        setting.refuse(CRYSTAL_KEYS - MOTION - BEYOND_ROWS)
         if scene.packing.lattice != "hexagonal" or scene.direction != 90 or not scene.inclusion:
             raise ValueError("passing is of a wave along y at [[inclusion]] of rows in a hexagonal crystal")
         if other := [key for key in self.keys if not key.endswith(".density")]:

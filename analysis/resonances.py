@@ -25,9 +25,10 @@ from numpy.typing import NDArray
 
 from analysis.plotting import parser, save, start, write
 from analysis.theory.bloch import frame
+from analysis.theory.branches import names_of
 from analysis.theory.crystal import Crystal, padded
 from analysis.theory.phase_matching import COUNT, Match, matches, zone_edge
-from analysis.theory.scenes import Setting, names_of
+from analysis.theory.scenes import Setting
 from analysis.theory.validity import together, turned, validity
 from granular_lmp.runs.record import GranularError, Scene
 

@@ -19,11 +19,12 @@ from analysis.measure.points import Point
 from analysis.measure.strikes import Sites, densities
 from analysis.measure.surface import BRANCH, Film, is_surface_wave
 from analysis.theory.bloch import branch_among, frame, in_plane
+from analysis.theory.branches import named_branch
 from analysis.theory.chain import Chain, spheres
 from analysis.theory.chain_motion import integrate
 from analysis.theory.crystal import PLANE, Crystal, Modes
 from analysis.theory.estimation import Estimate, Loss, Parameter, estimate
-from analysis.theory.scenes import Setting, named_branch
+from analysis.theory.scenes import Setting
 from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]

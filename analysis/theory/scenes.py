@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from analysis import second_harmonic as closed
 from analysis.theory.bloch import frame
 from analysis.theory.bonds import Measured
-from analysis.theory.crystal import PLANE, Crystal, Wall, padded
+from analysis.theory.branches import named_branch
+from analysis.theory.crystal import PLANE, Crystal, Wall
 from analysis.theory.lattices import LATTICES, Lattice
 from analysis.theory.network import mixed
 from analysis.theory.second_order import Mixed, Wave, second_order, started, wave
@@ -29,7 +30,6 @@ from granular_lmp.runs.record import Scene
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-NAMES = ("L", "TR", "RT")
 
 
 # Keys that the crystal is made from, or that change nothing of it; any other that departs from its default is refused
@@ -53,10 +53,6 @@ CRYSTAL_KEYS = frozenset({"name", "inclusion", "pair", "monitor", "source", "dis
 MOTION = frozenset(
     {"source", "envelope.length", "envelope.width", "absorb.rows", "effects.sliding", "effects.contact_opening"}
 )
-# Keys of crystals that are not of one layer of equal contacts in the plane
-OUT_OF_PLANE = frozenset(key for key in CRYSTAL_KEYS if key.partition(".")[0] in ("contact", "substrate")) | {
-    f"packing.{name}" for name in ("space", "layers", "depth", "orientation")
-}
 FORMS = ("running", "standing")
 DEFAULT = {"cubic": "[001]", "fcc": "[001]", "hcp": "c"}  # orientations that a scene leaves out
 LONGEST = 6  # rows of a pattern: its modes meet in pairs, 10 s of processor time for six
@@ -375,39 +371,3 @@ def signals(scene: Scene, tau: ArrayLike) -> Signals:
     second = closed.second_harmonic(wave, constants, amplitude, times, phase=scene.wave.phase)
     first = wave.p * np.cos(theta), wave.q * np.cos(theta), -wave.f * np.sin(theta)
     return Signals("closed form", first, (second, 0 * times, 0 * times))
-
-
-def named_branch(crystal: Crystal, wavevector: ArrayLike, name: str) -> int:
-    """Return which branch has a name: L, TR, RT, S1, H1, or its number from 1.
-
-    L moves along k; of TR and RT the former is lower. In space they are the waves that stay in the plane, where that is
-    a mirror, of one sphere a cell. S and H are even and odd across the plane of k and z. In the plane a branch has its
-    number in a cell of several spheres alone.
-
-    Raises ValueError for another name, and one that the lattice does not have.
-    """
-    known = names_of(crystal, wavevector)
-    if name in known:
-        return known[name]
-    raise ValueError(f"mode = {name!r} is none of this crystal; allowed: {', '.join(known)}")
-
-
-def names_of(crystal: Crystal, wavevector: ArrayLike) -> dict[str, int]:
-    """Return the branches by name, at a wave vector (2,) or (3,); those that symmetry names before their numbers."""
-    k = np.asarray(wavevector, dtype=float)
-    shapes, solid, along = crystal.modes(k).shapes, 2 in crystal.freedoms, padded(k) / np.linalg.norm(k)
-    found: dict[str, Any] = {}
-    flat = solid and crystal.symmetry is not None and crystal.symmetry.normal[2] != 0
-    level = crystal.parity(shapes, k) if flat else np.zeros(len(shapes))
-    inside = np.flatnonzero(level > 0) if solid else np.arange(len(shapes))
-    if len(crystal) == 1 and len(inside):
-        longitudinal = inside[np.argmax(np.abs(shapes[inside, 0, :3] @ along))]
-        found |= dict(zip(NAMES, [longitudinal, *inside[inside != longitudinal]], strict=False))
-    across = np.cross([0.0, 0.0, 1.0], along)
-    if solid and (mirror := crystal.mirror(across)) is not None:
-        sides = crystal.parity(shapes, k, mirror)
-        for letter, side in (("S", 1), ("H", -1)):
-            found |= {f"{letter}{n + 1}": branch for n, branch in enumerate(np.flatnonzero(sides == side))}
-    if solid or len(crystal) > 1:
-        found |= {str(n + 1): n for n in range(len(shapes))}
-    return {name: int(branch) for name, branch in found.items()}

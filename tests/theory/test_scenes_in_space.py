@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from analysis import resonances as script
-from analysis.theory.scenes import Setting, named_branch, names_of
+from analysis.theory.branches import named_branch, names_of
+from analysis.theory.scenes import Setting
 from granular_lmp import Scene
 from granular_lmp.scene.linear import mode_of
 

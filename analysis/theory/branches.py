@@ -1,0 +1,47 @@
+"""Names of the branches of any crystal at a wave vector: those that its mirrors give, and numbers from 1.
+
+L moves along k; of TR and RT the former is lower. In space they are the waves that stay in the plane, where that is a
+mirror, of one sphere a cell. S1, S2, … and H1, H2, … are even and odd across the plane of k and z. In the plane a
+branch has its number in a cell of several spheres alone.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from analysis.theory.crystal import Crystal, padded
+
+NAMES = ("L", "TR", "RT")
+
+
+def named_branch(crystal: Crystal, wavevector: ArrayLike, name: str) -> int:
+    """Return which branch has a name.
+
+    Raises ValueError for a name that none of the crystal's branches has there.
+    """
+    known = names_of(crystal, wavevector)
+    if name in known:
+        return known[name]
+    raise ValueError(f"mode = {name!r} is none of this crystal; allowed: {', '.join(known)}")
+
+
+def names_of(crystal: Crystal, wavevector: ArrayLike) -> dict[str, int]:
+    """Return the branches by name, at a wave vector (2,) or (3,); those that symmetry names before their numbers."""
+    k = np.asarray(wavevector, dtype=float)
+    shapes, solid, along = crystal.modes(k).shapes, 2 in crystal.freedoms, padded(k) / np.linalg.norm(k)
+    found: dict[str, Any] = {}
+    flat = solid and crystal.symmetry is not None and crystal.symmetry.normal[2] != 0
+    level = crystal.parity(shapes, k) if flat else np.zeros(len(shapes))
+    inside = np.flatnonzero(level > 0) if solid else np.arange(len(shapes))
+    if len(crystal) == 1 and len(inside):
+        longitudinal = inside[np.argmax(np.abs(shapes[inside, 0, :3] @ along))]
+        found |= dict(zip(NAMES, [longitudinal, *inside[inside != longitudinal]], strict=False))
+    across = np.cross([0.0, 0.0, 1.0], along)
+    if solid and (mirror := crystal.mirror(across)) is not None:
+        sides = crystal.parity(shapes, k, mirror)
+        for letter, side in (("S", 1), ("H", -1)):
+            found |= {f"{letter}{n + 1}": branch for n, branch in enumerate(np.flatnonzero(sides == side))}
+    if solid or len(crystal) > 1:
+        found |= {str(n + 1): n for n in range(len(shapes))}
+    return {name: int(branch) for name, branch in found.items()}
