@@ -154,7 +154,7 @@ class Question:
         for number, each in enumerate(scene.inclusion, 1):
             differs = {name for name, value in vars(each).items() if value != getattr(type(each)(), name)}
             if differs - {"every"} != {"rows", "density"}:
-                raise ValueError(f"passing: inclusion {number} must have rows and density, not {', '.join(differs)}")
+                raise ValueError(f"passing: inclusion {number} must have rows and density, not {', '.join(sorted(differs))}")
             first, last = each.rows
             owners[first : last + 1 : each.every] = number
         owners = np.trim_zeros(owners)
