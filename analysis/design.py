@@ -152,9 +152,9 @@ class Question:
             raise ValueError(f"passing knows no derivative by {', '.join(other)}; vary densities")
         owners = np.zeros(scene.shape.rows, dtype=int)
         for number, each in enumerate(scene.inclusion, 1):
-            differs = {name for name, value in vars(each).items() if value != getattr(type(each)(), name)}
-            if differs - {"every"} != {"rows", "density"}:
-                raise ValueError(f"passing: inclusion {number} must have rows and density, not {', '.join(sorted(differs))}")
+            differs = sorted(name for name, value in vars(each).items() if value != getattr(type(each)(), name))
+            if {*differs} - {"every"} != {"rows", "density"}:
+                raise ValueError(f"passing: inclusion {number} must have rows and density, not {', '.join(differs)}")
             first, last = each.rows
             owners[first : last + 1 : each.every] = number
         owners = np.trim_zeros(owners)
