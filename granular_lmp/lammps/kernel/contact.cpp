@@ -60,6 +60,19 @@ struct Slips : public Fix {
   Pair *pair;
 };
 
+using Vectors = const double (*)[3];
+
+struct Spheres {    // what the loop reads of them, so that the compiler keeps the addresses
+  Vectors x, v, omega;
+  const double *radius;
+  double dt;
+
+  explicit Spheres(const Atom *atom, double dt) :
+      x((Vectors) atom->x[0]), v((Vectors) atom->v[0]), omega((Vectors) atom->omega[0]), radius(atom->radius), dt(dt)
+  {
+  }
+};
+
 struct Push {    // of one contact on its first sphere
   double normal, shear[3], overlap;
 };
@@ -83,15 +96,15 @@ class PairKernel : public Pair {
     cutsq = granular->cutsq;
   }
 
-  // The contact of i and j, which are d apart; its slip is changed
+  // The contact of i and j, which are d apart, r = |d|; its slip is changed
   template <bool SPACE, bool JKR, Shear KIND, bool DAMPED>
-  Push meet(const Law &c, int i, int j, const double *d, double r, double *s, bool moves) const
+  Push meet(const Spheres &of, const Law &c, int i, int j, const double *d, double r, double *s, bool moves) const
   {
     constexpr int D = SPACE ? 3 : 2;
-    const double ri = atom->radius[i], rj = atom->radius[j], overlap = ri + rj - r, Rc = ri * rj / (ri + rj);
-    const double *vi = atom->v[i], *vj = atom->v[j];
+    const double ri = of.radius[i], rj = of.radius[j], overlap = ri + rj - r, Rc = ri * rj / (ri + rj), per = 1 / r;
+    const double *vi = of.v[i], *vj = of.v[j];
     double n[3], u[3], un = 0;
-    for (int k = 0; k < D; k++) n[k] = d[k] / r;
+    for (int k = 0; k < D; k++) n[k] = d[k] * per;
     if (KIND != NONE || DAMPED)
       for (int k = 0; k < D; k++) {
         u[k] = vi[k] - vj[k];
@@ -117,8 +130,8 @@ class PairKernel : public Pair {
     if (KIND == NONE) return push;
 
     const double shear = c.shear * a, limit = c.friction * std::fabs(c.cohesive ? force + 2 * pull : normal);
-    const double *wi = atom->omega[i], *wj = atom->omega[j];
-    double w[3], slow = DAMPED ? c.ratio * loss : 0;
+    const double *wi = of.omega[i], *wj = of.omega[j];
+    double w[3], dashpot[3] = {0, 0, 0};
     const double spin = ri * wi[2] + rj * wj[2];
     if (SPACE) {
       const double wx = ri * wi[0] + rj * wj[0], wy = ri * wi[1] + rj * wj[1];
@@ -133,12 +146,13 @@ class PairKernel : public Pair {
       double along = 0;
       for (int k = 0; k < D; k++) along += s[k] * n[k];
       if (std::fabs(along) * (KIND == SECANT ? shear : 1) > TURNED * limit) turn<D>(s, n, along);
-      for (int k = 0; k < D; k++) s[k] += (KIND == SECANT ? 1 : -shear) * update->dt * w[k];
+      for (int k = 0; k < D; k++) s[k] += (KIND == SECANT ? 1 : -shear) * of.dt * w[k];
     }
     const double spring = KIND == SECANT ? -shear : 1;
     double square = 0;
     for (int k = 0; k < D; k++) {
-      push.shear[k] = spring * s[k] - slow * w[k];
+      if (DAMPED) dashpot[k] = c.ratio * loss * w[k];
+      push.shear[k] = spring * s[k] - dashpot[k];
       square += push.shear[k] * push.shear[k];
     }
     if (square > limit * limit) {
@@ -147,7 +161,7 @@ class PairKernel : public Pair {
       for (int k = 0; k < D; k++) any = any || s[k] != 0;
       for (int k = 0; k < D; k++) {
         push.shear[k] *= any ? part : 0;
-        if (any) s[k] = (push.shear[k] + slow * w[k]) / spring;
+        if (any) s[k] = (push.shear[k] + dashpot[k]) / spring;
       }
     }
     return push;
@@ -204,7 +218,9 @@ class PairKernel : public Pair {
   {
     constexpr int D = SPACE ? 3 : 2;
     constexpr bool KEEPS = JKR || KIND != NONE;    // whether two spheres touched before
-    const double(*x)[3] = (const double(*)[3]) atom->x[0], *radius = atom->radius;
+    const Spheres of(atom, update->dt);
+    const Vectors x = of.x;
+    const double *radius = of.radius;
     double(*force)[3] = (double(*)[3]) atom->f[0], (*torque)[3] = (double(*)[3]) atom->torque[0];
     const int *type = atom->type, nlocal = atom->nlocal, newton = this->force->newton_pair;
     const NeighList *pairs = granular->list;
@@ -232,8 +248,8 @@ class PairKernel : public Pair {
         }
         if (KEEPS) touching[jj] = 1;
         const double r = std::sqrt(rsq);
-        const Push push = meet<SPACE, JKR, KIND, DAMPED>(c, i, j, d, r, s, moves);
-        const double *g = push.shear, along = push.normal / r;
+        const Push push = meet<SPACE, JKR, KIND, DAMPED>(of, c, i, j, d, r, s, moves);
+        const double *g = push.shear, per = 1 / r, along = push.normal * per;
         double p[3] = {0, 0, 0};
         for (int k = 0; k < D; k++) {
           p[k] = along * d[k] + g[k];
@@ -242,8 +258,8 @@ class PairKernel : public Pair {
         }
         if (KIND != NONE) {    // -(n x g), times the lever arm of each
           const double inner = radius[i] - 0.5 * push.overlap, outer = radius[j] - 0.5 * push.overlap;
-          const double t[3] = {(d[2] * g[1] - d[1] * g[2]) / r, (d[0] * g[2] - d[2] * g[0]) / r,
-                               (d[1] * g[0] - d[0] * g[1]) / r};
+          const double t[3] = {(d[2] * g[1] - d[1] * g[2]) * per, (d[0] * g[2] - d[2] * g[0]) * per,
+                               (d[1] * g[0] - d[0] * g[1]) * per};
           for (int k = SPACE ? 0 : 2; k < 3; k++) lever[k] += inner * t[k];
           if (newton || j < nlocal)
             for (int k = SPACE ? 0 : 2; k < 3; k++) torque[j][k] += outer * t[k];
@@ -415,7 +431,7 @@ class PairKernel : public Pair {
     Push push{};
     choose([&](auto space, auto jkr, auto kind, auto damped) {
       push = meet<decltype(space)::value, decltype(jkr)::value, decltype(kind)::value, decltype(damped)::value>(
-          c, first, second, d, r, s, false);
+          Spheres(atom, update->dt), c, first, second, d, r, s, false);
     });
     fforce = push.normal / r;
     for (int k = 0; k < 3; k++) {
