@@ -256,8 +256,7 @@ class Potential:
         return State(u, e, vector, length, overlap, push, energy, force, stress)
 
     def stiffness(self, pairs: Pairs, state: State, normal: Floats, across: Floats) -> tuple[Any, Floats, Floats]:
-        """Return the second derivatives of the energy: by u (sparse, DN × DN), by u and e (DN, D), and by e
-        (D, D).
+        """Return second derivatives of the energy: by u (sparse, DN × DN), by u and e (DN, D), and by e (D, D).
 
         `normal` and `across` are the stiffnesses of each pair along its normal and across it, (C,): at the state itself
         `Pairs.contact_stiffness` and −f_N/|d|. A pair without the first has none of both. Rows of held spheres, and of

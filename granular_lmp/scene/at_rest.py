@@ -88,7 +88,7 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
         return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene))
     packing, walls = scene.packing, (scene.wall, scene.rigid)
     imperfections = scene.disorder, scene.inclusion, scene.pair
-    key = scene.sphere, scene.shape, *imperfections, *walls, packing.relax, packing.relax_friction
+    key = scene.sphere, scene.shape, scene.space, *imperfections, *walls, packing.relax, packing.relax_friction
     if key not in _KEPT:
         _KEPT[key] = _relaxed(scene, progress)
         while len(_KEPT) > _MOST_KEPT:
