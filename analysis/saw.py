@@ -142,7 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     number: dict[str, Any] = {"type": float, "default": None}
     command.add_argument("scene", metavar="SCENE", help="file or name of a shipped scene with a [substrate]")
     command.add_argument("--data", metavar="DATA.csv", help="measured points, drawn over the waves and listed")
-    command.add_argument("--density", metavar="RHO", help="of the substrate, kg/m3 (default: as said above)", **number)
+    command.add_argument("--density", metavar="RHO", help="of the substrate, kg/m3 (default: the scene's)", **number)
     command.add_argument("--thickness", metavar="H", help="of the substrate, m: a plate, or a film", **number)
     command.add_argument("--below", nargs=3, type=float, metavar=("E", "NU", "RHO"), help="of what is under the film")
     command.add_argument("--direction", metavar="DEG", help="from a row (default: that of the scene)", **number)
