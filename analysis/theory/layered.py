@@ -7,8 +7,8 @@ body whose surface resists with S, the surface of the slab resists with
     S′ = K_tt − K_tb (K_bb + S)⁻¹ K_bt
 
 *Counting.* Below ω lie as many waves of a stack whose surface is held as the matrices K_bb + S have negative
-eigenvalues, if none of the slabs has a wave of its own between held faces: these are above π c_t/h, and a film is cut
-into slabs that are thin enough (Wittrick and Williams).
+eigenvalues, and as its slabs have between held faces (Wittrick and Williams). A slab has none below π c_t/h; a film is
+halved until it has none either, and put together again by doubling.
 
 When it breaks: K loses the share ε(k c/ω)² to rounding, ε of a double, as both kinds of waves become one at ω = 0. So
 bending of a plate is lost where kh is below 1e-2. A wave that leaks grows downward, and loses digits by its growth
@@ -82,10 +82,26 @@ class Layered(NamedTuple):
         below = np.zeros((*k.shape, 3, 3), dtype=complex) if self.below is None else self.below.stiffness(k, omega)
         count: NDArray[Any] = np.zeros(k.shape, dtype=np.intp)
         for material, thickness in self.films:
-            slabs = 1 + int(thickness * np.abs(omega).max(initial=0) / (np.pi * material.transverse))
-            stiff = Slab(material, thickness / slabs).stiffness(k, omega)
-            for _ in range(slabs):
-                held = stiff[..., :3, :3] + below
-                count = count + np.sum(np.linalg.eigvalsh(held) < 0, axis=-1)
-                below = stiff[..., 3:, 3:] - stiff[..., 3:, :3] @ np.linalg.solve(held, stiff[..., :3, 3:])
+            waves = thickness * np.abs(omega).max(initial=0) / (np.pi * material.transverse)
+            halvings = int(np.ceil(np.log2(1 + waves)))
+            stiff, inside = Slab(material, thickness / 2**halvings).stiffness(k, omega), 0 * count
+            for _ in range(halvings):
+                stiff, inside = _doubled(stiff, inside)
+            held = stiff[..., :3, :3] + below
+            count = count + inside + _negative(held)
+            below = stiff[..., 3:, 3:] - stiff[..., 3:, :3] @ np.linalg.solve(held, stiff[..., :3, 3:])
         return Reaction(below, count)
+
+
+def _doubled(stiff: Complexes, inside: NDArray[Any]) -> tuple[Complexes, NDArray[Any]]:
+    """Return K of two equal slabs from that of one, and the number of waves between held faces."""
+    lower, upper = stiff[..., :3, :3], stiff[..., 3:, 3:]
+    middle, whole = upper + lower, np.zeros_like(stiff)
+    whole[..., :3, :3], whole[..., 3:, 3:] = lower, upper
+    out = np.concatenate([stiff[..., :3, 3:], stiff[..., 3:, :3]], axis=-2)
+    back = np.concatenate([stiff[..., 3:, :3], stiff[..., :3, 3:]], axis=-1)
+    return whole - out @ np.linalg.solve(middle, back), 2 * inside + _negative(middle)
+
+
+def _negative(matrix: Complexes) -> NDArray[Any]:
+    return np.asarray(np.sum(np.linalg.eigvalsh(matrix) < 0, axis=-1))

@@ -58,7 +58,7 @@ def test_a_plate_that_is_thick_has_the_wave_of_rayleigh_on_either_face() -> None
 
 
 def test_a_plate_is_stable_where_it_is_very_thick() -> None:
-    found = Layered((Slab(GLASS, 1e4),)).reaction(1.0, 0.5 * GLASS.transverse).stiffness
+    found = Layered((Slab(GLASS, 1e7),)).reaction(1.0, 0.5 * GLASS.transverse).stiffness
     np.testing.assert_allclose(found, GLASS.stiffness(1.0, 0.5 * GLASS.transverse), atol=1e-9)
 
 
