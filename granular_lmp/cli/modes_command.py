@@ -157,7 +157,7 @@ def _in_space(scene: "Scene", k: "NDArray[np.float64]") -> list[tuple[float, dic
     from granular_lmp.scene.linear import physics_of, wave_contacts
 
     crystal, sphere, physics = wave_contacts(scene), scene.sphere, physics_of(scene)
-    named = named_in_space(crystal, sphere, scene.vector, physics)
+    named = dict(named_in_space(crystal, sphere, scene.vector, physics))
     plane = {name: named.pop(name)[0] for name in MODES if name in named}
     if named:
         modes = sorted(((*mode, name) for name, mode in named.items()), key=lambda mode: mode[0])

@@ -143,6 +143,7 @@ def _in_space(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, 
     return branch_mode(name, vector, frequency, shape)
 
 
+@lru_cache(maxsize=128)  # a band is asked for name by name
 def named_in_space(
     lattice: Contacts, sphere: Sphere, vector: WaveVector, physics: Physics
 ) -> dict[str, tuple[float, NDArray]]:

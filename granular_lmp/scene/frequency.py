@@ -63,10 +63,8 @@ def wavenumbers_at(
     def above(wavenumber: float) -> float:
         return hertz_of(kind.vector(wavenumber, degrees), sphere, physics, mode, kind, wall) - hertz
 
-    edge = kind.zone_edge(degrees)
-    grid = [_LOWEST, *(edge * k / _POINTS for k in range(1, _POINTS + 1))]
-    grid = sorted({*grid, *_extrema(above, grid)})
-    heights = [above(wavenumber) for wavenumber in grid]
+    grid, band = _band(sphere, physics, mode, degrees, kind, wall)
+    heights = [each - hertz for each in band]
     if not min(heights) <= 0 <= max(heights):
         low, high = (hertz + extreme for extreme in (min(heights), max(heights)))
         raise SceneError(
@@ -84,6 +82,21 @@ def wavenumbers_at(
             "name leave it out; give wave.wavenumber"
         )
     return tuple(there)
+
+
+@lru_cache(maxsize=32)
+def _band(
+    sphere: Sphere, physics: Physics, mode: str, degrees: float, kind: Lattice, wall: Wall | None
+) -> tuple[list[float], list[float]]:
+    """Return wave numbers in rad per row, ascending, extrema among them, and their frequencies in hertz."""
+
+    def at(wavenumber: float) -> float:
+        return hertz_of(kind.vector(wavenumber, degrees), sphere, physics, mode, kind, wall)
+
+    edge = kind.zone_edge(degrees)
+    grid = [_LOWEST, *(edge * k / _POINTS for k in range(1, _POINTS + 1))]
+    grid = sorted({*grid, *_extrema(at, grid)})
+    return grid, [at(wavenumber) for wavenumber in grid]
 
 
 def hertz_of(
