@@ -36,6 +36,7 @@ or less, and by 1.3e-3 a² under the incremental law. Slip that winds up, which 
 When it breaks: where |θ| is no longer small.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -133,42 +134,73 @@ def cubic(bonds: Bonds, strain: Strain) -> tuple[Complexes, Complexes]:
     """
     if bonds.shear_law == "potential":
         raise ValueError(f"law = {bonds.shear_law!r} is not in the cubic forces; allowed: 'secant', 'incremental'")
-    law, n, c = bonds.law, bonds.normal, bonds.curving[:, None]
     phases = np.exp(1j * _ANGLES).reshape(-1, *(1,) * strain.slip.ndim)
-    x, y, s1 = (np.real(phases * each) for each in (strain.stretch[..., None], strain.sideways, strain.slip))
-    turned = np.real(phases * (strain.twist[..., None] * n)) - crossed(y - s1, n)  # Φ, as y − s₁ = Φ × n
-    square = _dot(y, y)
-    lengths = x, c * square / 2, -(c**2) * x * square / 2
-    # ℓN, whose n it is at rest; with 1/ℓ it is N
-    steep = y, -c * (x * y + n * square / 2), c**2 * (x**2 * y - square * y / 2 + x * square * n)
-    normals = [c * each for each in steep]
-    bends = [_slope(each) for each in normals]
-    slides = [
-        _slope(steep[0]) - crossed(_slope(turned), n),
-        _slope(steep[1]) + x * bends[0] - crossed(_slope(turned), normals[0]),
-        _slope(steep[2]) + x * bends[1] + lengths[1] * bends[0] - crossed(_slope(turned), normals[1]),
-    ]
-    k, softer, soft = (each[:, None] for each in (law.shear, law.shear_growth, law.shear_curvature))
-    stiffness = k, -softer * x, -softer * lengths[1] + soft * x**2 / 2
-    loaded = -(x * normals[0]) - crossed(turned, normals[0])  # in one step, along the tangents of the displaced lattice
-    if bonds.shear_law == "secant":
-        slips = _carried(slides, n, normals, s1, loaded)
-        sheared = [sum(a * b for a, b in zip(stiffness, slips[: m + 1][::-1], strict=False)) for m in range(3)]
-    else:
-        rates = [sum(a * b for a, b in zip(stiffness, slides[: m + 1][::-1], strict=False)) for m in range(3)]
-        sheared = _carried(rates, n, normals, k * s1, k * loaded + stiffness[1] * s1)
+    path = _path(bonds, strain, phases)
+    law, n, normals, (x, longer, _) = bonds.law, bonds.normal, path.normals, path.lengths
     f, f1, f2, f3 = (each[:, None] for each in (law.push, law.stiffness, law.curvature, law.third))
-    pushes = -f1 * x, -f1 * lengths[1] + f2 * x**2 / 2, -f1 * lengths[2] + f2 * x * lengths[1] - f3 * x**3 / 6
+    pushes = -f1 * x, -f1 * longer + f2 * x**2 / 2, -f1 * path.lengths[2] + f2 * x * longer - f3 * x**3 / 6
+    sheared = _sheared(bonds, path)
     force = sheared[2] - f * normals[2] - pushes[0] * normals[1] - pushes[1] * normals[0] - pushes[2] * n
     first, second = crossed(n, sheared[0]), crossed(n, sheared[1]) + crossed(normals[0], sheared[0])
     third = crossed(n, sheared[2]) + crossed(normals[0], sheared[1]) + crossed(normals[1], sheared[0])
     couples = bonds.arms[..., None] * third[..., None, :]
-    couples = couples + bonds.widening[..., None] * (x * second + lengths[1] * first)[..., None, :]
+    couples = couples + bonds.widening[..., None] * (x * second + longer * first)[..., None, :]
     ends = bonds.at_ends(force, couples)
-    return tuple(2 * np.mean(phases[..., None] ** -m * ends, axis=0) for m in (1, 3))
+    onward, tripled = (2 * np.mean(phases[..., None] ** -m * ends, axis=0) for m in (1, 3))
+    return onward, tripled
 
 
-def _carried(rates: list[Floats], n: Floats, normals: list[Floats], first: Floats, left: Floats) -> list[Floats]:
+class _Path(NamedTuple):
+    """What contacts go through at A values of α, (A, ..., C, 1 or 3), three orders each but for the last two.
+
+    lengths : X; normals : N; slides : LN′ − Φ′ × N; slip : s to first order; loaded : s that a start makes, to second.
+    """
+
+    lengths: tuple[Floats, Floats, Floats]
+    normals: tuple[Floats, Floats, Floats]
+    slides: tuple[Floats, Floats, Floats]
+    slip: Floats
+    loaded: Floats
+
+
+def _path(bonds: Bonds, strain: Strain, phases: Complexes) -> _Path:
+    n, c = bonds.normal, bonds.curving[:, None]
+    x, y, slip = (np.real(phases * each) for each in (strain.stretch[..., None], strain.sideways, strain.slip))
+    turned = np.real(phases * (strain.twist[..., None] * n)) - crossed(y - slip, n)  # Φ, as y − s = Φ × n
+    square = _dot(y, y)
+    lengths = x, c * square / 2, -(c**2) * x * square / 2
+    # ℓN, also where 1/ℓ is 0
+    steep = y, -c * (x * y + n * square / 2), c**2 * (x**2 * y - square * y / 2 + x * square * n)
+    normals = c * steep[0], c * steep[1], c * steep[2]
+    (bend, bent), turning = map(_slope, normals[:2]), _slope(turned)
+    slides = (
+        _slope(steep[0]) - crossed(turning, n),
+        _slope(steep[1]) + x * bend - crossed(turning, normals[0]),
+        _slope(steep[2]) + x * bent + lengths[1] * bend - crossed(turning, normals[1]),
+    )
+    # In one step, along the tangents of the displaced lattice
+    return _Path(lengths, normals, slides, slip, -x * normals[0] - crossed(turned, normals[0]))
+
+
+def _sheared(bonds: Bonds, path: _Path) -> list[Floats]:
+    """Return three orders of the shear force S."""
+    (x, longer, _), law = path.lengths, bonds.law
+    k, softer, soft = (each[:, None] for each in (law.shear, law.shear_growth, law.shear_curvature))
+    stiffness = k, -softer * x, -softer * longer + soft * x**2 / 2
+
+    def times(values: Sequence[Floats]) -> list[Floats]:
+        """Return three orders of k(δ − X) times values, which have no order 0."""
+        return [np.sum([stiffness[b] * values[m - b] for b in range(m + 1)], axis=0) for m in range(3)]
+
+    if bonds.shear_law == "secant":
+        return times(_carried(path.slides, bonds.normal, path.normals, path.slip, path.loaded))
+    first, left, _ = times([path.slip, path.loaded, 0 * path.slip])
+    return _carried(times(path.slides), bonds.normal, path.normals, first, left)
+
+
+def _carried(
+    rates: Sequence[Floats], n: Floats, normals: Sequence[Floats], first: Floats, left: Floats
+) -> list[Floats]:
     """Return three orders of what is across N and grows at these rates by α, carried with N.
 
     first : its first order; left : the second order that a start loads.
