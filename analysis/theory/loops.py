@@ -4,7 +4,7 @@
 name that its source, its flags and the machine give. Without a compiler, or in a folder that others may write to, all
 is NumPy, which is the reference: both give the same numbers, to the rounding of sums in another order.
 
-Large states are those of which a call of C saves more than it takes, from some thousand numbers on.
+A sum of rows takes the loop from `LARGE` numbers on: below, a call of NumPy costs no more.
 """
 
 import ctypes
@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 SOURCE = Path(__file__).with_suffix(".c")
 # Products are not fused with sums: all processors then give the same bits
 FLAGS = ("-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
-LARGE = 1000  # numbers of a state
+LARGE = 1000  # numbers of a row
 LANES = 64  # as in loops.c
 
 
@@ -42,7 +42,7 @@ def library() -> ctypes.CDLL | None:
         if status.st_uid != os.getuid() or status.st_mode & 0o022:
             raise OSError(f"{place} belongs to another user, or may be written by others")
         found = ctypes.CDLL(str(place))
-    except (OSError, AttributeError, subprocess.SubprocessError) as trouble:
+    except (OSError, RuntimeError, AttributeError, subprocess.SubprocessError) as trouble:  # no home, no POSIX, …
         logging.getLogger(__name__).info("loops are those of NumPy: %s", trouble)
         return None
     pointer, number, size = ctypes.c_void_p, ctypes.c_double, ctypes.c_ssize_t
