@@ -337,6 +337,15 @@ def test_a_relative_cache_is_no_cache(tmp_path: Path, monkeypatch: pytest.Monkey
     assert library.library().is_relative_to(tmp_path / ".cache" / "granular-lmp")
 
 
+def test_a_user_without_a_home_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(
+        Path, "home", lambda: (_ for _ in ()).throw(RuntimeError("Could not determine home directory."))
+    )
+    with pytest.raises(LammpsMissingError, match="no home folder for the kernel"):
+        library.library()
+
+
 def test_a_kernel_that_is_built_is_for_its_user_alone_to_write(
     built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -55,7 +55,7 @@ def library() -> Path:
     Raises
     ------
     LammpsMissingError
-        If the headers of LAMMPS or MPI are missing.
+        If the headers of LAMMPS or MPI are missing, or there is no folder for it.
     """
     lammps, mpi = headers()
     made_of = [
@@ -66,7 +66,10 @@ def library() -> Path:
     ]
     digest = hashlib.sha256(b"\0".join(made_of)).hexdigest()[:12]
     wanted = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    cache = wanted if wanted.is_absolute() else Path.home() / ".cache"
+    try:
+        cache = wanted if wanted.is_absolute() else Path.home() / ".cache"
+    except RuntimeError as error:
+        raise LammpsMissingError(f"there is no home folder for the kernel: {error}; set XDG_CACHE_HOME") from error
     return cache.absolute() / "granular-lmp" / f"lammps-{metadata.version('lammps')}-{digest}" / "kernel.so"
 
 
