@@ -78,7 +78,7 @@ processors: .venv/ready
 	$(BIN)/python -m tests.processors
 
 stability: .venv/ready
-	$(BIN)/python -m tests.hard.report -o docs/stability.md
+	$(BIN)/python -m tests.hard.report -o docs/stability.csv
 	$(BIN)/pytest tests/hard/test_bad_input.py tests/hard/test_broken_decks.py --hypothesis-profile=thorough
 
 guards: .venv/ready

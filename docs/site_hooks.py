@@ -6,6 +6,7 @@ repository lose their target (they are shown as code), and equations become Math
 or a connection.
 """
 
+import csv
 import json
 import posixpath
 import re
@@ -42,6 +43,7 @@ _CELL = re.compile(r"<td[^>]*>.*?</td>", re.DOTALL)
 _TEXT = re.compile(r"<(td|p|li)\b[^>]*>.*?</\1>", re.DOTALL)
 _NUMBER = re.compile(r"(?<![\w.])\d[\d.]*e[-+]\d+(?![^<]*>)")
 _NAME = re.compile(r"<code>[\w.\[\]]{25,}</code>")
+_TABLE = re.compile(r"<!-- csv: ([\w.]+) -->")
 _LINK = re.compile(r"(!?)\[([^\]]+)\]\((?![a-z]+:|#)([^)#\s]+)(#[^)\s]*)?\)")
 
 
@@ -75,8 +77,15 @@ def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
         text = text.replace("<!-- impact keys -->", reference(bare=True))
     if "<!-- commands -->" in text:
         text = text.replace("<!-- commands -->", _commands())
+    text = _TABLE.sub(lambda match: table_of((ROOT / "docs" / match[1]).read_text("utf-8")), text)
     source = {place: source for source, place in PAGES.items() if place != "index.md"}
     return moved_links(text, source.get(page.file.src_uri, f"docs/{page.file.src_uri}"), page.file.src_uri)
+
+
+def table_of(text: str) -> str:
+    """Return a CSV file as a table of Markdown."""
+    head, *rows = ([cell.replace("|", "\\|") for cell in row] for row in csv.reader(text.splitlines()))
+    return "\n".join(f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows))
 
 
 def notebook_page(notebook: dict[str, Any], title: str) -> str:

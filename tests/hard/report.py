@@ -1,51 +1,37 @@
 """Measure every case, fast and long, and write the stability table: `python -m tests.hard.report`."""
 
 import argparse
+import csv
 import logging
 import sys
+from io import StringIO
 from pathlib import Path
 from time import process_time
 
 from tests.hard.case import Case, Cases
 from tests.hard.cases import FAST, LONG
 
-HEAD = """\
-# Stability
-
-Hard cases for LAMMPS as the decks use it, what was measured, and the bound, which is decided by physics or arithmetic
-and not by the measurement. The references are the exact lattice of `analysis/theory/lattice.py` in LAMMPS's contact
-geometry, symmetry, and conservation. Written by `make stability`; the fast half is asserted by `make test`, where each
-kind of figure in it is also measured on a broken deck or against a wrong reference, and has to miss its bound
-(`tests/hard/test_broken_cases.py`).
-
-Tested elsewhere: restart and ranks in `tests/runs/test_launch.py`, contacts and collisions in `tests/validation/`, bad
-input, broken decks, kills, full disks and honest status in `tests/hard/test_*.py`.
-
-Two limits are known: `**` as a word of a deck aborts LAMMPS itself, and the process with it (an uncaught `std::stol`);
-and a run that is killed before its first checkpoint, by default after about half a minute, starts anew.
-
-Units: lengths in D0, times in τ; spheres of the paper. Impacts are in their own units, of steel spheres.
-"The works" is what the secant law, which has no potential, and
-LAMMPS's lever arm do on the wave (`tests/hard/ledger.py`).
-
-"""
+HEAD = ("case", "what is hard", "figure", "bound", "where the bound comes from")
 
 
 def table(cases: Cases) -> str:
-    """The cases as a Markdown table."""
-    lines = ["| case | what is hard | figure | bound |", "|---|---|---|---|"]
-    return "\n".join([*lines, *map(_line, cases)]) + "\n"
+    """The cases as CSV."""
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(HEAD)
+    writer.writerows(map(_row, cases))
+    return text.getvalue()
 
 
-def _line(case: Case) -> str:
+def _row(case: Case) -> tuple[str, ...]:
     figure = f"{case.figure:.3g}" + ("" if case.holds else " **missed**")
-    return f"| {case.name} | {case.hard} | {figure} | {case.bound}: {case.reason} |"
+    return case.name, case.hard, figure, case.bound, case.reason
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Exit status 1 when a bound is missed."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("docs/stability.md"))
+    parser.add_argument("-o", "--output", type=Path, default=Path("docs/stability.csv"))
     output = parser.parse_args(arguments).output
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     cases: Cases = []
@@ -53,7 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
         start = process_time()
         cases += measure()
         logging.info("%-28s %6.1f s of CPU", name, process_time() - start)
-    output.write_text(HEAD + table(cases), encoding="utf-8")
+    output.write_text(table(cases), encoding="utf-8")
     missed = [case for case in cases if not case.holds]
     for case in missed:
         logging.error("missed: %s", case)
