@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from analysis.theory.bonds import Law, dmt, jkr
 from analysis.theory.choice import TheoryError
@@ -57,6 +56,8 @@ def kinds_of(scene: Scene) -> list[Kind]:
 
 def deviates() -> Floats:
     """Return the deviates of the classes, (8,)."""
+    from scipy.special import ndtri  # slow to import, and only spreads need it
+
     edges = ndtri(np.linspace(0, 1, CLASSES + 1))
     means = -np.diff(np.exp(-(edges**2) / 2))  # over √(2π)/8, which the variance takes out
     return np.asarray(means / np.sqrt(np.mean(means**2)))
