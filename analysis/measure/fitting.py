@@ -6,41 +6,26 @@ of an impact in a chain those of Hertz's springs, integrated
 (`analysis.theory.chain`): a front is the first crest of a sphere's velocity, its time counts from the strike.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measure.front import crest
+from analysis.measure.arrivals import fronts
 from analysis.measure.points import Point
-from analysis.measure.strikes import Sites, densities
 from analysis.measure.surface import BRANCH, Film, is_surface_wave
 from analysis.theory.bloch import branch_among, frame, in_plane
 from analysis.theory.branches import named_branch
-from analysis.theory.chain import Chain, spheres
-from analysis.theory.chain_motion import integrate
 from analysis.theory.crystal import PLANE, Crystal, Modes
 from analysis.theory.estimation import Estimate, Loss, Parameter, estimate
 from analysis.theory.scenes import Setting
 from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]
-# Tables and keys of an impact that the chain holds, or that change nothing of its motion
-IMPACT_KEYS = {"name", "description", "inclusion", "striker", "monitor", "output", "time"} | {
-    f"{section}.{key}"
-    for section, keys in {
-        "sphere": "radius youngs_modulus poisson_ratio density",
-        "packing": "lattice rows columns first last contact_force",
-        "effects": "shear_law rotation",
-    }.items()
-    for key in keys.split()
-}
-_SAMPLES = 400  # of the time to the last arrival: ten to a crest at a tenth of the rows
-_LATER = 1.3  # a front that is slower by this factor still arrives
-_RTOL = 1e-8
 _NEXT_TO_0 = 1e-3  # rad per row: frequencies there are those at 0 to 1e-6, and branches of one frequency part
 
 
@@ -81,6 +66,8 @@ class Fit:
     def _parameter(self, key: str) -> Parameter:
         section, _, name = key.rpartition(".")
         value = self.scene.value(key)
+        if value is None:
+            raise ValueError(f"--free {key}: {self._undeclared(section, name)}")
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise ValueError(f"--free {key}: must be a number that the scene declares, not {value!r}")
         if section in self.scene.sections:
@@ -89,6 +76,15 @@ class Fit:
         else:  # of an array of tables: each number there is positive
             low, high = 0.0, np.inf
         return Parameter(key, float(value), float(low), float(high))
+
+    def _undeclared(self, section: str, name: str) -> str:
+        """Return what is wrong with a key that the scene does not declare: none of a scene, or without a value."""
+        known = {each: [own.name for own in self.scene.keys_of(each)] for each in self.scene.sections}
+        if name in known.get(section, ()):
+            return "has no value in the scene; give it one there, from which the search starts"
+        every = [f"{table}.{own}" for table, names in known.items() for own in names]
+        near = get_close_matches(f"{section}.{name}".strip("."), every, n=1)
+        return f"must be a number that the scene declares{f'; did you mean {near[0]}?' if near else ''}"
 
     def at(self, values: Floats) -> Scene:
         """Return the scene with values of the free keys."""
@@ -103,7 +99,7 @@ class Fit:
                 found[chosen] = rule(scene, [self.points[n] for n in chosen])
         chosen = [n for n, each in enumerate(self.points) if each.kind in ("arrival", "speed")]
         if chosen:
-            found[chosen] = _fronts(scene, [self.points[n] for n in chosen])
+            found[chosen] = fronts(scene, [self.points[n] for n in chosen])
         return found
 
     def answer(self) -> Estimate:
@@ -205,65 +201,6 @@ def _harmonics(scene: Scene, points: Sequence[Point]) -> Floats:
         own = scene.with_values(wave)
         found.append(Setting(own).harmonic([each.time / own.sphere.time_scale])[0][0])
     return np.linalg.norm(found, axis=1) * np.array([each.amplitude for each in points])
-
-
-def _chain(scene: Scene) -> tuple[Chain, Floats]:
-    """Return the chain of a struck scene, and the velocities of its spheres, m/s.
-
-    Raises ValueError for a scene that declares anything else.
-    """
-    tables = {key: table if isinstance(table, dict) else {} for key, table in scene.given().items()}
-    told = [(each, f"{each}.{name}") for each, table in tables.items() for name in table or [""]]
-    if other := sorted(key.rstrip(".") for section, key in told if not {section, key} & IMPACT_KEYS):
-        said = ", ".join(other)
-        raise ValueError(f"arrivals and front speeds are of a struck chain of Hertz contacts, without {said}")
-    packing, sphere, sites = scene.packing, scene.sphere, Sites.of(scene)
-    row = np.ones(len(sites.row))
-    ends = (packing.first, packing.last)
-    chain = spheres(
-        sphere.radius * row,
-        densities(scene),
-        sphere.youngs_modulus,
-        sphere.poisson_ratio,
-        ends=ends,  # type: ignore[arg-type]  # words of the scene
-        force=packing.contact_force,
-    )
-    velocity = 0 * row
-    for each in scene.striker:
-        velocity[sites.chosen(each)] = each.components[1]
-    return chain, velocity
-
-
-def _fronts(scene: Scene, points: Sequence[Point]) -> Floats:
-    """Return arrivals, s, and speeds, m/s, of the front in a chain.
-
-    Raises ValueError for a row that is not there, or that no front reaches by 1.3 times the last measured arrival.
-    """
-    if scene.wave is not None or scene.lattice.sheet:
-        raise ValueError("arrivals and front speeds are of a struck chain: packing.lattice = 'chain', without [wave]")
-    chain, velocity = _chain(scene)
-    rows = sorted({row for each in points for row in (each.row, each.to_row) if row >= 0})
-    if rows[-1] >= len(chain):
-        raise ValueError(f"row {rows[-1]}: must be below {len(chain)}, the rows of the chain")
-    spacing = 2 * scene.sphere.radius - float(chain.overlap.max())
-    if arrivals := [each.value for each in points if each.kind == "arrival"]:
-        last = max(arrivals)
-    else:
-        last = max(rows) * spacing / min(each.value for each in points)
-    times = np.linspace(0.0, _LATER * last, _SAMPLES)
-    _, moved = integrate(chain, np.zeros(len(chain)), velocity, times, rtol=_RTOL)
-    speeds = np.abs(moved[:, rows]) / np.abs(velocity).max()
-    at = {row: crest(times, each)[0] for row, each in zip(rows, speeds.T, strict=True)}
-    if late := [row for row, time in at.items() if not np.isfinite(time)]:
-        raise ValueError(f"row {late[0]}: no front arrives there by {times[-1]:.4g} s")
-    return np.array([_front(each, at, spacing) for each in points])
-
-
-def _front(point: Point, at: Mapping[int, float], spacing: float) -> float:
-    """Return the arrival at a row, or the speed from it to another."""
-    if point.kind == "arrival":
-        return at[point.row]
-    return (point.to_row - point.row) * spacing / (at[point.to_row] - at[point.row])
 
 
 def summary(fit: Fit, found: Estimate) -> dict[str, Any]:

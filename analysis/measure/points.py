@@ -5,8 +5,8 @@ begin with # are comments. Each row has a value in one of
 
     frequency_Hz          of a wave: with wavenumber_rad/row or wavelength_m, direction_deg, and branch
     second_harmonic_m     of a wave of amplitude_m, time_s after its start: with wavenumber or wavelength
-    arrival_s             of the front of an impact at a row
-    speed_m/s             of that front from a row to to_row
+    arrival_s             of the front of an impact at a row, and in a sheet a column
+    speed_m/s             of that front from a row (and column) to to_row (and to_column)
 
 and, if it has one, its standard error: in ``error_…`` with a unit of that quantity, or in ``error_%``. A branch is a
 name (L, TR, RT) or a number from 1, the lowest; an empty one is that with the nearest frequency. An empty wave number
@@ -17,6 +17,7 @@ import csv
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,15 +38,20 @@ UNITS: Mapping[str, Mapping[str, float]] = {  # of each quantity, in SI units
     "amplitude": _LENGTHS,
     "time": _TIMES,
     "row": _NUMBERS,
+    "column": _NUMBERS,
     "to_row": _NUMBERS,
+    "to_column": _NUMBERS,
 }
 # What each kind of point needs, and what it may have
 KINDS: Mapping[str, tuple[frozenset[str], frozenset[str]]] = {
     "frequency": (frozenset(), frozenset({"branch", "wavenumber", "wavelength", "direction"})),
     "second_harmonic": (frozenset({"amplitude", "time"}), frozenset({"wavenumber", "wavelength"})),
-    "arrival": (frozenset({"row"}), frozenset()),
-    "speed": (frozenset({"row", "to_row"}), frozenset()),
+    "arrival": (frozenset({"row"}), frozenset({"column"})),
+    "speed": (frozenset({"row", "to_row"}), frozenset({"column", "to_column"})),
 }
+
+
+COUNTED = {"row", "column", "to_row", "to_column"}
 
 
 class DataError(ValueError):
@@ -65,7 +71,7 @@ class Point:
     wavenumber : with its `unit`, "rad/row" or "rad/m".
     direction : degrees, None for that of the scene.
     amplitude, time : m and s, of a second harmonic.
-    row, to_row : of an impact, counted from 0.
+    row, column, to_row, to_column : of an impact, counted from 0; a column of −1 is that of the striker.
     """
 
     kind: str
@@ -79,7 +85,9 @@ class Point:
     amplitude: float = np.nan
     time: float = np.nan
     row: int = -1
+    column: int = -1
     to_row: int = -1
+    to_column: int = -1
 
 
 class _Column(NamedTuple):
@@ -108,6 +116,8 @@ def _points(text: str) -> Iterator[Point]:
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip() and line[0] != "#"]
     if not lines:
         raise DataError(f"has no head; it needs a column {_or(KINDS, '_UNIT')}")
+    if ";" in lines[0][1] or "\t" in lines[0][1]:
+        raise DataError("line of heads: cells must be parted by commas, and decimals by points")
     columns = [_column(head) for head in next(csv.reader([lines[0][1]]))]
     names = [each.quantity for each in columns]
     if twice := {name for name in names if name != "error" and names.count(name) > 1}:
@@ -119,7 +129,7 @@ def _points(text: str) -> Iterator[Point]:
     for number, line in lines[1:]:
         cells = [cell.strip() for cell in next(csv.reader([line]))]
         if len(cells) != len(columns):
-            raise DataError(f"line {number}: {len(cells)} cells under {len(columns)} heads")
+            raise DataError(f"line {number}: {len(cells)} cells under {len(columns)} heads; decimals need points")
         yield _point(number, [(column, cell) for column, cell in zip(columns, cells, strict=True) if cell])
 
 
@@ -135,7 +145,11 @@ def _column(head: str) -> _Column:
     if name == "error" and (unit == "%" or any(unit in UNITS[kind] for kind in KINDS)):
         return _Column(name, unit)
     if name not in UNITS:
-        raise DataError(f"column {text!r} is unknown; allowed: branch, error_UNIT, {_or(UNITS, '_UNIT')}")
+        units = {f"{each}_UNIT" for each in UNITS if UNITS[each] != _NUMBERS} | {"branch", "error_UNIT"} | COUNTED
+        near = get_close_matches(name, UNITS, n=1)
+        raise DataError(
+            f"column {text!r} is unknown; {f'did you mean {near[0]}?' if near else f'allowed: {_or(units)}'}"
+        )
     if unit not in UNITS[name]:
         allowed = _or(f"{name}_{each}" if each else name for each in UNITS[name])
         raise DataError(f"column {text!r}: the unit must be one of {allowed}")
@@ -159,7 +173,7 @@ def _point(line: int, cells: list[tuple[_Column, str]]) -> Point:
     value = numbers.pop(kind)
     if value <= 0:
         raise DataError(f"line {line}: {kind} = {there[kind][1]}: must be above 0")
-    place = {name: int(number) if name in ("row", "to_row") else number for name, number in numbers.items()}
+    place = {name: int(number) if name in COUNTED else number for name, number in numbers.items()}
     unit = there["wavenumber"][0] if "wavenumber" in there else "rad/row"
     if "wavelength" in place:
         place, unit = place | {"wavenumber": 2 * np.pi / place.pop("wavelength")}, "rad/m"
@@ -180,9 +194,9 @@ def _number(line: int, name: str, unit: str, cell: str) -> float:
         value = float(cell)
     except ValueError:
         value = np.nan
-    whole = name not in ("row", "to_row") or (value >= 0 and value == int(value))
+    whole = name not in COUNTED or (value >= 0 and value == int(value))
     if not np.isfinite(value) or not whole or (name in ("wavelength", "amplitude", "time") and value <= 0):
-        kind = "a row, counted from 0" if name in ("row", "to_row") else "a finite number"
+        kind = f"a {name.removeprefix('to_')}, counted from 0" if name in COUNTED else "a finite number"
         above = " above 0" if name in ("wavelength", "amplitude", "time") else ""
         raise DataError(f"line {line}: {name} = {cell!r}: must be {kind}{above}")
     return value * UNITS[name][unit]

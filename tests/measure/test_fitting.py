@@ -6,16 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.cases.recovery.case import judged, setups
+from analysis.cases.recovery.case import judged, setups, wrong_law
 from analysis.fit import main
 from analysis.measure.fitting import Fit
+from analysis.measure.front import crest
 from analysis.measure.points import Point
 from analysis.second_harmonic import mode, ratios
 from analysis.theory.monolayer import Layer
-from granular_lmp import Scene
+from granular_lmp import Scene, run
 
 SCENE = Scene.load("tr_periodic")
 E, NU = "sphere.youngs_modulus", "sphere.poisson_ratio"
+
+
+STIFF = SCENE.with_values({"contact.normal_stiffness": 500.0, "contact.shear_stiffness": 400.0})
 
 
 def point(value: float, error: float | None = None, **place: object) -> Point:
@@ -67,6 +71,17 @@ def test_intervals_of_twenty_noisy_sets_hold_the_truth(setup: object) -> None:
     assert np.all(np.abs(bias) < 0.46)  # four deviations of the mean of 20: 0.51/√20 each
 
 
+def test_residuals_say_that_a_law_is_wrong() -> None:
+    """A JKR contact resists slip by 5/3 more: turning spheres are then faster than DMT allows, all others slower."""
+    points, answer = wrong_law()
+    assert answer.chi_squared > 50
+    upper = np.array([each.branch == "3" for each in points])
+    assert np.all(answer.residuals[upper] < -8)
+    assert np.mean(answer.residuals[~upper] > 0) > 0.6
+    with pytest.raises(ValueError, match="beyond what is allowed"):
+        Fit(STIFF, points, ("contact.normal_stiffness", "contact.shear_stiffness")).answer()
+
+
 def test_intervals_that_are_too_narrow_would_be_seen() -> None:
     coverage, _ = judged(setups()[0].departures(0.01, 20) * 4)
     assert np.any(coverage < 0.8)
@@ -94,6 +109,51 @@ def test_the_speed_of_a_front_tells_the_modulus_of_a_struck_chain() -> None:
     assert faster / speed == pytest.approx(2**0.4, rel=1e-3)
 
 
+SHEET = Scene.load("point_impact").with_values(
+    {"packing.rows": 9, "packing.columns": 7, "striker.1.spheres": [[0, 3]], "time.duration": 14.0}
+    | {"time.sample": 0.05, "time.timestep": 0.02}
+)
+
+
+def test_arrivals_in_a_sheet_are_those_of_its_run_and_go_as_the_modulus(tmp_path: Path) -> None:
+    record = run(SHEET, tmp_path / "sheet")
+    asked = [(4, 2), (5, 3), (6, 3)]
+    speeds = np.linalg.norm(record.velocity[:, [7 * row + column for row, column in asked]], axis=-1)
+    found = [crest(record.tau, speed)[0] * SHEET.scale.time for speed in speeds.T]
+    points = [
+        Point("arrival", time, 1e-4 * time, 2, row=row, column=column)
+        for time, (row, column) in zip(found, asked, strict=True)
+    ]
+    fit = Fit(SHEET, points, (E,))
+    expected = fit.predicted(np.array([2e11]))
+    np.testing.assert_allclose(found, expected, rtol=3e-4)  # crests by a parabola, and the time step
+    np.testing.assert_allclose(fit.predicted(np.array([4e11])), expected / 2**0.4, rtol=3e-4)
+
+
+def test_a_speed_in_a_sheet_is_between_two_spheres() -> None:
+    one, other = (Point("arrival", 2e-4, 1e-6, 2, row=row) for row in (3, 7))
+    speed = Point("speed", 400.0, 1.0, 3, row=3, to_row=7)
+    first, second, found = Fit(SHEET, [one, other, speed], (E,)).predicted(np.array([2e11]))
+    apart = 2 * 4 * 0.75**0.5 * SHEET.sphere.radius  # rows of one parity lie in line
+    assert found == pytest.approx(apart / (second - first), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "place", "says"),
+    [
+        ({}, {"row": 9}, "row 9, column 3: must be below 9 and 7"),
+        ({}, {"row": 5, "column": 8}, "row 5, column 8"),
+        ({"effects.friction": 0.3}, {"row": 3}, r"without effects\.friction"),
+        ({"packing.last": "wall"}, {"row": 3}, r"packing\.last = 'wall': must be one of free, held"),
+    ],
+)
+def test_arrivals_that_no_network_here_has_are_refused(
+    changes: dict[str, object], place: dict[str, int], says: str
+) -> None:
+    with pytest.raises(ValueError, match=says):
+        Fit(SHEET.with_values(changes), [Point("arrival", 1e-4, 1e-6, 2, **place)], (E,)).answer()
+
+
 def test_an_amplitude_of_a_second_harmonic_tells_poissons_ratio() -> None:
     scene = SCENE.with_values({"wave.wavenumber": 1.2})
     amplitude = 0.1 * scene.sphere.static_overlap
@@ -115,7 +175,7 @@ def test_an_amplitude_of_a_second_harmonic_tells_poissons_ratio() -> None:
         ([point(1e8)], ("sphere.colour",), "must be a number"),
         ([point(1e8, 1.0), point(1e8)], (E,), "line 2: has no error, and others have"),
         ([point(1e8, 1.0, branch="XX", wavenumber=1.0)], (E,), "XX"),
-        ([Point("arrival", 1e-6, 1e-8, 2, row=3)], (E,), "are of a struck chain"),
+        ([Point("arrival", 1e-6, 1e-8, 2, row=3)], (E,), "are of a scene with"),
     ],
 )
 def test_what_no_theory_holds_is_refused(points: list[Point], keys: tuple[str, ...], says: str) -> None:

@@ -7,12 +7,14 @@ a share of the frequency, and fitted from a start that is wrong by 10 %. Coverag
 interval holds the true value, for each key; of 500 sets it scatters by 1 %. Bias is the mean departure over half the
 width of an interval; it scatters by 0.51/√N.
 
+Frequencies by the JKR law, fitted by the DMT law, show what the residuals say of a wrong model.
+
 FOLDER holds a sheet that LAMMPS has run (``granular-lmp kick``). The peaks of its spectrum along y are the points of
 one more set, without errors, and what its time step shifts is taken back: Ω = (2/h) sin(Ω'h/2) by velocity Verlet.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -136,6 +138,24 @@ def judged(found: Floats) -> tuple[Floats, Floats]:
     return np.mean(np.abs(found) <= 1, axis=0), np.mean(found, axis=0)
 
 
+def wrong_law() -> tuple[list[Point], Estimate]:
+    """Return frequencies of the sheet by the JKR law, with errors of 1 %, and their fit by the DMT law."""
+    sheet = setups()[0]
+    points = replace(sheet, scene=sheet.scene.with_values({"sphere.adhesion_law": "jkr"})).exact
+    points = [replace(each, error=0.01 * each.value) for each in points]
+    return points, Fit(sheet.scene, points, ("sphere.youngs_modulus",)).answer()
+
+
+def told_of_law() -> str:
+    """Return the residuals of the wrong law: a line for each branch, from the smallest wave number on."""
+    points, answer = wrong_law()
+    lines = [f"JKR by DMT: chi2 = {answer.chi_squared:.1f} a degree of freedom, residuals in standard deviations:"]
+    for branch in dict.fromkeys(each.branch for each in points):
+        own = [left for each, left in zip(points, answer.residuals, strict=True) if each.branch == branch]
+        lines.append(f"JKR by DMT, branch {branch}: " + " ".join(f"{left:6.1f}" for left in own))
+    return "\n".join(lines)
+
+
 def told(folder: str) -> str:
     """Return a line for each key of the sheet, fitted to one that was kicked."""
     sheet, points = setups()[0], kicked(folder)
@@ -158,7 +178,7 @@ def table(rows: Sequence[tuple[str, float, str, float, float]]) -> str:
 def draw(found: Mapping[tuple[str, float, str], Floats]) -> Figure:
     """Return the share of sets up to each departure, beside the Gaussian one, a panel for each scene."""
     names = list(dict.fromkeys(name for name, _, _ in found))
-    drawing = Figure(figsize=(8, 3.6), layout="constrained")
+    drawing = Figure(figsize=(10, 3.8), layout="constrained")
     panels = drawing.subplots(1, len(names), sharey=True)
     x = np.linspace(-2, 2, 101)
     for axes, own in zip(panels, names, strict=True):
@@ -171,7 +191,7 @@ def draw(found: Mapping[tuple[str, float, str], Floats]) -> Figure:
                     np.sort(values), shares, lw=1, label=f"{key.rpartition('.')[2].replace('_', ' ')}, {noise:.1%}"
                 )
         axes.set(xlabel="departure over half the width of the 95 % interval", title=own, xlim=(-2, 2))
-        axes.legend(fontsize=8, loc="upper left")
+        axes.legend(fontsize=6, loc="upper left")
     panels[0].set_ylabel("share of sets up to it")
     return drawing
 
@@ -190,6 +210,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 rows.append((setup.name, noise, key, float(coverage), float(bias)))
                 found[setup.name, noise, key] = each
     print(table(rows))
+    print(told_of_law())
     if options.folder:
         print(told(options.folder))
     save(draw(found), options.output)

@@ -1,0 +1,145 @@
+"""Arrivals and speeds of the front of an impact in a chain or a sheet of Hertz contacts, by what a scene declares.
+
+A chain is integrated as Hertz's springs (`analysis.theory.chain`), a sheet as their network without friction
+(`analysis.theory.network`). A front is the first crest of a sphere's speed; its time counts from the strike.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.measure.front import crest
+from analysis.measure.points import Point
+from analysis.measure.strikes import Sites, densities
+from analysis.theory.chain import spheres
+from analysis.theory.chain_motion import integrate as integrate_chain
+from analysis.theory.network import Material, Network
+from analysis.theory.network_motion import integrate
+from analysis.theory.network_state import start
+from granular_lmp.runs.record import Scene
+
+Floats = NDArray[np.float64]
+# Tables and keys of an impact that chain and network hold, or that change nothing of its motion
+IMPACT_KEYS = {"name", "description", "inclusion", "striker", "monitor", "output", "time"} | {
+    f"{section}.{key}"
+    for section, keys in {
+        "sphere": "radius youngs_modulus poisson_ratio density",
+        "packing": "lattice rows columns first last sides contact_force",
+        "effects": "shear_law rotation",
+    }.items()
+    for key in keys.split()
+}
+_ENDS = ("free", "held")  # of a sheet
+_SAMPLES = 400  # of the time to the last arrival: ten to a crest at a tenth of the rows
+_LATER = 1.3  # a front that is slower by this factor still arrives
+_RTOL = 1e-8
+
+
+def fronts(scene: Scene, points: Sequence[Point]) -> Floats:
+    """Return arrivals, s, and speeds, m/s, of the front at the spheres of points, (N,).
+
+    Raises ValueError for a scene that declares anything else than a strike on a chain or a sheet, for a sphere that is
+    not there, and for one that no front reaches by 1.3 times the last measured arrival.
+    """
+    if scene.wave is not None or not scene.striker:
+        raise ValueError("arrivals and front speeds are of a scene with [[striker]] and without [wave]")
+    _refuse(scene)
+    sites = Sites.of(scene)
+    place, velocity = sites.place * scene.sphere.radius, np.zeros((len(sites.row), 2))
+    struck = [sites.chosen(each) for each in scene.striker]
+    for chosen, each in zip(struck, scene.striker, strict=True):
+        velocity[chosen] = each.components
+    ends = [_ends(scene, sites, int(struck[0][0]), each) for each in points]
+    needed = np.unique([sphere for pair in ends for sphere in pair])
+    if arrivals := [each.value for each in points if each.kind == "arrival"]:
+        last = max(arrivals)
+    else:
+        farthest = np.linalg.norm(place[needed] - place[struck[0][0]], axis=1).max()
+        last = float(farthest) / min(each.value for each in points)
+    times = np.linspace(0.0, _LATER * last, _SAMPLES)
+    if scene.lattice.sheet:
+        speeds = _in_sheet(scene, sites, place, velocity, times, needed)
+    else:
+        place, speeds = _in_chain(scene, place, velocity, times, needed)
+    fastest = np.linalg.norm(velocity, axis=1).max()
+    at = {sphere: crest(times, each)[0] for sphere, each in zip(needed.tolist(), speeds.T / fastest, strict=True)}
+    for sphere, time in at.items():
+        if not np.isfinite(time):
+            raise ValueError(f"row {sites.row[sphere]}: no front arrives there by {times[-1]:.4g} s")
+    found = [at[one] for one, *_ in ends]
+    for number, (one, *other) in enumerate(ends):
+        if other:
+            found[number] = float(np.linalg.norm(place[other[0]] - place[one])) / (at[other[0]] - at[one])
+    return np.array(found)
+
+
+def _refuse(scene: Scene) -> None:
+    """Raise ValueError for a scene that declares what neither chain nor network holds here."""
+    tables = {key: table if isinstance(table, dict) else {} for key, table in scene.given().items()}
+    told = [(each, f"{each}.{name}") for each, table in tables.items() for name in table or [""]]
+    if other := sorted(key.rstrip(".") for section, key in told if not {section, key} & IMPACT_KEYS):
+        raise ValueError(f"arrivals and front speeds are of a struck chain or sheet, without {', '.join(other)}")
+    packing = scene.packing
+    if scene.lattice.sheet and packing.contact_force:
+        raise ValueError(f"packing.contact_force = {packing.contact_force!r}: must be 0 in a sheet with arrivals")
+    for key, allowed in {"first": _ENDS, "last": _ENDS, "sides": ("free", "periodic")}.items():
+        if scene.lattice.sheet and getattr(packing, key) not in allowed:
+            raise ValueError(
+                f"packing.{key} = {getattr(packing, key)!r}: must be one of {', '.join(allowed)} in a sheet with "
+                "arrivals"
+            )
+
+
+def _ends(scene: Scene, sites: Sites, striker: int, point: Point) -> list[int]:
+    """Return the spheres of a point: one, or those from which and to which a speed is."""
+    found = []
+    for row, column in ((point.row, point.column), (point.to_row, point.to_column))[: 1 + (point.kind == "speed")]:
+        column = int(sites.column[striker]) if column < 0 else column
+        rows, columns = int(scene.packing.rows), int(scene.packing.columns)
+        if row >= rows or column >= columns:
+            raise ValueError(f"line {point.line}: row {row}, column {column}: must be below {rows} and {columns}")
+        found.append(row * columns + column)
+    if found[1:] == found[:1]:
+        raise ValueError(f"line {point.line}: a speed needs two spheres, and both are in row {point.row}")
+    return found
+
+
+def _in_chain(
+    scene: Scene, place: Floats, velocity: Floats, times: Floats, needed: NDArray[np.intp]
+) -> tuple[Floats, Floats]:
+    """Return places of the spheres, which a load brings nearer, and the speeds (T, n) of some."""
+    packing, sphere = scene.packing, scene.sphere
+    chain = spheres(
+        sphere.radius * np.ones(len(place)),
+        densities(scene),
+        sphere.youngs_modulus,
+        sphere.poisson_ratio,
+        ends=(packing.first, packing.last),  # type: ignore[arg-type]  # words of the scene
+        force=packing.contact_force,
+    )
+    _, moved = integrate_chain(chain, np.zeros(len(chain)), velocity[:, 1], times, rtol=_RTOL)
+    spacing = 1 - float(chain.overlap.max()) / (2 * sphere.radius)
+    return place * spacing, np.abs(moved[:, needed])
+
+
+def _in_sheet(
+    scene: Scene, sites: Sites, place: Floats, velocity: Floats, times: Floats, needed: NDArray[np.intp]
+) -> Floats:
+    """Return the speeds (T, n) of some spheres of a sheet."""
+    packing, sphere = scene.packing, scene.sphere
+    edges = {"first": sites.row == 0, "last": sites.row == sites.row.max()}
+    held = np.any([own for name, own in edges.items() if getattr(packing, name) == "held"] or [sites.row < 0], axis=0)
+    width = 2 * sphere.radius * int(packing.columns) if packing.sides == "periodic" else np.inf
+    network = Network(
+        place,
+        np.full(len(place), sphere.radius),
+        densities(scene)[sites.row],
+        (Material(sphere.youngs_modulus, sphere.poisson_ratio),),
+        held=held,
+        cell=(width, np.inf),
+        shear=False,
+        rotation=False,
+    )
+    run = integrate(network, start(network, 0.0, velocity), times, rtol=_RTOL, spheres=needed)
+    return np.asarray(np.linalg.norm(run.velocity, axis=-1))
