@@ -49,7 +49,7 @@ def fronts(scene: Scene, points: Sequence[Point]) -> Floats:
     place, velocity = sites.place * scene.sphere.radius, np.zeros((len(sites.row), 2))
     struck = [sites.chosen(each) for each in scene.striker]
     for chosen, each in zip(struck, scene.striker, strict=True):
-        velocity[chosen] = each.components
+        velocity[chosen] = each.components[:2]
     ends = [_ends(scene, sites, int(struck[0][0]), each) for each in points]
     needed = np.unique([sphere for pair in ends for sphere in pair])
     if arrivals := [each.value for each in points if each.kind == "arrival"]:

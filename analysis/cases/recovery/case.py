@@ -190,7 +190,7 @@ def draw(found: Mapping[tuple[str, float, str], Floats]) -> Figure:
                 axes.step(
                     np.sort(values), shares, lw=1, label=f"{key.rpartition('.')[2].replace('_', ' ')}, {noise:.1%}"
                 )
-        axes.set(xlabel="departure over half the width of the 95 % interval", title=own, xlim=(-2, 2))
+        axes.set(xlabel="departure over half the 95 % interval", title=own, xlim=(-2, 2))
         axes.legend(fontsize=6, loc="upper left")
     panels[0].set_ylabel("share of sets up to it")
     return drawing
