@@ -5,7 +5,7 @@ from functools import partial
 from math import pi
 
 from analysis.second_harmonic import ModeName
-from tests.hard import damped, struck_sheets
+from tests.hard import damped, space, struck_sheets
 from tests.hard.breathers import breathes
 from tests.hard.breathers import order as order_of_breathers
 from tests.hard.case import Cases
@@ -73,6 +73,10 @@ FAST: Mapping[str, Measure] = {
     "order of a damped chain": damped.order,
     "a breather": partial(breathes, 100),
     "order of a breather": order_of_breathers,
+    **{name: partial(space.wave, name) for name in ("hcp next to a zone edge", "fcc under load")},
+    "spheres that leave their substrate": space.leaving,
+    "a layer for long": partial(space.kept, 100_000),
+    "a layer that buckles": space.buckling,
 }
 
 LONG: Mapping[str, Measure] = {
@@ -96,4 +100,6 @@ LONG: Mapping[str, Measure] = {
     "energy of a struck sheet, long": partial(struck_sheets.energy, 10_000.0),
     "a chain of 1e5": partial(long_chain, 100_000, 20.0),
     "a breather, long": partial(breathes, 2000),
+    "a plate": partial(space.wave, "plate of 12 layers on a substrate", duration=3.0),
+    "a layer for a million steps": partial(space.kept, 1_000_000),
 }

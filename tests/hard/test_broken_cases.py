@@ -4,7 +4,7 @@ from functools import partial
 
 import pytest
 
-from tests.hard import damped, struck_sheets
+from tests.hard import damped, space, struck_sheets
 from tests.hard.breathers import breathes
 from tests.hard.breathers import order as order_of_breathers
 from tests.hard.cases import Measure
@@ -22,6 +22,7 @@ from tests.hard.symmetry import instability, subspace
 from tests.hard.zone import degenerate, end
 
 ANOTHER_LAW = (("tangential mindlin ", "tangential mindlin_rescale "),)
+LOSSY_LAYER = (("pair_coeff   * * dmt 73000.0 0.0 ", "pair_coeff   * * dmt 73000.0 1e4 "),)
 DAMPED = (("dmt 73000.0 0.0 ", "dmt 73000.0 1e4 "),)  # ag/ns; a rate of 0.004 per τ
 SHEAR_IN_L = (("variable     to_ux atom v_D0*d_ux/v_slow", "variable     to_ux atom v_D0*(d_ux+1e-6*d_uy)/v_slow"),)
 L_IN_SHEAR = (("variable     to_uy atom v_D0*d_uy/v_slow", "variable     to_uy atom v_D0*(d_uy+1e-6*d_ux)/v_slow"),)
@@ -127,6 +128,15 @@ BROKEN: dict[str, tuple[Measure, str]] = {
     "loss both ways": (partial(reversal, edits=DAMPED), ""),
     "a held sphere in L": (partial(subspace, edits=A_HELD_SPHERE), "of a row apart"),
     "TR in L": (partial(subspace, edits=SHEAR_IN_L), "q and φ"),
+    "hcp on a fast clock": (partial(space.wave, "hcp next to a zone edge", FAST_CLOCK, 2.0), "hcp"),
+    "pressed fcc on a fast clock": (partial(space.wave, "fcc under load", FAST_CLOCK, 2.0), "fcc"),
+    "spheres that leave a substrate on a fast clock": (partial(space.leaving, FAST_CLOCK), "error"),
+    "a layer of lossy contacts": (partial(space.kept, 1_000, LOSSY_LAYER), "amplitude"),
+    "a layer for long on a fast clock": (partial(space.kept, 1_000, FAST_CLOCK), "phase"),
+    "a layer that buckles at another load": (
+        partial(space.buckling, lambda layer, k: 0.9 * layer.buckling_load(k)),
+        "buckles",
+    ),
     "a seed on a lattice of another law": (partial(instability, 60, 0.05, edits=ANOTHER_LAW), "growth of a TR seed"),
 }
 
