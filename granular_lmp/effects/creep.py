@@ -67,7 +67,7 @@ def measured(problem: Prepared) -> list[str]:
     return [
         *lines,
         f"compute      slow {group} reduce ave c_u[1] c_u[2]",
-        "variable     creep_looks vector sqrt(look(c_slow[1])^2+look(c_slow[2])^2)/v_D0  # mean displacement, in D0",
+        "variable     creep equal sqrt(c_slow[1]^2+c_slow[2]^2)/v_D0  # mean displacement, in D0",
     ]
 
 

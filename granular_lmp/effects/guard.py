@@ -4,7 +4,6 @@ Each guard is defined in the file of its effect. `granular_lmp.lammps.guards` wr
 result.
 """
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, pi
@@ -55,9 +54,6 @@ class Prepared(Protocol):
 
 Lines = Callable[[Prepared], list[str]]
 
-# A quantity that is kept at every look, in the lines of a guard: a vector of its values since the last line
-_LOOK = re.compile(r"look\(([^()]+)\)")
-
 
 def watches_part(scene: Scene) -> bool:
     """Return whether only some spheres affect the record: with walls or a finite wave, recorded at the centre."""
@@ -66,30 +62,12 @@ def watches_part(scene: Scene) -> bool:
     return scene.output.particles == 0 and (bool(scene.shape.faces) or scene.envelope.finite)
 
 
-def kept_at_looks(lines: list[str], first: str) -> tuple[list[str], list[str]]:
-    """Return the quantities to be kept at every look, and lines in which ``look(QUANTITY)`` is their column.
-
-    Formulas are parsed anew at each evaluation, which takes LAMMPS as long as ten contacts. So a look keeps plain
-    numbers, and formulas of whole vectors are evaluated once a line of the thermo table.
-
-    Parameters
-    ----------
-    lines : list of str
-        Lines of guards.
-    first : str
-        Quantity of the first column.
-    """
-    kept = list(dict.fromkeys([first, *(name for line in lines for name in _LOOK.findall(line))]))
-    return kept, [_LOOK.sub(lambda match: f"f_looks[{kept.index(match[1]) + 1}]", line) for line in lines]
-
-
-def read(compute: str, of: str, column: int = 0) -> str:
+def read(compute: str, tag: str, column: int = 0) -> str:
     """Return an extreme of a compute as it stands in the line of a variable.
 
-    `of` is that of `granular_lmp.effects.reading.overlap_lines`.
+    `tag` is that of `granular_lmp.effects.reading.contact_lines`.
     """
-    name = f"c_{compute}{'_all' if of == 'all' else ''}" + (f"[{column}]" if column else "")
-    return f"look({name})" if of == "looks" else name
+    return f"c_{compute}{tag}" + (f"[{column}]" if column else "")
 
 
 @dataclass(frozen=True)
@@ -101,12 +79,9 @@ class Guard:
     title : str
         Name in ``run.json``.
     name : str
-        Prefix of the variables in the deck: NAME_looks at all looks since the last line of the table, NAME the largest
-        of them, NAME_at the first time (tau) at which it was above the limit, `NEVER` if it was not.
+        Name of the variable in the deck; every look is a line of the thermo table that holds it.
     lines : callable
-        Lines of a deck that compute NAME_looks, of a problem; ``look(QUANTITY)`` stands for the values of a quantity at
-        those looks. Where spheres just meet (`Scene.loose`) every look is a line of the table, and they compute
-        NAME itself.
+        Lines of a deck that compute the variable NAME, of a problem.
     limit : float
         Value above which the guard triggers.
     meaning : str

@@ -82,18 +82,18 @@ class OnWall:
             lines.append(f"compute      lift_{self.name}{tag} {group} reduce maxabs v{self.name[0]}")
         return lines
 
-    def overlap(self, of: str) -> str:
+    def overlap(self, tag: str) -> str:
         """Return the smallest overlap over that at rest, from the smallest push; never above the truth."""
-        push = read(f"press_{self.name}", of) if self.inward > 0 else f"-{read(f'press_{self.name}', of)}"
+        push = read(f"press_{self.name}", tag) if self.inward > 0 else f"-{read(f'press_{self.name}', tag)}"
         if self.dashpot:
-            push += f"-{self.dashpot!r}*{read(f'lift_{self.name}', of)}"
+            push += f"-{self.dashpot!r}*{read(f'lift_{self.name}', tag)}"
         least = f"{push}+{self.adhesive_force!r}"
         return self.formulas.overlap(f"(({least}>0)*({least})/{self.formulas.holding_force!r})")
 
-    def slip(self, of: str) -> str:
+    def slip(self, tag: str) -> str:
         """Return the largest shear force over the sliding force of the contact that touches least."""
-        drag = "+".join(f"{read(f'drag_{self.name}', of, part)}^2" for part in (1, 2))
-        rest = self.formulas.above_pull_off(f"v_left_{self.name}_{of}")
+        drag = "+".join(f"{read(f'drag_{self.name}', tag, part)}^2" for part in (1, 2))
+        rest = self.formulas.above_pull_off(f"v_left_{self.name}{tag}")
         return f"sqrt({drag})/(v_mu*({self.adhesive_force!r}+{rest}))"
 
 

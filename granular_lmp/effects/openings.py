@@ -31,7 +31,7 @@ PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is count
 WIDER = 1.2  # times the largest pull-off distance, so that no rounding leaves a contact out
 _NEAR = 0.2  # R: pairs with a larger gap at rest do not meet
 _MAY = "  # one that hardly touches may open between looks"
-_OPEN_LOOKS = "variable     open_looks vector look(v_changed)"
+_OPEN = "variable     open equal v_changed"
 
 
 def _by_pairs(scene: Scene) -> bool:
@@ -89,10 +89,10 @@ def at_rest_lines(problem: Prepared) -> list[str]:
 
 
 def changed_lines(problem: Prepared, *, everywhere: bool = False) -> list[str]:
-    """Return the lines of v_open_looks, the contacts that have opened or formed, or of v_open_all, of all spheres."""
+    """Return the lines of v_open, the contacts that have opened or formed, or of v_open_all, of all spheres."""
     scene = problem.scene
     judged_singly = bounded(scene) and not scene.sphere.pull_off_distance
-    near = f"{_OPEN_LOOKS}{'' if judged_singly else f'+({nearly_open(scene):.4f}>v_overlap_looks)'}{_MAY}"
+    near = f"{_OPEN}{'' if judged_singly else f'+({nearly_open(scene):.4f}>v_overlap)'}{_MAY}"
     if not _by_pairs(scene):
         group, tag, name = ("all", "_all", "open_all") if everywhere else ("inside", "", "changed")
         missed = f"variable     missed atom abs(f_at_rest-c_touching){on_walls.missed(problem)}"
@@ -118,7 +118,7 @@ def changed_lines(problem: Prepared, *, everywhere: bool = False) -> list[str]:
         *([f"compute      pairs all pair/local{mark} cutoff {law.cutoff}"] if watches_part(scene) else []),
         *off,
         f"variable     changed equal {most}{'+c_missing' if left else ''}",
-        _OPEN_LOOKS if _lingers(scene) else near,
+        _OPEN if _lingers(scene) else near,
     ]
 
 
@@ -137,6 +137,17 @@ def counted_lines(problem: Prepared) -> list[str]:
         f"{column.format(first + 'xyz'.index(axis))} mode vector kind local beyond end"
         for axis in _axes(scene)
     ]
+
+
+def nearest_gap(problem: Prepared) -> float:
+    """Return the smallest gap between two spheres that do not touch at rest, m; 0 if no two are near."""
+    if problem.scene.perfect or alike(problem.scene):
+        return 0.0
+    wider = problem.crystal.copy()
+    wider.arrays["radius"] = wider.arrays["radius"] + _NEAR / 2
+    i, j, vector = overlapping(wider)
+    gaps = np.linalg.norm(vector, axis=1) - problem.crystal.arrays["radius"][i] - problem.crystal.arrays["radius"][j]
+    return float(gaps[gaps > 0].min(initial=_NEAR)) * problem.scene.sphere.radius if (gaps > 0).any() else 0.0
 
 
 def _axes(scene: Scene) -> dict[str, int]:

@@ -109,51 +109,49 @@ def contact_lines(group: str, tag: str, how: Reading) -> list[str]:
     return lines + [line for each in how.walls for line in each.lines(group, tag)]
 
 
-def overlap_lines(of: str, how: Reading) -> list[str]:
-    """Return the lines of the variable ``overlap_OF``, the smallest overlap of contacts that touch, in Δ0.
+def overlap_lines(tag: str, how: Reading) -> list[str]:
+    """Return the lines of the variable ``overlap``, the smallest overlap of contacts that touch, in Δ0.
 
     That with a wall is over its own overlap at rest. The smallest one between spheres alone is `between`.
 
     Parameters
     ----------
-    of : str
-        "looks" for all looks since the last line of the thermo table, "now" for the present one, "all" for the present
-        one and all spheres.
+    tag : str
+        That of `contact_lines`.
     how : Reading
         With `lengths` the overlap of a contact is 2R less its length. Otherwise it is that of two spheres of the
         lattice that have the smallest normal force; with `dashpots` of that force less the most that a dashpot adds.
     """
-    style = "vector" if of == "looks" else "equal"
-    lines, smallest = _between(of, how, style), between(of, how)
+    lines, smallest = _between(tag, how), between(tag, how)
     for each in how.walls:
-        left = f"v_left_{each.name}_{of}"
-        lines.append(f"variable     {left[2:]} {style} {each.overlap(of)}  # at the wall, over its overlap at rest")
+        left = f"v_left_{each.name}{tag}"
+        lines.append(f"variable     {left[2:]} equal {each.overlap(tag)}  # at the wall, over its overlap at rest")
         smallest = f"ternary({left}<{smallest},{left},{smallest})"
-    return lines + ([f"variable     overlap_{of} {style} {smallest}"] if how.walls else [])
+    return lines + ([f"variable     overlap{tag} equal {smallest}"] if how.walls else [])
 
 
-def between(of: str, how: Reading) -> str:
+def between(tag: str, how: Reading) -> str:
     """Return the variable of the smallest overlap between spheres."""
-    return f"v_between_{of}" if how.walls else f"v_overlap_{of}"
+    return f"v_between{tag}" if how.walls else f"v_overlap{tag}"
 
 
-def _between(of: str, how: Reading, style: str) -> list[str]:
+def _between(tag: str, how: Reading) -> list[str]:
     """Return the lines of the variable `between`."""
-    name, longest, weakest = between(of, how)[2:], read("extreme", of, 1), read("weakest", of)
+    name, longest, weakest = between(tag, how)[2:], read("extreme", tag, 1), read("weakest", tag)
     if how.lengths:
         return [
-            f"variable     {name} {style} (2*v_R-{longest})/v_Delta0  # the smallest, in Delta0, of contacts that touch"
+            f"variable     {name} equal (2*v_R-{longest})/v_Delta0  # the smallest, in Delta0, of contacts that touch"
         ]
     least, holding = f"{weakest}+{how.adhesive_force!r}", repr(how.formulas.holding_force)
     if not how.dashpots:
         overlap = how.formulas.overlap(f"(({least}>0)*({least})/{holding})")
-        return [f"variable     {name} {style} {overlap}  # of the smallest normal force, in Delta0"]
-    squares = (f"{read('swift', of, axis)}^2" for axis in range(1, how.axes + 1))
-    swift, spring = f"sqrt({'+'.join(squares)})", f"v_spring_{of}"
+        return [f"variable     {name} equal {overlap}  # of the smallest normal force, in Delta0"]
+    squares = (f"{read('swift', tag, axis)}^2" for axis in range(1, how.axes + 1))
+    swift, spring = f"sqrt({'+'.join(squares)})", f"v_spring{tag}"
     share = f"(1e-9+({spring}>0)*(({spring}<1)*{spring}+({spring}>=1)))"
     # The dashpot of a restitution grows with the force: its bound, and so that of the overlap, are of the force at rest
     return [
-        f"variable     spring_{of} {style} ({least}-2*{how.dashpot!r}*{swift})/{holding}"
+        f"variable     spring{tag} equal ({least}-2*{how.dashpot!r}*{swift})/{holding}"
         "  # the smallest normal force, as if the strongest dashpot added the most to it",
-        f"variable     {name} {style} {how.formulas.overlap(share)}  # of that force, in Delta0: never above the truth",
+        f"variable     {name} equal {how.formulas.overlap(share)}  # of that force, in Delta0: never above the truth",
     ]

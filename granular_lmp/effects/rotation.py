@@ -31,17 +31,17 @@ def wave(problem: Prepared) -> list[str]:
 
 
 def measured(problem: Prepared) -> list[str]:
-    """Return the lines of the largest torque at all looks."""
+    """Return the lines of the largest torque."""
     stiffness = problem.units.number(problem.scene.sphere.shear_stiffness, mass=1, time=-2)
     if problem.scene.space == 2:
-        columns, inputs, largest = "tqz", "c_torques", "look(c_turn)"
+        columns, inputs, largest = "tqz", "c_torques", "c_turn"
     else:
         columns, inputs = "tqx tqy tqz", "c_torques[1] c_torques[2] c_torques[3]"
-        largest = f"sqrt({'+'.join(f'look(c_turn[{axis}])^2' for axis in (1, 2, 3))})"
+        largest = f"sqrt({'+'.join(f'c_turn[{axis}]^2' for axis in (1, 2, 3))})"
     return [
         f"compute      torques all property/atom {columns}",
         f"compute      turn inside reduce maxabs {inputs}",
-        f"variable     torque_looks vector {largest}/(v_R*{stiffness!r}*v_D0)  # in R g1 D0",
+        f"variable     torque equal {largest}/(v_R*{stiffness!r}*v_D0)  # in R g1 D0",
     ]
 
 

@@ -34,27 +34,26 @@ def variables_off(problem: Prepared) -> list[str]:
 
 
 def measured(problem: Prepared) -> list[str]:
-    """Return the lines of the largest slip of all looks."""
+    """Return the lines of the largest slip."""
     friction = problem.scene.effects.friction
     return [
         f"variable     mu equal {'v_friction' if friction == AUTO else repr(friction)}",
         "# the hardest sheared contact over the sliding force of the one that touches least: never below the truth",
-        *slip_lines("looks", Reading.of(problem)),
+        *slip_lines("", Reading.of(problem)),
     ]
 
 
-def slip_lines(of: str, how: Reading) -> list[str]:
-    """Return the lines of the variable ``slip_OF``, the largest share of a shear force in the sliding force."""
-    style, tag = ("vector", "") if of == "looks" else ("equal", "_all")
-    pairs = f"{'look(c_extreme[2])' if of == 'looks' else f'c_extreme{tag}[2]'}/{sliding_force(of, how)}"
+def slip_lines(tag: str, how: Reading) -> list[str]:
+    """Return the lines of the variable ``slip``, the largest share of a shear force in the sliding force."""
+    pairs = f"{read('extreme', tag, 2)}/{sliding_force(tag, how)}"
     if not how.walls:
-        return [f"variable     slip_{of} {style} {pairs}"]
-    lines, largest = [f"variable     rub_{of} {style} {pairs}"], f"v_rub_{of}"
+        return [f"variable     slip{tag} equal {pairs}"]
+    lines, largest = [f"variable     rub{tag} equal {pairs}"], f"v_rub{tag}"
     for each in how.walls:
-        name = f"rub_{each.name}_{of}"
-        lines.append(f"variable     {name} {style} {each.slip(of)}")
+        name = f"rub_{each.name}{tag}"
+        lines.append(f"variable     {name} equal {each.slip(tag)}")
         largest = f"ternary(v_{name}>{largest},v_{name},{largest})"
-    return [*lines, f"variable     slip_{of} {style} {largest}"]
+    return [*lines, f"variable     slip{tag} equal {largest}"]
 
 
 GUARD = Guard(
@@ -70,21 +69,21 @@ GUARD = Guard(
 )
 
 
-def sliding_force(of: str, how: Reading) -> str:
+def sliding_force(tag: str, how: Reading) -> str:
     """Return a lower bound of the sliding force of two spheres in LAMMPS's syntax, exact in the DMT law.
 
     It is that of the smallest overlap, or of the smallest normal force if the limit is that of the `whole` force.
 
     Parameters
     ----------
-    of : str
-        "looks", "now" or "all", as of `granular_lmp.effects.reading.overlap_lines`.
+    tag : str
+        That of `granular_lmp.effects.reading.contact_lines`.
     how : Reading
     """
     if how.whole:
-        force = read("weakest", of)
+        force = read("weakest", tag)
         return f"(v_mu*(1e-9*{how.formulas.holding_force!r}+({force}>0)*{force}))"
-    return f"(v_mu*({how.adhesive_force!r}+{how.formulas.above_pull_off(between(of, how))}))"
+    return f"(v_mu*({how.adhesive_force!r}+{how.formulas.above_pull_off(between(tag, how))}))"
 
 
 def called_for(case: Case) -> Finding:

@@ -11,19 +11,19 @@ from granular_lmp.scene.scene import Scene
 
 
 def spread(problem: Prepared) -> list[str]:
-    """Return the lines of the distance by which spheres of the centre row have moved apart, at all looks.
+    """Return the lines of the distance by which spheres of the centre row have moved apart.
 
     Of several spheres a cell they are those at the place of the centre sphere.
     """
     crystal = problem.crystal
     alike = (crystal.arrays["row"] == problem.scene.shape.centre_row) & (places(crystal) == 0)
     row, parts = 1 + np.flatnonzero(alike), range(1, problem.scene.space + 1)
-    apart = "+".join(f"look(c_most[{part}])-look(c_least[{part}])" for part in parts)
+    apart = "+".join(f"c_most[{part}]-c_least[{part}]" for part in parts)
     return [
         f"group        row id {identifiers(row)}",
         f"compute      most  row reduce max {' '.join(f'c_u[{part}]' for part in parts)}",
         f"compute      least row reduce min {' '.join(f'c_u[{part}]' for part in parts)}",
-        f"variable     spread_looks vector ({apart})/v_D0  # in the centre row",
+        f"variable     spread equal ({apart})/v_D0  # in the centre row",
     ]
 
 
@@ -36,10 +36,10 @@ def identifiers(row: NDArray[np.int64]) -> str:
 
 
 def sideways(problem: Prepared) -> list[str]:
-    """Return the lines of the largest distance of a sphere from the line of the chain, at all looks."""
+    """Return the lines of the largest distance of a sphere from the line of the chain."""
     return [
         "compute      aside inside reduce maxabs c_u[1]",
-        "variable     sideways_looks vector look(c_aside)/v_D0  # in D0",
+        "variable     sideways equal c_aside/v_D0  # in D0",
     ]
 
 

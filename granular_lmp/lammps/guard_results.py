@@ -12,6 +12,7 @@ from granular_lmp.crystal.contacts import law_between
 from granular_lmp.effects.guard import NEVER, Guard
 from granular_lmp.effects.reading import Reading, nearly_open
 from granular_lmp.effects.sliding import GUARD as SLIP
+from granular_lmp.lammps.guards import NEXT
 from granular_lmp.lammps.outputs import CONTACTS, UNWAVED_CONTACTS, read_snapshots
 from granular_lmp.problem import Problem
 
@@ -37,7 +38,7 @@ class Measured:
 
 def first_decks(table: Mapping[str, object]) -> bool:
     """Return whether a thermo table is of a first deck of release 0.1.0, which looked only when it wrote a line."""
-    return bool(table) and not any(column.endswith("_at") for column in table)
+    return bool(table) and NEXT not in table and not any(column.endswith("_at") for column in table)
 
 
 def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Problem, folder: Path) -> Measured:

@@ -1,23 +1,23 @@
 """The guards of a deck: when they measure, on which spheres, and their results.
 
-A guard is a number that LAMMPS computes from contacts or spheres at regular *looks*, and the limit above which it
-triggers. A guard is in the deck only if its effect is not. A line of the thermo table holds the extremes over all looks
-since the line before, and the first time among them at which a limit was passed.
+A guard is a number that LAMMPS computes from contacts or spheres at *looks*, and the limit above which it triggers. A
+guard is in the deck only if its effect is not. Each look is a line of the thermo table.
 
-Looks are frequent enough for the motion (`fastest`), and a look judges only the spheres whose state can still affect
-the record (`_inside`). The guards are defined with their effects (`granular_lmp.effects`).
+Looks are as frequent as the motion needs (`granular_lmp.lammps.pace`), and a look judges only the spheres whose state
+can still affect the record (`_inside`). The guards are defined with their effects (`granular_lmp.effects`).
 """
 
 from math import pi
 
 from granular_lmp.crystal.modes import Mode, highest_frequency
 from granular_lmp.effects.contact_opening import GUARD as OPEN
-from granular_lmp.effects.guard import LOOKS, NEVER, TOP, kept_at_looks, watches_part
+from granular_lmp.effects.guard import LOOKS, TOP, watches_part
 from granular_lmp.effects.openings import changed_lines, counted_lines
 from granular_lmp.effects.reading import Reading, contact_lines, nearly_open, overlap_lines
 from granular_lmp.effects.selection import guards as all_guards
 from granular_lmp.effects.sliding import GUARD as SLIP
-from granular_lmp.effects.sliding import sliding_force, slip_lines
+from granular_lmp.effects.sliding import slip_lines
+from granular_lmp.lammps import pace
 from granular_lmp.lammps.outputs import CONTACTS, UNWAVED_CONTACTS
 from granular_lmp.problem import Problem
 from granular_lmp.scene.at_rest import swiftness
@@ -32,6 +32,7 @@ LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
 
 # Extremes over all contacts, also those that cannot affect the record: held ends cut a wave off and shear their
 # neighbours strongly
+NEXT = "v_next"  # column of the step of the next look
 ELSEWHERE = ("v_open_all", "v_slip_all", "v_overlap_all")
 
 
@@ -142,41 +143,39 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
     steps, longest = look_interval(problem), _look_time(problem) * (1 + 1e-9)
     text: list[str] = []
     for guard in watched:
-        of_contacts = _of_contacts("inside", "looks", how) if guard.of_contacts else []
+        of_contacts = _of_contacts("inside", "", how) if guard.of_contacts else []
         text += [line for line in (*of_contacts, *guard.lines(problem)) if line not in text]
-    for guard in watched:
-        name = guard.name
-        text.append(
-            f"variable     {name}_when vector look(v_tau)+{NEVER:g}*({guard.limit_in(scene)!r}>=v_{name}_looks)"
-        )
-    text += _extremes(names)
-    kept, text = kept_at_looks(text, "v_tau")
-    text += [
-        f"# {LOOKS} looks in a period of the fastest motion that matters; at every step if -var made steps too long",
-        f"variable     look equal $(ternary((v_steps%{steps}==0)*({longest:.6g}>={steps}*v_step/v_t0),{steps},1))",
-        *counted_lines(problem),
-        # Unlimited, it would fill the memory in a long run
-        f"fix          looks all vector ${{look}} {' '.join(kept)} nmax {_looks_per_line(problem) + 1}",
-    ]
     if part:
         *missing, open_all = changed_lines(problem, everywhere=True)
         text += [
             "# for information: the same for all spheres, also those that cannot affect the record; no run fails by it",
-            *_of_contacts("all", "all", how),
+            *_of_contacts("all", "_all", how),
             *missing,
-            *(slip_lines("all", how) if SLIP.title in names else []),
+            *(slip_lines("_all", how) if SLIP.title in names else []),
             open_all,
         ]
-    if undecided := [name for name in names if GUARDS[name].per_contact(scene) and name in problem.left_out]:
-        text += _written_out(undecided, scene, how, checkpoint)
     return [
         "# --- guards: proof that the effects this deck leaves out do not occur",
+        "thermo_style custom step",
+        "run          0 post no  # so that there are forces when the step of the next look is computed",
         *_inside(problem),
+        f"# at most {LOOKS} looks in a period of the fastest motion; at every step if -var made steps too long",
+        f"variable     look equal $(ternary((v_steps%{steps}==0)*({longest:.6g}>={steps}*v_step/v_t0),{steps},1))",
         *text,
+        *counted_lines(problem),
+        *pace.lines(problem, fastest(scene, problem.mode)),
+        f'fix          looks all print v_next "{_row(problem)}"',
+        *_written_out(problem, how, checkpoint),
         f"thermo_style custom step {' '.join(columns(problem))}",
-        "thermo_modify flush yes  # the log of a killed run holds them too",
+        "thermo_modify flush yes format float %.10g  # the log of a killed run holds them too",
         f"thermo       $(v_look*{_looks_per_line(problem)})",
     ]
+
+
+def _row(problem: Problem) -> str:
+    """Return the text of a look: a line of the thermo table, without what is measured at its own lines only."""
+    words = ["nan" if name in ELSEWHERE else f"$({name}:%.10g)" for name in columns(problem)]
+    return " ".join(["$(step)", *words])
 
 
 def _of_meetings(problem: Problem) -> list[str]:
@@ -192,22 +191,14 @@ def _of_meetings(problem: Problem) -> list[str]:
     ]
 
 
-def _extremes(names: list[str]) -> list[str]:
-    """Return the lines of the thermo columns of some guards: extremes over the looks since the line before."""
-    text = []
-    for name in (GUARDS[name].name for name in names):
-        text += [f"variable     {name} equal max(v_{name}_looks)", f"variable     {name}_at equal min(v_{name}_when)"]
-    return [*text, "variable     overlap equal min(v_overlap_looks)"]
-
-
 def columns(problem: Problem) -> list[str]:
     """Return the names of the thermo columns behind the step."""
     names = problem.guards
     if problem.scene.loose:
         return ["v_tau", *(GUARDS[name].column for name in names)]
-    own = [column for name in names for column in (GUARDS[name].column, f"{GUARDS[name].column}_at")]
+    own = [GUARDS[name].column for name in names]
     others = ELSEWHERE if watches_part(problem.scene) else ()
-    return ["v_tau", *own, "v_overlap", *(name for name in (*others, "v_mu") if _is_there(name, names))]
+    return ["v_tau", *own, "v_overlap", NEXT, *(name for name in (*others, "v_mu") if _is_there(name, names))]
 
 
 def _is_there(text: str, names: list[str]) -> bool:
@@ -215,39 +206,39 @@ def _is_there(text: str, names: list[str]) -> bool:
     return "largest_slip" in names or ("slip" not in text and "mu" not in text)
 
 
-def _of_contacts(group: str, of: str, how: Reading) -> list[str]:
-    return [*contact_lines(group, "_all" if of == "all" else "", how), *overlap_lines(of, how)]
+def _of_contacts(group: str, tag: str, how: Reading) -> list[str]:
+    return [*contact_lines(group, tag, how), *overlap_lines(tag, how)]
 
 
-def _written_out(names: list[str], scene: Scene, how: Reading, checkpoint: str) -> list[str]:
+def _written_out(problem: Problem, how: Reading, checkpoint: str) -> list[str]:
     """Return the lines that dump each contact while a guard that is an upper bound does not decide, to judge it alone.
 
     LAMMPS counts contacts before it asks whether to skip. A dump whose interval is a time counts those that the look
     has computed, while one whose interval is in steps has them computed again.
     """
+    scene = problem.scene
+    names = [name for name in problem.guards if GUARDS[name].per_contact(scene) and name in problem.left_out]
+    if not names:
+        return []
     columns, numbers, ends = "c_contact[1] c_contact[2]", "%.17g %.9g", []
     if how.whole:
         columns, numbers = f"{columns} c_contact[3]", f"{numbers} %.9g"
     if not how.lengths:
         columns, numbers = f"c_ends[1] c_ends[2] {columns}", f"%.0f %.0f {numbers}"
         ends = [f"compute      ends inside property/local patom1 patom2 cutoff {how.formulas.cutoff}"]
-    force = sliding_force("now", how).replace("v_mu", "$(v_mu:%.17g)")  # parsed at every look
-    slip = f"{SLIP.limit_in(scene)!r}>=c_extreme[2]/{force}"
-    opens = f"v_overlap_now>={nearly_open(scene):.4f}"
-    holds = {SLIP.title: f"({slip})", OPEN.title: f"({opens})"}
-    decided, skip = (
-        (slip, "slip_holds") if names == [SLIP.title] else ("&&".join(holds[name] for name in names), "decided")
-    )
+    holds = {
+        SLIP.title: f"({SLIP.limit_in(scene)!r}>=v_slip)",
+        OPEN.title: f"(v_overlap>={nearly_open(scene):.4f})",
+    }
     bound = " or ".join({SLIP.title: "v_slip", OPEN.title: "v_overlap"}[name] for name in names)
     return [
         f"# each contact, distance and shear force, at the looks where the bound {bound} does not decide; the interval",
         "# is a time, as LAMMPS would compute the contacts again for a dump whose interval is in steps",
         *ends,
-        *overlap_lines("now", how),
-        f"variable     {skip} equal {decided}",
-        "variable     next_look equal time+dt*(${look}-step%${look})",
+        f"variable     decided equal {'&&'.join(holds[name] for name in names)}",
+        "variable     next_look equal time+dt*(v_next-step)",
         f"dump         contacts all local ${{look}} ${{dump}}.contacts {columns}",
-        f'dump_modify  contacts every/time v_next_look first yes skip v_{skip} format line "{numbers}"'
+        f'dump_modify  contacts every/time v_next_look first yes skip v_decided format line "{numbers}"'
         + " append yes" * bool(checkpoint),
     ]
 
@@ -268,5 +259,5 @@ def header(problem: Problem) -> list[str]:
         )
         for guard in judged
     ]
-    top = "# A line of the thermo table holds extremes since the one before. The run is invalid, from v_NAME_at on, if"
+    top = "# A line of the thermo table is a look at all contacts. The run is invalid from the line on in which"
     return [top, *limits] if limits else []

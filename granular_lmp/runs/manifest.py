@@ -178,9 +178,7 @@ def lacking(problem: Problem, log: RunLog, info: Mapping[str, Any]) -> str:
     older = "adopted" in info and first_decks(table)
     every = log.every if older else line_interval(problem)
     missed = sorted({*range(0, last, every), last} - {*map(int, table.get("Step", ()))})
-    ends = ("",) if older or problem.scene.loose else ("", "_at")
-    needed = {name: {f"{GUARDS[name].column}{end}" for end in ends} for name in info["guards"]}
-    absent = [name for name, needs in needed.items() if not needs <= set(table)]
+    absent = [name for name in info["guards"] if GUARDS[name].column not in table]
     if missed or absent:
         return f"the log lacks {f'step {missed[0]}' if missed else f'the guard {absent[0]}'}"
     return ""

@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
-from granular_lmp.lammps.guards import ELSEWHERE
 from granular_lmp.lammps.installation import environment, lammps_module, lmp_command
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, read_log
@@ -30,6 +29,8 @@ from granular_lmp.runs.phases import phase
 
 FEWEST_FILES = 64  # open files; a run of one rank needs 24 (measured), and each other run of the process its own
 _POLL = 0.1  # s between two progress reports, and the longest wait for a program to stop
+# A stopped run writes a checkpoint. LAMMPS sets its fixes up again before that, which the one that looks cannot be
+LAST_COMMANDS = ("thermo_style custom step", "unfix looks", f"write_restart {CHECKPOINTS[0]}")
 _GRACE = 0.5  # s between the request to stop and the kill of a program
 _one_at_a_time = threading.Lock()  # for LAMMPS in this process
 
@@ -128,9 +129,7 @@ def _run_module(module: Any, kernel: Path | None, job: Job) -> None:
             # Before its first step a run may not hold the wave yet, and a checkpoint would save no time
             if job.columns and instance.extract_global("ntimestep") > 0:
                 with _uninterrupted():
-                    for command in _to_next_look(instance):
-                        pool.submit(instance.command, command).result()
-                    for command in _last_commands(instance, job.columns):
+                    for command in LAST_COMMANDS:
                         pool.submit(instance.command, command).result()
             raise
         finally:
@@ -148,25 +147,6 @@ def _uninterrupted() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def _to_next_look(instance: Any) -> list[str]:
-    """Commands that take a stopped run on to a step at which guards look: LAMMPS continues their table only there."""
-    steps = -instance.extract_global("ntimestep") % int(instance.extract_variable("look"))
-    return ["thermo_style custom step", "timer timeout off", f"run {steps} pre no post no"] if steps else []
-
-
-def _last_commands(instance: Any, columns: tuple[str, ...]) -> list[str]:
-    """Return the commands that write a checkpoint and a thermo table of the step at which a run was stopped.
-
-    LAMMPS writes no line at the step of a stop, so that the run would lose its last looks. What is measured at lines
-    only is "nan". The continuation begins with no looks. LAMMPS sets the fix that holds them up again before it writes
-    a checkpoint, for a run of no steps, which after a continuation it cannot: the fix has to go first.
-    """
-    words = ["nan" if name in ELSEWHERE else repr(instance.extract_variable(name[2:])) for name in columns]
-    table = [" ".join(("Step", *columns)), " ".join((str(instance.extract_global("ntimestep")), *words))]
-    prints = [f'print "{line}"' for line in table]
-    return ["thermo_style custom step", "unfix looks", f"write_restart {CHECKPOINTS[0]}", *prints]
 
 
 def _this_rank() -> Any:
