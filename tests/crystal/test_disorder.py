@@ -21,7 +21,7 @@ def test_no_disorder_leaves_the_lattice_as_it_is() -> None:
     crystal, materials = imperfect(SHEET, SILICA)
     assert materials == (SILICA,)
     assert crystal.info["isolated"] == 0
-    assert crystal.info["disorder"] == {"radius": 0.0, "density": 0.0, "vacancies": 0.0, "seed": 1}
+    assert crystal.info["disorder"] == {"radius": 0.0, "density": 0.0, "stiffness": 0.0, "vacancies": 0.0, "seed": 1}
     assert (crystal.positions == SHEET.positions).all()
     assert (crystal.cell.array == SHEET.cell.array).all()
     assert all((crystal.arrays[name] == SHEET.arrays[name]).all() for name in SHEET.arrays)
