@@ -65,7 +65,7 @@ witness: .venv/ready
 gallery: .venv/ready
 	mkdir -p runs && sed -n '/^```toml/,/^```/{/^```/!p}' README.md > runs/first.toml
 	$(BIN)/granular-lmp run runs/first.toml -o runs/first --force && $(BIN)/granular-lmp view runs/first -o figures/gallery/first.png
-	sed -n 's/^\$$ //p' docs/gallery.md | PATH="$(CURDIR)/$(BIN):$$PATH" sh -ex
+	sed -n '/^```console/,/^```/{/^```/!s/^\($$ \)\{0,1\}//p}' docs/gallery.md | PATH="$(CURDIR)/$(BIN):$$PATH" sh -ex
 
 test: .venv/ready
 	$(BIN)/ruff check .
