@@ -142,7 +142,7 @@ def test_at_rest_the_constants_over_those_of_the_dmt_law_are_numbers() -> None:
     assert JKR.pull_off_force / DMT.pull_off_force == pytest.approx(0.75, rel=ROUNDED)
     assert LAW.softening(JKR.static_overlap) == pytest.approx((0.22, 0.2), rel=ROUNDED)
     per_metre = [sphere.nonlinearity(1.0) / sphere.static_overlap for sphere in (JKR, DMT)]
-    # Numbers of docs/adhesion-laws.md at ν = 0.17, to their last digit
+    # At ν = 0.17, to the last digit
     assert per_metre[0] / per_metre[1] == pytest.approx(0.9987, abs=5e-5)
     assert JKR.time_scale / DMT.time_scale == pytest.approx(1.0004, abs=5e-5)
     assert JKR.pull_off_distance / JKR.static_overlap == pytest.approx(2 ** (-1 / 3) / 2, rel=ROUNDED)
