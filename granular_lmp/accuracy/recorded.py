@@ -18,10 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.accuracy.extrapolation import combined
+from granular_lmp.effects.on_walls import FACES
 from granular_lmp.lammps.binary_dump import BinarySnapshot, binary_snapshots, write_binary
+from granular_lmp.lammps.monitors import wall_columns
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, SNAPSHOTS
 from granular_lmp.runs.components import by_axis, components, rates
-from granular_lmp.runs.monitors import ContactForces, MonitorRecord
+from granular_lmp.runs.contact_forces import ContactForces
+from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.places import spheres_at
@@ -37,6 +40,7 @@ _MOVED = {
     *("normal", "v_theta"),
     *(f"{name}{axis}" for name in ("", "v", "omega", "tangential_", "rolling_") for axis in "xyz"),
     *(f"{name}.{axis}" for name in ("Displacement", "Orientation") for axis in "WXYZ"),
+    *(name for face in FACES for name in wall_columns(face, "xyz")[2:]),
 }
 _HEAD = 9  # lines of a snapshot before its spheres
 
@@ -109,12 +113,12 @@ def _moving_parts(
 
 def _aligned(pairs: Sequence[ContactForces], name: str) -> Iterator[Floats]:
     """Yield the forces of several runs, (T, C) each, on the contacts that touched in any of them."""
-    every = sorted({pair for each in pairs for pair in zip(each.i.tolist(), each.j.tolist(), strict=True)})
+    every = sorted({pair for each in pairs for pair in each.pairs})
     place = {pair: column for column, pair in enumerate(every)}
     for each in pairs:
         values = getattr(each, name)
         whole = np.zeros((len(values), len(every), *values.shape[2:]))
-        whole[:, [place[pair] for pair in zip(each.i.tolist(), each.j.tolist(), strict=True)]] = values
+        whole[:, [place[pair] for pair in each.pairs]] = values
         yield whole
 
 

@@ -55,7 +55,7 @@ def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
         wall(
             model(rigid(each), problem.units, **law) if problem.scene.loose else _against(problem, name, m - 1, law),
             f"{name[0]}plane {f'{place!r} NULL' if name.endswith('lo') else f'NULL {place!r}'}"
-            + " contacts" * (not problem.scene.loose),
+            + " contacts" * (not problem.scene.loose or any(each.with_contacts for each in problem.scene.monitor)),
             name=f"{name}{m}",
             group=f"material{m}",
         )

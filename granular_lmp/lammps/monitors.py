@@ -1,12 +1,15 @@
 """The lines of a deck that record monitors: the motion of their spheres, and the forces of their contacts.
 
 The motion is a binary dump with the columns of a snapshot of all spheres. Contacts are a text dump, as LAMMPS writes
-``dump local`` in no other form; it holds those between all spheres in and around a monitor.
+``dump local`` in no other form; it holds those between all spheres in and around a monitor. The forces of walls stand
+with the motion.
 """
 
 from pathlib import Path
 
+from granular_lmp.effects.freedoms import axes
 from granular_lmp.effects.law_formulas import FORMULAS
+from granular_lmp.effects.on_walls import FACES
 from granular_lmp.lammps.binary_dump import CONTINUED, binary_snapshots
 from granular_lmp.lammps.blocks import apart
 from granular_lmp.lammps.datafile import id_ranges
@@ -27,6 +30,26 @@ def contact_columns(scene: Scene) -> tuple[str, ...]:
     axes = "xyz"[: scene.space]
     tangential, rolling = (tuple(f"{name}_{axis}" for axis in axes) for name in ("tangential", "rolling"))
     return ("first", "second", "normal", *tangential, *axes, *(rolling if scene.effects.rolling is True else ()))
+
+
+def wall_columns(face: str, axes: str) -> tuple[str, ...]:
+    """Return the columns of a wall in a dump of motion, of each sphere: 0 where it does not touch.
+
+    They are 1 where the sphere touches, the place of the wall along its axis, and the force of the wall on the sphere.
+    """
+    return tuple(f"wall_{face}_{each}" for each in ("touch", "place", *(f"f{axis}" for axis in axes)))
+
+
+def _wall_lines(problem: Problem) -> list[str]:
+    """Return the variables of `wall_columns`, sums over the materials, of which each has its own fix."""
+    lines, materials = [], range(1, len(problem.materials) + 1)
+    for face in problem.planes:
+        kept = (1, FACES[face][0] + 5, 2, 3, 4)  # of `fix wall/gran ... contacts`
+        for name, column in zip(wall_columns(face, axes(problem)), kept, strict=False):
+            lines.append(f"variable     {name} atom {'+'.join(f'f_{face}{m}[{column}]' for m in materials)}")
+    if not lines or not any(each.monitor.with_contacts for each in problem.monitors):
+        return []
+    return ["# --- walls of monitors: whether a sphere touches, where the wall is, and its force on the sphere", *lines]
 
 
 def _values(scene: Scene) -> str:
@@ -64,19 +87,24 @@ def is_whole(path: Path, records: int, last: int) -> bool:
 
 def monitors(problem: Problem, checkpoint: str = "") -> list[str]:
     """Return the blocks of all monitors of a problem; from a checkpoint on, their dumps are continued."""
-    return apart(_monitor(number, each, problem, checkpoint) for number, each in enumerate(problem.monitors, 1))
+    own = [_monitor(number, each, problem, checkpoint) for number, each in enumerate(problem.monitors, 1)]
+    walls = _wall_lines(problem)
+    return apart([walls, *own] if walls else own)
 
 
 def _monitor(number: int, placed: PlacedMonitor, problem: Problem, checkpoint: str) -> list[str]:
     # With the cutoff "type" pairs that LAMMPS has no contact of are among them: their vector is 0
     cutoff, scene = FORMULAS[problem.scene.material.adhesion_law].cutoff, problem.scene
     name, tag = f"monitor{number}", str(number)
+    walls = [each for face in problem.planes for each in wall_columns(face, axes(problem))]
+    own = [f"v_{each}" for each in walls if placed.monitor.with_contacts]
+    named = [sphere_names(problem), *(f"colname {each} {each[2:]}" for each in own)]
     file = MONITOR.format(placed.monitor.name + (CONTINUED if checkpoint else ""))
     lines = [
         f"# --- {name}: {placed.monitor.name}, {placed.words}",
         f"group        {name} id {id_ranges(placed.spheres)}",
-        f"dump         {name} {name} custom ${{every}} {file} {sphere_columns(problem)}",
-        f"dump_modify  {name} sort id {sphere_names(problem)}",
+        f"dump         {name} {name} custom ${{every}} {file} {' '.join([sphere_columns(problem), *own])}",
+        f"dump_modify  {name} sort id {' '.join(named)}",
     ]
     if placed.monitor.with_contacts:
         titles = contact_columns(scene)

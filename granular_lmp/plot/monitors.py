@@ -11,10 +11,14 @@ from granular_lmp.runs.monitors import MonitorRecord
 MOST_LINES = 8  # Of more, their mean is drawn between the least and the largest of them
 # Symbol of each signal, and its unit beside a wave and without one
 _SIGNALS = {
-    "motion": {"u": ("$u$", "D_0", r"\ell"), "v": ("$v$", "D_0", r"\ell"), "phi": (r"$R\theta$", "D_0", r"\ell")},
+    "motion": {
+        **{name: (f"${name}$", "D_0", r"\ell") for name in "uvw"},
+        **{f"phi{axis}": (rf"$R\theta_{axis}$" if axis else r"$R\theta$", "D_0", r"\ell") for axis in ("", *"xyz")},
+    },
     "contacts": {
         "normal": ("normal force", "k_1 D_0", r"m\ell/t_0^2"),
         "shear": ("shear force", "k_1 D_0", r"m\ell/t_0^2"),
+        **{f"shear_{axis}": (f"shear force along {axis}", "k_1 D_0", r"m\ell/t_0^2") for axis in "xyz"},
         "overlap": ("overlap", r"\Delta_0", r"\ell"),
     },
     "flux": {"flux": ("flux along $y$", "k_1 D_0^2/t_0", r"m\ell^2/t_0^3")},
@@ -31,7 +35,7 @@ def monitor_figure(monitor: MonitorRecord) -> Picture:
     """
     columns, times = monitor.columns(), monitor.tau
     known = _SIGNALS[monitor.monitor.what]
-    found = {name: columns[name].reshape(len(times), -1) for name in known if len(times)}
+    found = {name: columns[name].reshape(len(times), -1) for name in known if name in columns and len(times)}
     moving = {name: values for name, values in found.items() if np.nan_to_num(values).any()}
     if not moving:
         raise ViewError(f"monitor {monitor.monitor.name}: recorded nothing but zeros; there is nothing to draw")
@@ -58,7 +62,10 @@ def _labels(monitor: MonitorRecord, columns: dict[str, NDArray[np.float64]]) -> 
         return [f"row {number}" for number in columns["row"][:count]]
     pairs = zip(row, column, strict=True)
     ends = [zip(columns[r][:count], columns[c][:count], strict=True) for r, c in pairs]
-    return [" – ".join(f"[{r}, {c}]" for r, c in places) for places in zip(*ends, strict=True)]
+    between = [[f"[{r}, {c}]" for r, c in places] for places in zip(*ends, strict=True)]
+    for places, partner in zip(between, columns.get("partner", []), strict=False):
+        places[1:] = places[1:] if partner == "sphere" else [partner]
+    return [" – ".join(places) for places in between]
 
 
 def _draw(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64], labels: list[str]) -> None:

@@ -18,7 +18,7 @@ OVITO reads ``monitor.NAME.bin`` as a binary LAMMPS dump with the columns of a s
 as a ``dump local``; ``pandas.DataFrame(monitor.columns())`` is a table of either.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
@@ -27,11 +27,13 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.effects.on_walls import FACES
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.binary_dump import binary_snapshots
-from granular_lmp.lammps.monitors import contact_columns
+from granular_lmp.lammps.monitors import contact_columns, wall_columns
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshots
 from granular_lmp.runs.components import by_axis, components, rates
+from granular_lmp.runs.contact_forces import ContactForces
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.scales import force_of, length_of
 from granular_lmp.runs.seal import refuse_changed_record
@@ -44,63 +46,6 @@ from granular_lmp.scene.schema import allowed_names
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class ContactForces:
-    """Contacts of the spheres of a monitor over time: all that touched at any time.
-
-    Forces are nan at a time of which a killed run has recorded the motion and not the contacts.
-
-    Attributes
-    ----------
-    i, j : (C,) int arrays
-        Indices of the two spheres in the crystal, i < j.
-    vector : (T, C, 2) array, in space (T, C, 3)
-        From the centre of i to that of j, in R; nan while they do not touch.
-    normal : (T, C) array
-        Force along n = vector/|vector| on j, in k1 D0: positive where it pushes the two apart; 0 while they do not
-        touch. It holds the static force, which is 0 in an adhesive crystal that nothing presses.
-    shear : (T, C) array, in space (T, C, 3)
-        Force on j along t = ẑ × n, n turned by +90°, in k1 D0; in space the force across n as a vector.
-    overlap : (T, C) array
-        In Δ0; nan while they do not touch.
-    rolling : (T, C) array, in space (T, C, 3)
-        Torque of the roll on j about z, in k1 D0 R, and its opposite on i; 0 where contacts roll freely. In space a
-        vector.
-    """
-
-    i: Integers
-    j: Integers
-    vector: Floats
-    normal: Floats
-    shear: Floats
-    overlap: Floats
-    rolling: Floats
-
-    @property
-    def force(self) -> Floats:
-        """Force on j, (T, C, 2) or in space (T, C, 3), in k1 D0; that on i is its opposite."""
-        direction = self.direction
-        if self.shear.ndim == 3:
-            return self.normal[..., None] * direction + self.shear
-        across = np.stack([-direction[..., 1], direction[..., 0]], axis=-1)
-        return self.normal[..., None] * direction + self.shear[..., None] * across
-
-    @property
-    def direction(self) -> Floats:
-        """Unit vector n from i to j, as `vector`; 0 while they do not touch."""
-        return np.nan_to_num(self.vector / np.linalg.norm(self.vector, axis=-1, keepdims=True))
-
-    def torque(self, end: str, arm: Floats) -> Floats:
-        """Return the torque on the spheres at one end, "i" or "j", whose shear has a lever arm, (T, C), in k1 D0 R.
-
-        The torque of the shear has the same sense on both, that of the roll the opposite.
-        """
-        roll = self.rolling if end == "j" else -self.rolling
-        if self.shear.ndim == 2:
-            return roll - arm * self.shear
-        return roll - arm[..., None] * np.cross(self.direction, self.shear)
 
 
 @dataclass(frozen=True, repr=False)
@@ -239,7 +184,7 @@ class MonitorRecord:
                 unknown[when[step]] = False
                 times.append(np.full(len(table), when[step]))
                 tables.append(table)
-        return self._by_pair(np.concatenate(times), np.concatenate(tables), unknown)
+        return self._with_walls(self._by_pair(np.concatenate(times), np.concatenate(tables), unknown))
 
     def _by_pair(self, time: Integers, table: Floats, unknown: NDArray[np.bool_]) -> ContactForces:
         """Return the contacts of the monitor's spheres from the lines of the dump; nan at times that are unknown."""
@@ -273,7 +218,52 @@ class MonitorRecord:
             rolling[time, pair] = (arm if space == 2 else arm[:, None]) * torque
         length = np.linalg.norm(vector, axis=-1)
         overlap = (radius[of_i] + radius[of_j] - length) * sphere.radius / self.scene.scale.length
-        return ContactForces(of_i, of_j, vector, normal, shear, overlap, rolling)
+        return ContactForces(of_i, of_j, vector, normal, shear, overlap, rolling, np.full(len(of_i), "", dtype="<U3"))
+
+    @property
+    def walls(self) -> list[str]:
+        """Faces of the walls whose forces are recorded; none in runs of earlier releases."""
+        return [face for face in FACES if wall_columns(face, "")[0] in self._motion[1]]
+
+    def _with_walls(self, contacts: ContactForces) -> ContactForces:
+        """Return contacts with those of the monitor's spheres with walls added."""
+        for face in self.walls:
+            added = self._on_wall(face)
+            parts = {each.name: (getattr(contacts, each.name), getattr(added, each.name)) for each in fields(contacts)}
+            contacts = ContactForces(
+                **{name: np.concatenate(each, axis=-1 if each[0].ndim == 1 else 1) for name, each in parts.items()}
+            )
+        return contacts
+
+    def _on_wall(self, face: str) -> ContactForces:
+        """Return the contacts of the monitor's spheres with one wall."""
+        space, columns, units = self.scene.space, self._motion[1], self.scene.units
+        touch, place, *force = (columns[name] for name in wall_columns(face, "xyz"[:space]))
+        ever = touch.any(axis=0)
+        index, touches = self.spheres[ever], touch[:, ever] > 0
+        axis, inward = FACES[face]
+        n = np.zeros(space)
+        n[axis] = -inward
+        foot = (place - columns["xyz"[axis]])[:, ever] / units.number(self.scene.sphere.radius, length=1)
+        vector = np.zeros((*foot.shape, space))
+        vector[..., axis] = foot
+        vector[~touches] = np.nan
+        # the force is on the sphere
+        pull = -np.stack(force, axis=-1)[:, ever] / units.number(force_of(self.scene), mass=1, length=1, time=-2)
+        normal = pull @ n
+        shear = pull - normal[..., None] * n if space == 3 else n[0] * pull[..., 1] - n[1] * pull[..., 0]
+        overlap = (self.crystal.arrays["radius"][index] - np.abs(foot)) * self.scene.sphere.radius
+        overlap = np.where(touches, overlap / self.scene.scale.length, np.nan)
+        return ContactForces(
+            index,
+            np.full_like(index, -1),
+            vector,
+            normal,
+            shear,
+            overlap,
+            np.zeros_like(shear),
+            np.full(len(index), face),
+        )
 
     def power(self, end: str) -> Floats:
         """Return the power P = F·v + T ω of each contact on the spheres at one end, (T, C), in k1 D0²/t0.
@@ -281,15 +271,16 @@ class MonitorRecord:
         Parameters
         ----------
         end : "i" or "j"
-            It is 0 for spheres that are not of the monitor.
+            It is 0 for spheres that are not of the monitor, and for walls, which are at rest.
         """
         contacts, ratio = self.contacts, self.scene.scale.length / self.scene.sphere.radius
         index = getattr(contacts, end)
         place = np.searchsorted(self.spheres, index).clip(max=len(self.spheres) - 1)
         own = self.spheres[place] == index
         force = contacts.force if end == "j" else -contacts.force
-        # LAMMPS's lever arm
-        arm = self.crystal.arrays["radius"][index] - np.nan_to_num(contacts.overlap) * ratio / 2
+        # LAMMPS's lever arm: half of an overlap is each sphere's, and none of it a wall's
+        shared = np.where(contacts.wall == "", np.nan_to_num(contacts.overlap) * ratio / 2, 0.0)
+        arm = self.crystal.arrays["radius"][index] - shared
         turning = contacts.torque(end, arm) * self.spin[:, place]
         turning = turning if turning.ndim == 2 else turning.sum(axis=-1)
         return np.where(own, np.sum(force * self.velocity[:, place], axis=-1) + turning, 0.0)
@@ -318,12 +309,12 @@ class MonitorRecord:
                 f'monitor {self.monitor.name}: what = "{self.monitor.what}": holds no flux; run its scene with '
                 'what = "flux" for rows'
             )
-        row = self.crystal.arrays["row"]
+        row, between = self.crystal.arrays["row"], self.contacts.wall == ""
         flux = np.zeros((len(self.tau), len(self.rows)))
         for end, other in (("i", "j"), ("j", "i")):
-            of, to = (row[getattr(self.contacts, name)] for name in (end, other))
+            of, to = (row[getattr(self.contacts, name)[between]] for name in (end, other))
             up = row_step(to - of, self.scene.shape)  # 1 if the contact leads to the row above
-            flux -= self.power(end) @ (0.5 * up[:, None] * (of[:, None] == self.rows))
+            flux -= self.power(end)[:, between] @ (0.5 * up[:, None] * (of[:, None] == self.rows))
         return flux
 
     @property
@@ -336,14 +327,21 @@ class MonitorRecord:
 
         Of motion a line for each time and sphere: tau, row, column, u, v, phi, and the rates u_t, v_t, phi_t. Of
         contacts one for each time and contact: tau, row and column of both spheres, normal, shear, overlap, and rolling
-        where contacts resist it. Of flux one for each time and row: tau, row, flux.
+        where contacts resist it; beside walls also partner, "sphere" or "wall zlo", whose row and column are −1. Of
+        flux one for each time and row: tau, row, flux.
         """
         if self.monitor.what == "flux":
             return self._long({"row": self.rows}, {"flux": self.flux})
         if self.monitor.what == "contacts":
             contacts, arrays = self.contacts, self.crystal.arrays
             ends = {"i": contacts.i, "j": contacts.j}
-            which = {f"{name}_{end}": arrays[name][index] for end, index in ends.items() for name in ("row", "column")}
+            which: dict[str, NDArray[Any]] = {
+                f"{name}_{end}": np.where(index < 0, -1, arrays[name][index])
+                for end, index in ends.items()
+                for name in ("row", "column")
+            }
+            if self.walls:
+                which["partner"] = np.array([f"wall {face}" if face else "sphere" for face in contacts.wall])
             rolls = ("rolling",) if self.scene.effects.rolling is True else ()
             values: dict[str, Floats] = {}
             for name in ("normal", "shear", "overlap", *rolls):
@@ -353,7 +351,7 @@ class MonitorRecord:
         moving |= rates(self.velocity, self.spin)
         return self._long({"row": self.row, "column": self.column}, moving)
 
-    def _long(self, which: dict[str, Integers], values: dict[str, Floats]) -> dict[str, NDArray[Any]]:
+    def _long(self, which: dict[str, NDArray[Any]], values: dict[str, Floats]) -> dict[str, NDArray[Any]]:
         times, count = len(self.tau), len(next(iter(which.values())))
         named: dict[str, NDArray[Any]] = {name: np.tile(numbers, times) for name, numbers in which.items()}
         return {"tau": np.repeat(self.tau, count)} | named | {name: each.ravel() for name, each in values.items()}

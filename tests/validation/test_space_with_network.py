@@ -12,7 +12,7 @@ from analysis.measure.harmonic import by_cell
 from analysis.measure.signals import IN_SPACE, recorded
 from analysis.measure.snapshot import first_snapshot
 from analysis.theory.network_motion import integrate
-from analysis.theory.network_state import loaded
+from analysis.theory.network_state import loaded, present
 from granular_lmp import Record, Scene, run
 
 TAU = {"time.duration": 10.0, "output.particles": 5.0}
@@ -63,6 +63,33 @@ def test_a_scene_in_space_moves_as_its_network(name: str, tmp_path: Path) -> Non
         np.testing.assert_allclose(seen[signal], values, rtol=0, atol=1e-6)
     assert max(np.abs(values).max() for values in found.signals) > 0.2
     assert all(name in table([found]) for name in IN_SPACE)
+
+
+WALLS = ("vertical", "square between two, JKR", "film", "dashpots")
+
+
+@pytest.mark.parametrize("name", WALLS)
+def test_forces_on_substrates_are_those_of_the_network(name: str, tmp_path: Path) -> None:
+    """Each sphere pushes and drags its substrate as in the network, which no force from LAMMPS enters."""
+    monitor = [{"name": "beside", "rows": [1, 2], "what": "contacts"}]
+    record = record_of(name, tmp_path, **{"time.timestep": 1e-3, "monitor": monitor})
+    contacts, first = record.monitor("beside").contacts, first_snapshot(record)
+    times = record.tau * first.time
+    reached = integrate(first.network, first.state, times, spheres=[first.recorded]).final
+    now, pairs, count = present(first.network, reached), reached.pairs, len(first.network.radius)
+    unit = first.scales.stiffness * first.length
+    faces = ["zlo" if wall.normal[2] < 0 else "zhi" for wall in first.network.walls]
+    on = {
+        (int(i), faces[j - count]): k
+        for k, (i, j) in enumerate(zip(pairs.first, pairs.second, strict=True))
+        if j >= count
+    }
+    at = [on[i, wall] for i, _, wall in contacts.pairs if wall]
+    walls = contacts.wall != ""
+    pushed = now.repulsion * now.normal - np.einsum("dkm,km->dm", now.tangents.along, now.shear)
+    expected, found = pushed[:, at].T / unit, contacts.force[-1, walls]
+    assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
+    assert np.abs(found - 1.01 * expected).max() > 5e-3 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("changed", ["normal force", "shear force", "height", "springs of pairs"])
