@@ -10,7 +10,7 @@
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make processors (the tests that depend on last digits, as on other processors; make test does it too),
 # make stability (hard cases, a few minutes: docs/stability.md),
-# make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
+# make guards (how often a guard is wrong, of 261 random scenes, ten minutes: docs/verification.md),
 # make ladders (how often a tolerance is missed, of 168 random scenes, and its cost, ten minutes: docs/accuracy.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md; and the network beside
 # LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
@@ -82,7 +82,7 @@ stability: .venv/ready
 	$(BIN)/pytest tests/hard/test_bad_input.py tests/hard/test_broken_decks.py --hypothesis-profile=thorough
 
 guards: .venv/ready
-	$(BIN)/python -m tests.hard.guard_study --write docs/effects.md
+	$(BIN)/python -m tests.hard.guard_study --write docs/verification.md
 
 ladders: .venv/ready
 	$(BIN)/python -m tests.hard.ladder_study --write docs/accuracy.md

@@ -1,6 +1,6 @@
 """Cost of each effect in time, and proof that leaving out what a scene does not call for changes nothing.
 
-    python -m benchmarks.effects [--repeats N] [--write docs/effects.md]
+    python -m benchmarks.effects [--repeats N] [--write docs/verification.md]
 
 Times are processor seconds of whole LAMMPS runs, set-up included, the smallest of runs that take turns, to which other
 work on the machine adds least; the tables hold ratios within one run of this script. With ``--write`` the tables

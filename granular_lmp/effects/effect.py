@@ -51,7 +51,7 @@ class Effect:
     loose : callable, optional
         The rule for loose spheres (`Scene.loose`); None where it is none there.
     cost : str
-        Cost in time as a factor, measured (docs/effects.md), or the word for a cost that depends on the scene.
+        Cost in time as a factor, measured (docs/verification.md), or the word for a cost that depends on the scene.
     loss : callable
         Description of the loss without the effect, Case → half a sentence.
     needs : str
@@ -152,7 +152,7 @@ class Chosen:
     guard : str
         Title of the guard in the deck, or "" without one.
     cost : str
-        Cost in time, measured (docs/effects.md).
+        Cost in time, measured (docs/verification.md).
     loss : str
         Loss without the effect; "nothing" if the scene does not call for it.
     """

@@ -5,7 +5,7 @@ From those, contacts are found and judged here in numpy, without LAMMPS's comput
 force from B ξ δ^{1/2} with the shear displacement ξ = t·(u_j − u_i) − R (θ_i + θ_j), dashpots from velocities.
 The rules are made to believe that nothing opens and nothing slides, so that guards judge every scene.
 
-    python -m tests.hard.guard_study --write docs/effects.md
+    python -m tests.hard.guard_study --write docs/verification.md
 """
 
 import argparse
