@@ -11,7 +11,7 @@
 # make processors (the tests that depend on last digits, as on other processors; make test does it too),
 # make stability (hard cases, a few minutes: docs/stability.md),
 # make guards (how often a guard is wrong, of 261 random scenes, ten minutes: docs/verification.md),
-# make ladders (how often a tolerance is missed, of 168 random scenes, and its cost, ten minutes: docs/accuracy.md),
+# make ladders (how often a tolerance is missed, of 168 random scenes, and its cost, ten minutes: docs/verification.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md; and the network beside
 # LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
@@ -85,7 +85,7 @@ guards: .venv/ready
 	$(BIN)/python -m tests.hard.guard_study --write docs/verification.md
 
 ladders: .venv/ready
-	$(BIN)/python -m tests.hard.ladder_study --write docs/accuracy.md
+	$(BIN)/python -m tests.hard.ladder_study --write docs/verification.md
 
 bench: .venv/ready
 	$(BIN)/python -m benchmarks -o figures/bench.png

@@ -6,7 +6,7 @@ the tolerance, or the signal does not count. The ladder is that of a run with ``
 estimate and next step are the functions that it calls. Its cost is compared with that of the cheapest ladder of two or
 three runs, n and 2n with 3n or 4n, that truly meets the tolerance, for any n.
 
-    python -m tests.hard.ladder_study --write docs/accuracy.md
+    python -m tests.hard.ladder_study --write docs/verification.md
 """
 
 import argparse
