@@ -65,7 +65,7 @@ def _bound(problem: Problem, free: list[str]) -> list[str]:
     return [
         f"# the next look is due when a sphere may have moved, or turned, by v_room: at most {GROWTH}(v t + a t^2/2)",
         *_rates(problem),
-        *([f"compute      far all reduce maxabs {columns}"] if any("c_far" in each for each in free) else []),
+        *(_farthest(columns, len(axes(problem))) if any("v_farthest" in each for each in free) else []),
         "# computes of one sphere keep numbers that formulas read more than once",
         "group        first id 1",
         *(f"variable     {name} atom {each}" for name, each in zip(names, [*free, "v_Delta0"], strict=True)),
@@ -76,6 +76,11 @@ def _bound(problem: Problem, free: list[str]) -> list[str]:
         "compute      pause first reduce max v_pause",
         "variable     looks equal c_pause",
     ]
+
+
+def _farthest(columns: str, count: int) -> list[str]:
+    """Return the lines of v_farthest, beyond which no sphere has gone: formulas of atoms take it, and no c_far[1]."""
+    return [f"compute      far all reduce maxabs {columns}", f"variable     farthest equal {_length('far', 0, count)}"]
 
 
 def _rates(problem: Problem) -> list[str]:
@@ -122,7 +127,7 @@ def _free(problem: Problem) -> list[str]:
     if OPEN.title in problem.left_out:
         free.append(f"(v_overlap-{nearly_open(scene):.4f})*{length}/2")
         if gap := nearest_gap(problem):
-            free.append(f"{problem.units.number(gap, length=1)!r}/2-{_length('far', 0, len(axes(problem)))}")
+            free.append(f"{problem.units.number(gap, length=1)!r}/2-v_farthest")
     if SLIP.title in problem.left_out:
         stiffness = problem.units.number(float(problem.contacts.shear_stiffness.max()), mass=1, time=-2)
         bears, touch = sliding_force("", how), f"v_overlap*{length}"
