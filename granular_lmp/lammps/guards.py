@@ -18,7 +18,7 @@ from granular_lmp.effects.selection import guards as all_guards
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import slip_lines
 from granular_lmp.lammps import pace
-from granular_lmp.lammps.outputs import CONTACTS, UNWAVED_CONTACTS
+from granular_lmp.lammps.outputs import CONTACTS, UNKNOWN, UNWAVED_CONTACTS
 from granular_lmp.problem import Problem
 from granular_lmp.scene.at_rest import swiftness
 from granular_lmp.scene.linear import physics_of, unit_contacts, usual_frequency
@@ -174,7 +174,7 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
 
 def _row(problem: Problem) -> str:
     """Return the text of a look: a line of the thermo table, without what is measured at its own lines only."""
-    words = ["nan" if name in ELSEWHERE else f"$({name}:%.10g)" for name in columns(problem)]
+    words = [UNKNOWN if name in ELSEWHERE else f"$({name}:%.10g)" for name in columns(problem)]
     return " ".join(["$(step)", *words])
 
 

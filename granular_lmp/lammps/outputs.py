@@ -27,6 +27,7 @@ UNWAVED_CONTACTS = f"{SNAPSHOTS}.contacts"  # those of a run without a wave, whi
 MONITOR = "monitor.{}.bin"  # motion of the spheres of a monitor, binary
 MONITOR_CONTACTS = "monitor.{}.contacts"  # forces of their contacts, text: LAMMPS writes no others
 LOG = "log.lammps"
+UNKNOWN = "-"  # in a line of a log, in place of a number that was not measured
 STATUS = "run.json"
 SWEEP = "sweep.json"
 COST = "cost.json"
@@ -348,7 +349,7 @@ def _log_of(text: str) -> RunLog:
             inside = False
         elif inside and len(words) == len(names):
             try:
-                row = [float(word) for word in words]
+                row = [nan if word == UNKNOWN else float(word) for word in words]
             except ValueError:
                 continue  # a warning between two thermo lines
             while tables[names] and tables[names][-1][0] > row[0]:

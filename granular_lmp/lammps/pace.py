@@ -74,7 +74,7 @@ def _bound(problem: Problem, free: list[str]) -> list[str]:
         f"variable     due equal v_room/({GROWTH!r}*v_swift+sqrt({GROWTH / 2!r}*v_gain*v_room)+{_SMALL!r})/(v_look*dt)",
         "variable     pause atom 1+floor((v_due+v_longest-abs(v_due-v_longest))/2)",
         "compute      pause first reduce max v_pause",
-        "variable     looks equal c_pause",
+        "variable     looks equal ternary(c_pause>1,c_pause,1)  # also where spheres blew up, or sphere 1 was lost",
     ]
 
 

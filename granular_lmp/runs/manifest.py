@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from granular_lmp import __version__
 from granular_lmp.crystal.lattices import HEXAGONAL, centre
 from granular_lmp.lammps.guard_results import first_decks, measured
-from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, fastest, line_interval, look_interval
+from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, NEXT, fastest, line_interval, look_interval
 from granular_lmp.lammps.outputs import LOG, LOOP_SECTIONS, RunLog
 from granular_lmp.problem import Problem
 from granular_lmp.runs.agreement import Signals, scene_digest
@@ -178,10 +178,15 @@ def lacking(problem: Problem, log: RunLog, info: Mapping[str, Any]) -> str:
     older = "adopted" in info and first_decks(table)
     every = log.every if older else line_interval(problem)
     missed = sorted({*range(0, last, every), last} - {*map(int, table.get("Step", ()))})
-    absent = [name for name in info["guards"] if GUARDS[name].column not in table]
-    if missed or absent:
-        return f"the log lacks {f'step {missed[0]}' if missed else f'the guard {absent[0]}'}"
-    return ""
+    if absent := [name for name in info["guards"] if GUARDS[name].column not in table]:
+        return f"the log lacks the guard {absent[0]}"
+    if missed:
+        return f"the log lacks step {missed[0]}"
+    if NEXT not in table:
+        return "" if "adopted" in info or problem.scene.loose else f"the log lacks the column {NEXT}"
+    due = np.maximum.accumulate(table[NEXT])[:-1]  # a line between two looks says when one would be due after it
+    late = np.flatnonzero(~(table["Step"][1:] <= due))
+    return f"the log lacks the look at step {due[late[0]]:.0f}" if late.size else ""
 
 
 def triggered(info: dict[str, Any]) -> list[str]:

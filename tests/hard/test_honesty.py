@@ -34,10 +34,10 @@ from tests.stand_in import of_first_format
 Edit = tuple[str, str]
 END = "run ${steps}"
 NAN = ("variable     vx atom v_D0*d_vx/v_t0", "variable     vx atom 1e300*v_D0*d_vx/v_t0")
-LOST = (END, "run 10\ndelete_atoms group centre\nrun 30")
+LOST = (END, "run 10\nunfix looks\ndelete_atoms group centre\nrun 30")
 SLID = ("$(5.0*v_amplitude:%.17g)", "$(0.01*v_amplitude:%.17g)")
 EARLY = (END, "run $(v_steps/2)")
-DEAF = ("v_slip v_slip_at v_open", "v_open")
+DEAF = ("step v_tau v_slip v_open", "step v_tau v_open")
 STOPPED = (END, 'run 20\nprint "ERROR: none"\nlog none\nrun 20')
 
 
