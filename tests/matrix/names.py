@@ -1,8 +1,8 @@
 """The names that users import: a golden list, from which a name goes only if the changelog says so.
 
 They are those of `granular_lmp`, with the attributes of its classes, all that docs/reference/python.md documents, and
-the modules of `analysis` that the pages name, with their functions and classes; of cases, which are commands, only
-the modules.
+the modules of `analysis` that the pages name or once named, with their functions and classes; of cases, which are
+commands, only the modules.
 """
 
 import re
@@ -73,7 +73,7 @@ def _documented() -> set[str]:
 
 
 def _modules_of_analysis() -> set[str]:
-    said = {name for page in PAGES for name in re.findall(r"\banalysis(?:\.\w+)+", page.read_text("utf-8"))}
+    said = {name for page in (*PAGES, NAMES) for name in re.findall(r"\banalysis(?:\.\w+)+", page.read_text("utf-8"))}
     parents = {".".join(name.split(".")[:count]) for name in said for count in (2, 3)}
     return {name for name in parents if _is_module(name)}
 
