@@ -21,8 +21,8 @@ from functools import partial
 from pathlib import Path
 from string import Template
 
-from analysis.cases.declared import Case, names
-from analysis.plotting import start
+from granular_analysis.cases.declared import Case, names
+from granular_analysis.plotting import start
 
 PROGRAMS = {"granular-lmp": ["-m", "granular_lmp"], "python": []}
 CONTINUED = ("sweep", "cost")  # commands that keep what is finished in a folder; others begin again

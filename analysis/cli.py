@@ -1,4 +1,5 @@
-"""The command line ``granular-analysis``: ``granular-analysis compare RUN`` is ``python -m analysis.compare RUN``.
+"""The command line ``granular-analysis``: ``granular-analysis compare RUN`` is ``python -m granular_analysis.compare
+RUN``.
 
 Python looks for `analysis` in the current folder first, where another folder may have that name. A command that was
 installed does not look there.
@@ -12,7 +13,7 @@ from functools import partial
 from importlib import import_module
 from typing import NoReturn
 
-from analysis.cases.declared import Case, names
+from granular_analysis.cases.declared import Case, names
 
 DOORS = {
     "case": "run cases: what a figure needs, runs, script and expected numbers",
@@ -32,9 +33,9 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def program() -> NoReturn:
-    """Run one script as a program, whose errors are one line (`analysis.plotting.start`)."""
+    """Run one script as a program, whose errors are one line (`granular_analysis.plotting.start`)."""
     script = _script(None)
-    from analysis.plotting import start  # matplotlib would slow --help down
+    from granular_analysis.plotting import start  # matplotlib would slow --help down
 
     start(script)
 
@@ -60,5 +61,5 @@ def _script(argv: list[str] | None) -> Callable[[], int | None]:
     if chosen.script == "cases":
         chosen.script, chosen.arguments = "case", ["--list", *chosen.arguments]
     sys.argv[0] = f"granular-analysis {chosen.script}"  # the name by which the script speaks of itself
-    module = f"analysis.{chosen.script}" if chosen.script in DOORS else f"analysis.cases.{chosen.script}.case"
+    module = f"analysis.{chosen.script}" if chosen.script in DOORS else f"granular_analysis.cases.{chosen.script}.case"
     return partial(import_module(module).main, chosen.arguments)

@@ -1,15 +1,15 @@
 """Compare runs with theory: relative L2 errors of p, q, φ, and the second-harmonic amplitude measured and predicted.
 
-    python -m analysis.compare runs/tr_nonresonant runs/tr_resonant [--json FILE] [--theory NAME]
-    python -m analysis.compare sweeps/tr_periodic
+    python -m granular_analysis.compare runs/tr_nonresonant runs/tr_resonant [--json FILE] [--theory NAME]
+    python -m granular_analysis.compare sweeps/tr_periodic
 
 Two references stand side by side. Against a *theory* (a formula) the error says how good the formula is; against the
 *exact lattice* (the same contact laws and geometry, integrated without LAMMPS) it says how good the run is: time step,
 walls, rounding. Where no theory of a plane wave holds a run, as its crystal is not perfect or its contacts slide or
 open, the *network* of its spheres stands in place of the theory and says how good the run is. Without its snapshots,
-runs in other lattices and layers have the second order of their crystal (`analysis.measure.reference`). A note says
-which, why, and which script has a theory of the run. A theory that leaves out what the scene has is refused, and so is
-a run with an effect, a form, a key of the scene that stands in no line of `analysis.theory.catalogue`.
+runs in other lattices and layers have the second order of their crystal (`granular_analysis.measure.reference`). A note
+says which, why, and which script has a theory of the run. A theory that leaves out what the scene has is refused, and
+so is a run with an effect, a form, a key of the scene that stands in no line of `granular_analysis.theory.catalogue`.
 
 A run without a wave, of strikers or a state, has no p, q and φ: all motions that it records are compared with the
 network, displacements and velocities in both directions and spins. Of a wave in space these are the displacement and
@@ -30,10 +30,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measure.budget import Source, budget_lines, error_budget
-from analysis.measure.reference import Reference
-from analysis.measure.runs import load
-from analysis.measure.signals import (
+from granular_analysis.measure.budget import Source, budget_lines, error_budget
+from granular_analysis.measure.reference import Reference
+from granular_analysis.measure.runs import load
+from granular_analysis.measure.signals import (
     COMPONENTS,
     FIELDS,
     IN_SPACE,
@@ -43,12 +43,12 @@ from analysis.measure.signals import (
     recorded,
     signals_of,
 )
-from analysis.measure.swept import Swept
-from analysis.plotting import save, start, write
-from analysis.second_harmonic import ALONG_Y
-from analysis.theory.catalogue import CRYSTAL, NETWORK, REFERENCES, script_for
-from analysis.theory.choice import TheoryError, Trajectory, beyond, holding, traits, trajectory, wave_of
-from analysis.theory.wave import Wave
+from granular_analysis.measure.swept import Swept
+from granular_analysis.plotting import save, start, write
+from granular_analysis.second_harmonic import ALONG_Y
+from granular_analysis.theory.catalogue import CRYSTAL, NETWORK, REFERENCES, script_for
+from granular_analysis.theory.choice import TheoryError, Trajectory, beyond, holding, traits, trajectory, wave_of
+from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 if TYPE_CHECKING:
@@ -73,10 +73,10 @@ class Comparison:
     mode, wavenumber, direction, amplitude : or None
         Of the wave, if there is one; direction of k, degrees from a close-packed row; 90 is y.
     theory : str or None
-        Reference of the run (`analysis.theory.catalogue.REFERENCES`); None if none holds what the run has.
+        Reference of the run (`granular_analysis.theory.catalogue.REFERENCES`); None if none holds what the run has.
     error, lattice_error : dict
-        Relative L2 error of each signal (`analysis.measure.signals.recorded`) against the theory named, and against
-        the exact lattice; None where it is zero by symmetry. Empty without a theory.
+        Relative L2 error of each signal (`granular_analysis.measure.signals.recorded`) against the theory named, and
+        against the exact lattice; None where it is zero by symmetry. Empty without a theory.
     predicted : float or None
         Amplitude |ε P̃1|/2 of the generated second harmonic in D0, by the closed form; None where that leaves out what
         the run has, and for waves that do not run along y.
@@ -86,7 +86,7 @@ class Comparison:
     notes : list of str
         Why the comparison does not mean what it seems to.
     budget : list of Source
-        What separates the run and the paper's theory from the exact lattice (`analysis.measure.budget`).
+        What separates the run and the paper's theory from the exact lattice (`granular_analysis.measure.budget`).
     signals : tuple of (T,) arrays, or None
         The same signals of the reference at the times of the record; not in the JSON.
     record, wave : Record, Wave or None
@@ -142,10 +142,10 @@ class Comparison:
 
 
 def compare(record: Record, theory: str | None = None) -> Comparison:
-    """Compare one run with the theory named, or with the best reference (`analysis.measure.reference`).
+    """Compare one run with the theory named, or with the best reference (`granular_analysis.measure.reference`).
 
-    Raises TheoryError for a theory that is not in `analysis.theory.catalogue.REFERENCES`, or leaves out what the run
-    has, for the network of a run without snapshots, and for a run with anything that no theory knows.
+    Raises TheoryError for a theory that is not in `granular_analysis.theory.catalogue.REFERENCES`, or leaves out what
+    the run has, for the network of a run without snapshots, and for a run with anything that no theory knows.
     """
     wave = None if signals_of(record) != COMPONENTS else wave_of(record)
     reference = Reference.named(theory, record, wave) if theory else Reference.of(record, wave)

@@ -4,7 +4,7 @@
     granular-analysis design SCENE --vary KEY LOW HIGH [--vary ...] [--best growth|frequency|gap|passing] [--least]
 
 Of a frequency, the table has the pairs of waves that are phase-matched, and the compression that each needs
-(`analysis.theory.partners`).
+(`granular_analysis.theory.partners`).
 
 Of a scene, a file or the name of a shipped one, the numbers behind one or more keys are found at which its crystal has
 
@@ -14,9 +14,9 @@ Of a scene, a file or the name of a shipped one, the numbers behind one or more 
 * passing: the largest share of the wave of the scene that passes its rows of other densities.
 
 With ``--least`` growth, gap or share are to be as small as possible. Keys are densities (``sphere.density``,
-``inclusion.1.density``) and, but for passing, `analysis.theory.scenes.VARIED`. Derivatives are exact
-(`analysis.theory.variation`), and stand beside the result. With ``-o FILE`` the scene is written with these numbers,
-and the wave number next to the resonance that its rows hold.
+``inclusion.1.density``) and, but for passing, `granular_analysis.theory.scenes.VARIED`. Derivatives are exact
+(`granular_analysis.theory.variation`), and stand beside the result. With ``-o FILE`` the scene is written with these
+numbers, and the wave number next to the resonance that its rows hold.
 """
 
 import argparse
@@ -28,9 +28,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.plotting import start, write
-from analysis.theory.contact import Contact
-from analysis.theory.objectives import (
+from granular_analysis.plotting import start, write
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.objectives import (
     POINTS,
     Found,
     Gap,
@@ -44,13 +44,13 @@ from analysis.theory.objectives import (
     grid,
     independent,
 )
-from analysis.theory.partners import LARGEST, SILICA, design, table
-from analysis.theory.partners import Resonance as Resonance
-from analysis.theory.partners import compressed as compressed
-from analysis.theory.rows import Rows, heavy_rows
-from analysis.theory.scenes import CRYSTAL_KEYS, MOTION, VARIED, Setting
-from analysis.theory.variation import Resonance as Resonant
-from analysis.theory.variation import Spot, Value
+from granular_analysis.theory.partners import LARGEST, SILICA, design, table
+from granular_analysis.theory.partners import Resonance as Resonance
+from granular_analysis.theory.partners import compressed as compressed
+from granular_analysis.theory.rows import Rows, heavy_rows
+from granular_analysis.theory.scenes import CRYSTAL_KEYS, MOTION, VARIED, Setting
+from granular_analysis.theory.variation import Resonance as Resonant
+from granular_analysis.theory.variation import Spot, Value
 from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]

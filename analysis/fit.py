@@ -3,9 +3,9 @@
     granular-analysis fit DATA.csv SCENE --free KEY [KEY ...] [--loss LOSS] [-o FIGURE] [--json FILE] [--scene FILE]
 
 DATA.csv has a row for each point: a frequency at a wave number, an amplitude of a second harmonic, an arrival or a
-speed of the front of an impact (`analysis.measure.points`). The scene, a file or the name of a shipped one, gives every
-other number and where the search starts. If points have no error, their scatter tells it. If they have, the table says
-how well the model meets them: χ² a degree of freedom, 1 if both are right.
+speed of the front of an impact (`granular_analysis.measure.points`). The scene, a file or the name of a shipped one,
+gives every other number and where the search starts. If points have no error, their scatter tells it. If they have, the
+table says how well the model meets them: χ² a degree of freedom, 1 if both are right.
 """
 
 import argparse
@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.measure.fitting import Fit, summary
-from analysis.measure.points import KINDS, UNITS, read
-from analysis.measure.surface import Film, is_surface_wave
-from analysis.plotting import letter, save, start, write
-from analysis.theory.estimation import LOSSES, Estimate
-from analysis.theory.scenes import Setting
+from granular_analysis.measure.fitting import Fit, summary
+from granular_analysis.measure.points import KINDS, UNITS, read
+from granular_analysis.measure.surface import Film, is_surface_wave
+from granular_analysis.plotting import letter, save, start, write
+from granular_analysis.theory.estimation import LOSSES, Estimate
+from granular_analysis.theory.scenes import Setting
 from granular_lmp.runs.record import GranularError, Scene
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ A scene, a file or the name of a shipped one, and a run are told by the first of
 of second order of a perfect crystal or layers; the second order of the cell of its spheres; their network. The latter
 two begin from the first snapshot of a run; of a scene, one sample is run for it. ``--by`` asks for one of the three. Of
 a sweep over six or more values of ``wave.phase``, or of its runs, it is measured in the snapshots by least squares.
-`analysis.measure.harmonic` says what is meant, and what the errors are.
+`granular_analysis.measure.harmonic` says what is meant, and what the errors are.
 """
 
 import argparse
@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measure.harmonic import Harmonic, by_cell, by_network, by_runs, by_theory, need_wave
-from analysis.measure.runs import begun, load
-from analysis.measure.swept import Swept
-from analysis.plotting import start, write
+from granular_analysis.measure.harmonic import Harmonic, by_cell, by_network, by_runs, by_theory, need_wave
+from granular_analysis.measure.runs import begun, load
+from granular_analysis.measure.swept import Swept
+from granular_analysis.plotting import start, write
 from granular_lmp.runs.record import STATUS, GranularError, Record, Scene
 
 Floats = NDArray[np.float64]

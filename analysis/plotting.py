@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TypeVar
 
-from analysis.theory.contact import Contact
+from granular_analysis.theory.contact import Contact
 from granular_lmp.runs.record import GranularError
 
 if TYPE_CHECKING:  # slow to import, and not every script draws
@@ -73,7 +73,8 @@ def spheres(
     """Return the contact of the spheres that the options describe, and the output file.
 
     ``--poisson-ratio`` is silica's unless given. With geometry, ``--overlap-ratio`` and ``--prestress`` are options,
-    by the names and in the ranges of `analysis.theory.contact.Contact`; without them the lattice is the paper's.
+    by the names and in the ranges of `granular_analysis.theory.contact.Contact`; without them the lattice is the
+    paper's.
     """
     command.add_argument("--poisson-ratio", type=float, default=SILICA, metavar="NU", help=f"default: {SILICA}")
     if geometry:

@@ -23,13 +23,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.plotting import parser, save, start, write
-from analysis.theory.bloch import frame
-from analysis.theory.branches import names_of
-from analysis.theory.crystal import Crystal, padded
-from analysis.theory.phase_matching import COUNT, Match, matches, zone_edge
-from analysis.theory.scenes import Setting
-from analysis.theory.validity import together, turned, validity
+from granular_analysis.plotting import parser, save, start, write
+from granular_analysis.theory.bloch import frame
+from granular_analysis.theory.branches import names_of
+from granular_analysis.theory.crystal import Crystal, padded
+from granular_analysis.theory.phase_matching import COUNT, Match, matches, zone_edge
+from granular_analysis.theory.scenes import Setting
+from granular_analysis.theory.validity import together, turned, validity
 from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]

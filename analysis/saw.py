@@ -15,9 +15,9 @@ vertical, along the wave, across, and turning, and how far the surface moves wit
 waves a leaking wave jumps, as it begins to send them out. All branches stand in a CSV file beside the figure, with
 their attenuation. Frequencies leave out half of the overlap ratio of the spheres.
 
-DATA.csv holds measured frequencies (`analysis.measure.points`), whose branch is empty or `saw` for the nearest of these
-waves, or `saw1`, `saw2`, … for a guided one, counted from the lowest. They are drawn with their errors at their wave
-numbers, and listed beside the waves that they are.
+DATA.csv holds measured frequencies (`granular_analysis.measure.points`), whose branch is empty or `saw` for the nearest
+of these waves, or `saw1`, `saw2`, … for a guided one, counted from the lowest. They are drawn with their errors at
+their wave numbers, and listed beside the waves that they are.
 """
 
 import csv
@@ -32,13 +32,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.measure.fitting import wavevectors
-from analysis.measure.points import DataError, Point, read
-from analysis.measure.surface import BRANCH, SLOWEST, Film, Wave, is_surface_wave
-from analysis.plotting import parser, save, start, write
-from analysis.theory.phase_matching import zone_edge
-from analysis.theory.scenes import Setting
-from analysis.theory.surface_wave import HalfSpace
+from granular_analysis.measure.fitting import wavevectors
+from granular_analysis.measure.points import DataError, Point, read
+from granular_analysis.measure.surface import BRANCH, SLOWEST, Film, Wave, is_surface_wave
+from granular_analysis.plotting import parser, save, start, write
+from granular_analysis.theory.phase_matching import zone_edge
+from granular_analysis.theory.scenes import Setting
+from granular_analysis.theory.surface_wave import HalfSpace
 from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]

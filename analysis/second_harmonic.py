@@ -19,7 +19,7 @@ To second order, dp = p₊−p, dq = q₊−q, σ = φ₊+φ, D X = X_n − X_{n
 where the paper prints α/6 for α/8 and β/(3√3) for β/(4√3) in the first line.
 
 Contacts are the paper's, in its geometry or LAMMPS's (`ratios`). Any other law, lattice or direction, compression, and
-spheres that do not turn are those of `analysis.theory.second_order`, which this module is a test of.
+spheres that do not turn are those of `granular_analysis.theory.second_order`, which this module is a test of.
 """
 
 from dataclasses import dataclass
@@ -101,7 +101,7 @@ class Mode:
     """Plane wave of the linear lattice: p = P cos ϑ, q = Q cos ϑ, φ = −f sin ϑ, with ϑ = ξn − Ωτ + phase.
 
     L has p=1, q=f=0. TR (lower) and RT (upper) have p=0, q=Q>0 and Q²+f²=1; in the paper's notation Q̃=Q, Φ̃=if, whose
-    "sum of squares" must be that of moduli. Other directions than y are those of `analysis.theory.bloch.mode`.
+    "sum of squares" must be that of moduli. Other directions than y are those of `granular_analysis.theory.bloch.mode`.
     """
 
     name: ModeName

@@ -18,10 +18,10 @@ from statistics import median
 
 import numpy as np
 
-from analysis.measure.norms import relative_error
 from benchmarks.faster import unguarded
 from benchmarks.problem import Floats, base_scene, centre_signals
 from benchmarks.timing import both_ratios, interleave, machine, table
+from granular_analysis.measure.norms import relative_error
 from granular_lmp import Scene, build
 from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.lammps.kernel import library

@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.cases.witness.case import NETWORK, PAIR, Point, measure
 from benchmarks.timing import both_ratios, interleave, machine, spread, table
+from granular_analysis.cases.witness.case import NETWORK, PAIR, Point, measure
 from granular_lmp import Scene, run
 from granular_lmp.lammps.outputs import LOG, read_log
 

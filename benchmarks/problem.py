@@ -1,7 +1,7 @@
 """The problem that every contestant solves: p and q of the centre sphere for the paper's base case, ξ = 0.802.
 
 201 rows between held ends, TR wave, D0 = 0.2 Δ0, τ = 0, 0.5, …, 120. The reference is the exact infinite lattice in
-true contact geometry (`analysis.theory.lattice.torus`), which 201 rows meet to 1e-7 until walls echo.
+true contact geometry (`granular_analysis.theory.lattice.torus`), which 201 rows meet to 1e-7 until walls echo.
 """
 
 from collections.abc import Callable
@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measure.norms import relative_error
-from analysis.second_harmonic import ModeName
-from analysis.theory import lattice
-from analysis.theory.contact import Contact, Law
-from analysis.theory.wave import Wave
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.second_harmonic import ModeName
+from granular_analysis.theory import lattice
+from granular_analysis.theory.contact import Contact, Law
+from granular_analysis.theory.wave import Wave
 from granular_lmp import Scene, build
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.crystal.mode import PLANE

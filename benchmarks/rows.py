@@ -8,10 +8,10 @@ import time
 from functools import partial
 from pathlib import Path
 
-from analysis.theory.contact import Contact
-from analysis.theory.lattice import rows, torus
-from analysis.theory.wave import Wave
 from benchmarks.problem import Contestant, Solution, base_scene, times
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.lattice import rows, torus
+from granular_analysis.theory.wave import Wave
 
 
 def solve(rtol: float, exact: bool, folder: Path) -> Solution:

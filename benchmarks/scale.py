@@ -21,9 +21,9 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.measure.norms import slope
 from benchmarks.problem import base_scene, centre_signals, errors, exact
 from benchmarks.timing import interleave, machine, rates, ratio, spread, table
+from granular_analysis.measure.norms import slope
 from granular_lmp import Scene, build
 from granular_lmp.errors import LammpsError, LammpsMissingError
 from granular_lmp.lammps.installation import environment, lmp_command

@@ -3,12 +3,12 @@
     python -m benchmarks.second_order [--spheres N ...] [--amplitudes A ...] [--repeats N]
 
 First table, a plane wave: TR, ξ = 0.802, τ ≤ 120, over the amplitude. Second order is the general theory of a scene's
-crystal (`analysis.theory.scenes`), and its error in p is what it leaves out, from the exact lattice with rtol 1e-11.
-The exact lattice and LAMMPS take the cheapest of their settings whose error is no larger; – if none is.
+crystal (`granular_analysis.theory.scenes`), and its error in p is what it leaves out, from the exact lattice with rtol
+1e-11. The exact lattice and LAMMPS take the cheapest of their settings whose error is no larger; – if none is.
 
 Second table, sheets of unequal spheres, τ ≤ 20, over their number: the coherent second harmonic by the cell
-(`analysis.theory.cell`) and by the network, whose error is its own fourth order. The difference of the two is a share
-of the largest C.
+(`granular_analysis.theory.cell`) and by the network, whose error is its own fourth order. The difference of the two is
+a share of the largest C.
 
 Seconds are processor time, from the scene or the first snapshot to the signal.
 """
@@ -23,16 +23,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from analysis.measure.harmonic import by_cell, by_network
-from analysis.theory import lattice
-from analysis.theory.contact import Contact
-from analysis.theory.scenes import Setting
-from analysis.theory.wave import Wave
 from benchmarks import ours
 from benchmarks.network import sized
 from benchmarks.problem import base_scene, errors, times
 from benchmarks.problem import exact as exact_signal
 from benchmarks.timing import both_ratios, interleave, machine, spread, table
+from granular_analysis.measure.harmonic import by_cell, by_network
+from granular_analysis.theory import lattice
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.scenes import Setting
+from granular_analysis.theory.wave import Wave
 from granular_lmp import Scene, run
 
 LATTICE = (1e-4, 1e-6, 1e-8, 1e-10)  # rtol

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from analysis.theory.network import Material, mixed
+from granular_analysis.theory.network import Material, mixed
 
 
 @dataclass(frozen=True, eq=False)

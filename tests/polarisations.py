@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.bloch import BONDS, GAUGE, hexagonal, in_plane, real_modes
-from analysis.theory.contact import Contact
-from analysis.theory.second_order import Mixed, branch_of, duhamel, second_order
-from analysis.theory.wave import Wave, nonlinearity
+from granular_analysis.theory.bloch import BONDS, GAUGE, hexagonal, in_plane, real_modes
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.second_order import Mixed, branch_of, duhamel, second_order
+from granular_analysis.theory.wave import Wave, nonlinearity
 
 
 def bloch_matrix(wavevector: ArrayLike, contact: Contact) -> NDArray[np.complex128]:

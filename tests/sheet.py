@@ -6,11 +6,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.measure.sheets import ROW
-from analysis.measure.sheets import Sheet as Places
-from analysis.theory.bloch import BONDS, hexagonal
-from analysis.theory.cell import Cell, fields
-from analysis.theory.contact import Contact
+from granular_analysis.measure.sheets import ROW
+from granular_analysis.measure.sheets import Sheet as Places
+from granular_analysis.theory.bloch import BONDS, hexagonal
+from granular_analysis.theory.cell import Cell, fields
+from granular_analysis.theory.contact import Contact
 
 Floats = NDArray[np.float64]
 

@@ -5,12 +5,12 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from analysis.measure.norms import relative_error
-from analysis.second_harmonic import ModeName
-from analysis.theory import timestep
-from analysis.theory import wave as theory
-from analysis.theory.contact import Contact
-from analysis.theory.timestep import limit, stepped
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.second_harmonic import ModeName
+from granular_analysis.theory import timestep
+from granular_analysis.theory import wave as theory
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.timestep import limit, stepped
 from granular_lmp import Record, Scene
 from granular_lmp.accuracy.rounding import moving
 from granular_lmp.runs.manifest import wall_seconds

@@ -86,7 +86,7 @@ class Case:
 
     def script(self) -> Any:
         """Return the module that measures and draws."""
-        return import_module(f"analysis.cases.{self.name}.case")
+        return import_module(f"granular_analysis.cases.{self.name}.case")
 
     def expected(self) -> list[Number]:
         """Return the numbers that the script must print."""

@@ -1,7 +1,7 @@
 """Arrivals and speeds of the front of an impact in a chain or a sheet of Hertz contacts, by what a scene declares.
 
-A chain is integrated as Hertz's springs (`analysis.theory.chain`), a sheet as their network without friction
-(`analysis.theory.network`). A front is the first crest of a sphere's speed; its time counts from the strike.
+A chain is integrated as Hertz's springs (`granular_analysis.theory.chain`), a sheet as their network without friction
+(`granular_analysis.theory.network`). A front is the first crest of a sphere's speed; its time counts from the strike.
 """
 
 from collections.abc import Sequence
@@ -9,14 +9,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measure.front import crest
-from analysis.measure.points import Point
-from analysis.measure.strikes import Sites, densities
-from analysis.theory.chain import spheres
-from analysis.theory.chain_motion import integrate as integrate_chain
-from analysis.theory.network import Material, Network
-from analysis.theory.network_motion import integrate
-from analysis.theory.network_state import start
+from granular_analysis.measure.front import crest
+from granular_analysis.measure.points import Point
+from granular_analysis.measure.strikes import Sites, densities
+from granular_analysis.theory.chain import spheres
+from granular_analysis.theory.chain_motion import integrate as integrate_chain
+from granular_analysis.theory.network import Material, Network
+from granular_analysis.theory.network_motion import integrate
+from granular_analysis.theory.network_state import start
 from granular_lmp.runs.record import Scene
 
 Floats = NDArray[np.float64]

@@ -1,8 +1,8 @@
 """The error budget: what separates a run from the infinite lattice, the paper's theory from both, and by how much.
 
 All are relative L2 errors over the run. What the run knows of itself, the time step, the walls and rounding, stands in
-its ``run.json``. The rest is measured here, with the exact lattice (`analysis.theory.lattice`), which holds the
-contacts of LAMMPS and is no formula:
+its ``run.json``. The rest is measured here, with the exact lattice (`granular_analysis.theory.lattice`), which holds
+the contacts of LAMMPS and is no formula:
 
 - all of it: the run against the exact lattice. It holds the three above, and what a single run cannot know;
 - geometry: the exact lattice with spheres as points of contact, as the paper takes them (Δ0/R → 0), against that of
@@ -16,10 +16,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from analysis.measure.norms import relative_error
-from analysis.theory.bloch import mode
-from analysis.theory.choice import Trajectory, holding, trajectory
-from analysis.theory.wave import Wave
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.theory.bloch import mode
+from granular_analysis.theory.choice import Trajectory, holding, trajectory
+from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")

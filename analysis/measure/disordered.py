@@ -9,9 +9,10 @@ Of the even part the amplitude C₂(τ) of e^{2ik·r} along k is averaged over t
 as a detector wider than the crystal would see it. Its strength is the root of the mean over τ of
 |⟨C₂⟩|² − var(C₂)/n, which has no bias by what n seeds leave of the incoherent part; √⟨|C₂|²⟩ is the whole part at 2k.
 
-**Attenuation.** Γ and the shift of frequency are fitted (`analysis.measure.coherent.decay`) to C₁(τ) e^{iΩτ}, averaged
-over the seeds, with Ω of the perfect sheet: what is left turns slowly, so a few samples do. C₁ = (C_u + iC_v/Ω)/2 of
-displacements and velocities is what runs along k; without, the wave scattered straight back would beat with it.
+**Attenuation.** Γ and the shift of frequency are fitted (`granular_analysis.measure.coherent.decay`) to C₁(τ) e^{iΩτ},
+averaged over the seeds, with Ω of the perfect sheet: what is left turns slowly, so a few samples do. C₁ = (C_u +
+iC_v/Ω)/2 of displacements and velocities is what runs along k; without, the wave scattered straight back would beat
+with it.
 
 Standard errors are those of the jackknife over seeds, in which what seeds share is no error: the finite cell, the step.
 """
@@ -25,15 +26,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from analysis.measure.coherent import decay
-from analysis.measure.sheets import Sheet, component
-from analysis.second_harmonic import ModeName
-from analysis.theory import catalogue
-from analysis.theory.bloch import frame, mode, wavevector_of
-from analysis.theory.choice import contact_of, traits_of
-from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave
-from analysis.theory.wave import resonance as perfect_resonance
+from granular_analysis.measure.coherent import decay
+from granular_analysis.measure.sheets import Sheet, component
+from granular_analysis.second_harmonic import ModeName
+from granular_analysis.theory import catalogue
+from granular_analysis.theory.bloch import frame, mode, wavevector_of
+from granular_analysis.theory.choice import contact_of, traits_of
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave
+from granular_analysis.theory.wave import resonance as perfect_resonance
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """Dispersion by simulation: the spectral density of a sheet kicked at random, and how far its peaks are from theory.
 
 The velocities of all spheres over time, transformed in space and time, have power only where the lattice has waves;
-theory is `analysis.theory.bloch.real_modes`, with the inertia of LAMMPS's contact geometry.
+theory is `granular_analysis.theory.bloch.real_modes`, with the inertia of LAMMPS's contact geometry.
 """
 
 from collections.abc import Sequence
@@ -13,9 +13,9 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory.bloch import real_modes
-from analysis.theory.catalogue import COMPRESSED, missing
-from analysis.theory.contact import Contact
+from granular_analysis.theory.bloch import real_modes
+from granular_analysis.theory.catalogue import COMPRESSED, missing
+from granular_analysis.theory.contact import Contact
 
 Floats = NDArray[np.float64]
 PADDING = 4  # points of the transform to a resolution

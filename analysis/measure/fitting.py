@@ -1,9 +1,9 @@
 """Keys of a scene from measured points, by least squares through the theory of waves, second order, and chains.
 
-Frequencies are those of the modes of the scene's crystal (`analysis.theory.scenes.Setting`), or of surface waves of its
-substrate (`analysis.measure.surface`), second harmonics those of the theory of second order, arrivals and front speeds
-of an impact in a chain those of Hertz's springs, integrated
-(`analysis.theory.chain`): a front is the first crest of a sphere's velocity, its time counts from the strike.
+Frequencies are those of the modes of the scene's crystal (`granular_analysis.theory.scenes.Setting`), or of surface
+waves of its substrate (`granular_analysis.measure.surface`), second harmonics those of the theory of second order,
+arrivals and front speeds of an impact in a chain those of Hertz's springs, integrated
+(`granular_analysis.theory.chain`): a front is the first crest of a sphere's velocity, its time counts from the strike.
 """
 
 from collections.abc import Sequence
@@ -15,14 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measure.arrivals import fronts
-from analysis.measure.points import Point
-from analysis.measure.surface import BRANCH, Film, is_surface_wave
-from analysis.theory.bloch import branch_among, frame, in_plane
-from analysis.theory.branches import named_branch
-from analysis.theory.crystal import PLANE, Crystal, Modes
-from analysis.theory.estimation import Estimate, Loss, Parameter, estimate
-from analysis.theory.scenes import Setting
+from granular_analysis.measure.arrivals import fronts
+from granular_analysis.measure.points import Point
+from granular_analysis.measure.surface import BRANCH, Film, is_surface_wave
+from granular_analysis.theory.bloch import branch_among, frame, in_plane
+from granular_analysis.theory.branches import named_branch
+from granular_analysis.theory.crystal import PLANE, Crystal, Modes
+from granular_analysis.theory.estimation import Estimate, Loss, Parameter, estimate
+from granular_analysis.theory.scenes import Setting
 from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]

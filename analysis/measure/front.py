@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.measure.norms import slope
+from granular_analysis.measure.norms import slope
 
 Floats = NDArray[np.float64]
 SILENCE = 1e-5  # share of the striker's speed: a crest below it is rounding, or the foot of the front

@@ -8,10 +8,11 @@ made to second order moves the spheres with e^{2iθ}. The coherent part of that 
 with C along k and across in D0. The scattered part has other wave vectors. What disorder scatters to 2k in first order
 turns with e^{iθ}: several phases part the two, and one run cannot. There are four ways:
 
-* **theory**, perfect crystals and layers: the second order of `analysis.theory.scenes`. It has no ends: between held
-  rows it is what the middle does, until the waves of the ends arrive, while the other ways fit the whole crystal;
-* **cell**, any spheres at rest without dashpots: the second order of `analysis.theory.cell`, from the first snapshot of
-  a run. It takes no time step, and is the faster one of this and the next, at every size;
+* **theory**, perfect crystals and layers: the second order of `granular_analysis.theory.scenes`. It has no ends:
+  between held rows it is what the middle does, until the waves of the ends arrive, while the other ways fit the whole
+  crystal;
+* **cell**, any spheres at rest without dashpots: the second order of `granular_analysis.theory.cell`, from the first
+  snapshot of a run. It takes no time step, and is the faster one of this and the next, at every size;
 * **network**, also with dashpots: it is integrated from the first snapshot with `PHASES` phases, at the amplitude a of
   the run and at a/2. Of C(a) and C(a/2) follow the second order, which is C, and the fourth, its error;
 * **runs** of one scene that differ in `wave.phase`: C by least squares over the phases, e^{−2iθ} to e^{2iθ}, at each
@@ -19,8 +20,9 @@ turns with e^{iθ}: several phases part the two, and one run cannot. There are f
   the error.
 
 The error of theory and cell is an upper estimate of the next order, (a² + 2|θ|) times the largest |C| so far, with the
-phase θ(t) by which third order turns the wave in the perfect crystal (`analysis.theory.validity.turned`). Of a cell a
-is the largest stretch over that which opens a contact, if that is larger, and θ grows with the mean square of both.
+phase θ(t) by which third order turns the wave in the perfect crystal (`granular_analysis.theory.validity.turned`). Of a
+cell a is the largest stretch over that which opens a contact, if that is larger, and θ grows with the mean square of
+both.
 
 When it breaks: where contacts open or slide, which is refused; at long times, as the error says; for runs whose cell is
 so short that 2k is no wave of its own.
@@ -32,17 +34,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.measure.coherent import HARMONICS, project
-from analysis.measure.runs import all_but
-from analysis.measure.snapshot import FirstSnapshot, first_snapshot
-from analysis.theory.catalogue import AT_REST, ENVELOPE, FACES, HELD, HOLDS, IN_SPACE, NETWORK, OPENING, SLIDING, STRUCK
-from analysis.theory.cell import Cell, second_order
-from analysis.theory.choice import traits_of
-from analysis.theory.network_motion import integrate
-from analysis.theory.network_state import start
-from analysis.theory.scenes import Setting
-from analysis.theory.scenes import need_wave as need_wave
-from analysis.theory.validity import reached, turned
+from granular_analysis.measure.coherent import HARMONICS, project
+from granular_analysis.measure.runs import all_but
+from granular_analysis.measure.snapshot import FirstSnapshot, first_snapshot
+from granular_analysis.theory.catalogue import (
+    AT_REST,
+    ENVELOPE,
+    FACES,
+    HELD,
+    HOLDS,
+    IN_SPACE,
+    NETWORK,
+    OPENING,
+    SLIDING,
+    STRUCK,
+)
+from granular_analysis.theory.cell import Cell, second_order
+from granular_analysis.theory.choice import traits_of
+from granular_analysis.theory.network_motion import integrate
+from granular_analysis.theory.network_state import start
+from granular_analysis.theory.scenes import Setting
+from granular_analysis.theory.scenes import need_wave as need_wave
+from granular_analysis.theory.validity import reached, turned
 from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
@@ -104,7 +117,7 @@ class Harmonic:
 def by_theory(scene: Scene, tau: ArrayLike) -> Harmonic:
     """Return the second harmonic of a scene's perfect crystal or layers at times τ (T,).
 
-    Raises ValueError for a scene that `analysis.theory.scenes` leaves out.
+    Raises ValueError for a scene that `granular_analysis.theory.scenes` leaves out.
     """
     times = np.asarray(tau, dtype=float)
     amplitudes, off = Setting(scene).harmonic(times)
@@ -252,7 +265,7 @@ class _Started:
 def readout(places: Floats, wavevector: Floats) -> Complexes:
     """Return P (2, 3N) of which P·Y is C along k and across, of a field Re[Y e^{2iθ}] of spheres at places (N, 2).
 
-    It is that of `analysis.measure.coherent.project`, for what turns with e^{2iθ}.
+    It is that of `granular_analysis.measure.coherent.project`, for what turns with e^{2iθ}.
     """
     phase = places @ wavevector
     waves = [wave(n * phase) for n in HARMONICS for wave in (np.cos, np.sin)]

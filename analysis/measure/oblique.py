@@ -5,8 +5,9 @@ fundamental:
 
     X(τ) = (2/N) Σ u(r, τ) e^{−2ik·r}        of the field Re[X e^{2ik·r}]
 
-Theory is `analysis.theory.second_order`, in LAMMPS's contact geometry. Where a mirror holds the wave (along y and x)
-only the component along k is driven; in between a wave of any mode drives all three, p and q along and across k, and φ.
+Theory is `granular_analysis.theory.second_order`, in LAMMPS's contact geometry. Where a mirror holds the wave (along y
+and x) only the component along k is driven; in between a wave of any mode drives all three, p and q along and across k,
+and φ.
 """
 
 from collections.abc import Iterable
@@ -15,14 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.measure.norms import relative_error
-from analysis.measure.runs import by_wave
-from analysis.measure.sheets import component, fields_of, in_frame, rest_of
-from analysis.theory.bloch import branch_index, in_plane, wavevector_of
-from analysis.theory.catalogue import missing
-from analysis.theory.choice import traits_of, wave_of
-from analysis.theory.second_order import Mixed, branch_of
-from analysis.theory.wave import Wave
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.measure.runs import by_wave
+from granular_analysis.measure.sheets import component, fields_of, in_frame, rest_of
+from granular_analysis.theory.bloch import branch_index, in_plane, wavevector_of
+from granular_analysis.theory.catalogue import missing
+from granular_analysis.theory.choice import traits_of, wave_of
+from granular_analysis.theory.second_order import Mixed, branch_of
+from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

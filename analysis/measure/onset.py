@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.measure.runs import all_but
+from granular_analysis.measure.runs import all_but
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

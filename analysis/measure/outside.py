@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measure.stiffnesses import CLASSES, deviates, kinds_of, scaled, spread
-from analysis.theory import green
-from analysis.theory.choice import TheoryError
-from analysis.theory.lattices import LATTICES
-from analysis.theory.network import RIGID, Material, Network, Wall
-from analysis.theory.network_outside import Drive, Function
-from analysis.theory.scenes import Setting
+from granular_analysis.measure.stiffnesses import CLASSES, deviates, kinds_of, scaled, spread
+from granular_analysis.theory import green
+from granular_analysis.theory.choice import TheoryError
+from granular_analysis.theory.lattices import LATTICES
+from granular_analysis.theory.network import RIGID, Material, Network, Wall
+from granular_analysis.theory.network_outside import Drive, Function
+from granular_analysis.theory.scenes import Setting
 from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
@@ -68,8 +68,8 @@ def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
 
     Spheres are numbered row by row. Where some are missing, their places say which: relative to a row that is whole.
 
-    Raises TheoryError where spheres are missing in a lattice of another stacking than `analysis.theory.scenes` knows,
-    or in all of its rows.
+    Raises TheoryError where spheres are missing in a lattice of another stacking than `granular_analysis.theory.scenes`
+    knows, or in all of its rows.
     """
     packing, count = scene.packing, len(position)
     columns = int(packing.columns)

@@ -1,11 +1,13 @@
 """The reference of a run: the signals that its record is compared with, p, q and φ, or without a wave all motions.
 
-Most references are theories, functions of a plane wave (`analysis.theory.choice.THEORIES`). Two are made from the run:
+Most references are theories, functions of a plane wave (`granular_analysis.theory.choice.THEORIES`). Two are made from
+the run:
 
-* the *network*: all its spheres, from its first snapshot on, integrated without LAMMPS (`analysis.theory.network`). It
-  holds crystals that are not perfect, waves of any shape, and contacts that slide, open and form;
+* the *network*: all its spheres, from its first snapshot on, integrated without LAMMPS
+  (`granular_analysis.theory.network`). It holds crystals that are not perfect, waves of any shape, and contacts that
+  slide, open and form;
 * *crystal-second-order*: first and second order in the crystal of its scene, of any lattice, also of layers, and of
-  running and standing waves (`analysis.theory.scenes`).
+  running and standing waves (`granular_analysis.theory.scenes`).
 
 A run without a wave, of strikers and states alone, has the network only, of all spheres that it records; and so has a
 run in space, of its recorded sphere.
@@ -20,12 +22,21 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measure.snapshot import first_snapshot
-from analysis.theory.catalogue import CRYSTAL, NETWORK, OPENING, REFERENCES, SLIDING, missing
-from analysis.theory.choice import TheoryError, Trajectory, best, holding, others_of, refuse_less, traits, trajectory
-from analysis.theory.network_motion import integrate
-from analysis.theory.scenes import Setting
-from analysis.theory.wave import Wave
+from granular_analysis.measure.snapshot import first_snapshot
+from granular_analysis.theory.catalogue import CRYSTAL, NETWORK, OPENING, REFERENCES, SLIDING, missing
+from granular_analysis.theory.choice import (
+    TheoryError,
+    Trajectory,
+    best,
+    holding,
+    others_of,
+    refuse_less,
+    traits,
+    trajectory,
+)
+from granular_analysis.theory.network_motion import integrate
+from granular_analysis.theory.scenes import Setting
+from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]
@@ -44,8 +55,9 @@ class Reference:
 
     Attributes
     ----------
-    name : one of `analysis.theory.catalogue.REFERENCES`; None if there is none.
-    signals : at the times of the record, those that `analysis.measure.signals.signals_of` says; None if there is none.
+    name : one of `granular_analysis.theory.catalogue.REFERENCES`; None if there is none.
+    signals : at the times of the record, those that `granular_analysis.measure.signals.signals_of` says; None if there
+    is none.
     reason : why it is neither a theory of a plane wave nor the network.
     """
 
@@ -57,8 +69,8 @@ class Reference:
     def named(cls, name: str, record: Record, wave: Wave | None) -> Self:
         """Return the reference of a name.
 
-        Raises TheoryError for a name that is none of `analysis.theory.catalogue.REFERENCES`, a reference that leaves
-        out what the run has, and for the network of a run without a first snapshot that it can be read from.
+        Raises TheoryError for a name that is none of `granular_analysis.theory.catalogue.REFERENCES`, a reference that
+        leaves out what the run has, and for the network of a run without a first snapshot that it can be read from.
         """
         if name not in REFERENCES:
             raise TheoryError(f"theory = {name!r} is not one of {', '.join(REFERENCES)}")

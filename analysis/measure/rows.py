@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.measure.runs import load
-from analysis.theory.catalogue import missing
-from analysis.theory.choice import traits_of
+from granular_analysis.measure.runs import load
+from granular_analysis.theory.catalogue import missing
+from granular_analysis.theory.choice import traits_of
 from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]

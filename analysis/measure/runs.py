@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.measure.signals import recorded
-from analysis.measure.swept import Swept
+from granular_analysis.measure.signals import recorded
+from granular_analysis.measure.swept import Swept
 from granular_lmp.runs.record import GranularError, Record, Scene
 
 

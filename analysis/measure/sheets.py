@@ -1,9 +1,9 @@
 """Any wave on a periodic sheet to second order, against the snapshots of a run: beams, packets, standing waves.
 
 The run holds snapshots of all spheres (``output.particles``). The first is taken as the initial field, all of it first
-order, and `analysis.theory.cell` predicts the later ones, y = y1 + a y2, in LAMMPS's contact geometry and with the time
-step of the run: the second order of a run is seen in its difference to y1, next to which the phase error of velocity
-Verlet is not small.
+order, and `granular_analysis.theory.cell` predicts the later ones, y = y1 + a y2, in LAMMPS's contact geometry and with
+the time step of the run: the second order of a run is seen in its difference to y1, next to which the phase error of
+velocity Verlet is not small.
 
 run − y1 holds the third order too, whose part at the fundamental is a drift of its phase, a²τ; hence the split by wave
 number, around multiples of the strongest wave vector k. A field without one (noise) is predicted all the same.
@@ -16,12 +16,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.measure.snapshot import first_snapshot
-from analysis.theory.bloch import RECIPROCAL, unit
-from analysis.theory.catalogue import missing
-from analysis.theory.cell import Cell
-from analysis.theory.cell import fields as second_order
-from analysis.theory.choice import traits_of
+from granular_analysis.measure.snapshot import first_snapshot
+from granular_analysis.theory.bloch import RECIPROCAL, unit
+from granular_analysis.theory.catalogue import missing
+from granular_analysis.theory.cell import Cell
+from granular_analysis.theory.cell import fields as second_order
+from granular_analysis.theory.choice import traits_of
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

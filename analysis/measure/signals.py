@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measure.norms import relative_error
-from analysis.theory.choice import drive_cancels, holding
-from analysis.theory.timestep import stepped_second_harmonic
-from analysis.theory.wave import Wave, second_harmonic
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.theory.choice import drive_cancels, holding
+from granular_analysis.theory.timestep import stepped_second_harmonic
+from granular_analysis.theory.wave import Wave, second_harmonic
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

@@ -17,16 +17,16 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measure.outside import Scales, outside
-from analysis.measure.stiffnesses import CLASSES, kinds_of
-from analysis.measure.strikes import scale_of_strike
-from analysis.second_harmonic import ALONG_Y
-from analysis.theory.bloch import frame
-from analysis.theory.choice import switched
-from analysis.theory.network import Law, Material, Network
-from analysis.theory.network_laws import Adhesion
-from analysis.theory.network_motion import Trajectory
-from analysis.theory.network_state import State, loaded, start
+from granular_analysis.measure.outside import Scales, outside
+from granular_analysis.measure.stiffnesses import CLASSES, kinds_of
+from granular_analysis.measure.strikes import scale_of_strike
+from granular_analysis.second_harmonic import ALONG_Y
+from granular_analysis.theory.bloch import frame
+from granular_analysis.theory.choice import switched
+from granular_analysis.theory.network import Law, Material, Network
+from granular_analysis.theory.network_laws import Adhesion
+from granular_analysis.theory.network_motion import Trajectory
+from granular_analysis.theory.network_state import State, loaded, start
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -95,7 +95,7 @@ def first_snapshot(record: Record) -> FirstSnapshot:
 
     Raises RunFolderError for a run without snapshots (``output.particles``), ValueError for a first snapshot that is
     none of step 0, lacks a column, as without ``effects.tracking``, or a sphere, OSError for a folder without `CENTRE`,
-    and TheoryError for what acts from outside and is not known (`analysis.measure.outside`).
+    and TheoryError for what acts from outside and is not known (`granular_analysis.measure.outside`).
     """
     scene, path = record.scene, _snapshots(record)
     on, declared = switched(record), record.scene.effects
@@ -199,7 +199,7 @@ def read_network(
     path : the dump.
     materials : of the spheres: those of material m, counted from 0, have the types 2m + 1 (free) and 2m + 2 (held).
     density : of all spheres, for a dump without the column mass.
-    law, friction, shear, rotation, viscosity, restitution, adhesion : as of `analysis.theory.network.Network`.
+    law, friction, shear, rotation, viscosity, restitution, adhesion : as of `granular_analysis.theory.network.Network`.
     turned : whether spheres are turned at the start, so that a dump must hold their angles.
 
     Raises ValueError for a file that is no dump of step 0, lacks a column or is cut off, for a type without a material,

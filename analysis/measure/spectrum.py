@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from analysis.measure.runs import by_wave
-from analysis.theory.catalogue import OBLIQUE, missing
-from analysis.theory.choice import traits_of, wave_of
-from analysis.theory.wave import Wave, nonlinearity
+from granular_analysis.measure.runs import by_wave
+from granular_analysis.theory.catalogue import OBLIQUE, missing
+from granular_analysis.theory.choice import traits_of, wave_of
+from granular_analysis.theory.wave import Wave, nonlinearity
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -213,7 +213,7 @@ def _inverse(record: Record) -> tuple[float, float, float]:
 def extrapolated(records: Iterable[Record]) -> list[Record]:
     """One record a wave: of two runs with steps h and h/2, (4·fine − coarse)/3; of one run, that run.
 
-    Raises ValueError for other runs of one wave (`analysis.measure.runs.by_wave`).
+    Raises ValueError for other runs of one wave (`granular_analysis.measure.runs.by_wave`).
     """
     return [_one(*runs) for runs in by_wave(records)]
 

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory.bonds import Law, dmt, jkr
-from analysis.theory.choice import TheoryError
-from analysis.theory.network import Material, mixed
-from analysis.theory.network_laws import Adhesion
+from granular_analysis.theory.bonds import Law, dmt, jkr
+from granular_analysis.theory.choice import TheoryError
+from granular_analysis.theory.network import Material, mixed
+from granular_analysis.theory.network_laws import Adhesion
 from granular_lmp.runs.record import Scene
 
 Floats = NDArray[np.float64]

@@ -10,8 +10,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory.lattices import LATTICES
-from analysis.theory.network import Material, mixed
+from granular_analysis.theory.lattices import LATTICES
+from granular_analysis.theory.network import Material, mixed
 from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]

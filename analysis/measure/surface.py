@@ -1,7 +1,7 @@
 """Surface waves of an elastic substrate under the layer of a scene: their branches, and those of measured points.
 
 The substrate has the moduli of `[substrate]` and its density, by default that of the spheres; in a run it is rigid.
-The theory is `analysis.theory.surface_wave`.
+The theory is `granular_analysis.theory.surface_wave`.
 """
 
 import re
@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measure.points import Point
-from analysis.theory.bloch import frame
-from analysis.theory.layered import Layered, Slab
-from analysis.theory.scenes import Setting
-from analysis.theory.surface_wave import Coupled, HalfSpace
+from granular_analysis.measure.points import Point
+from granular_analysis.theory.bloch import frame
+from granular_analysis.theory.layered import Layered, Slab
+from granular_analysis.theory.scenes import Setting
+from granular_analysis.theory.surface_wave import Coupled, HalfSpace
 
 Floats = NDArray[np.float64]
 BRANCH = "saw"  # of points that are surface waves: the nearest, or saw1, saw2, ... the guided ones from the lowest

@@ -1,7 +1,7 @@
 """A contact that adheres, in units of its own at rest: k1 Δ0, Δ0 and the contact radius.
 
 With the overlap d = 1 − x at the stretch x, the contact radius r and the share s = F0/(F0 + F) of the outer force F0 in
-what holds the spheres together, F the pull that parts them, the laws of `analysis.theory.network_laws` have
+what holds the spheres together, F the pull that parts them, the laws of `granular_analysis.theory.network_laws` have
 
     DMT    A = 2/3,                       2πwRc = (2/3)(1 − s)                                f_S = κ r (slip) of both
     JKR    A = (2/9)(6−b) √D/(2−b),       2πwRc = (2/27) b² (6−b)/((2−b)D)
@@ -29,9 +29,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory import network_laws
-from analysis.theory.bonds import Law, dmt, jkr
-from analysis.theory.network_laws import Adhesion as Adhesion
+from granular_analysis.theory import network_laws
+from granular_analysis.theory.bonds import Law, dmt, jkr
+from granular_analysis.theory.network_laws import Adhesion as Adhesion
 
 Floats = NDArray[np.float64]
 _TOUCHING = np.asarray(True)

@@ -17,10 +17,10 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import Mode, ModeName
-from analysis.theory.bonds import Bonds, Law
-from analysis.theory.contact import Contact
-from analysis.theory.crystal import PLANE, Crystal, padded
+from granular_analysis.second_harmonic import Mode, ModeName
+from granular_analysis.theory.bonds import Bonds, Law
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.crystal import PLANE, Crystal, padded
 
 Floats = NDArray[np.float64]
 Field = TypeVar("Field", bound=NDArray[Any])

@@ -38,7 +38,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.network_laws import Jkr
+from granular_analysis.theory.network_laws import Jkr
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -82,7 +82,7 @@ def dmt(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLik
 def jkr(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLike) -> Law:
     """Return the law of Johnson, Kendall and Roberts at overlaps δ, from the coefficients of `dmt`.
 
-    With the radius r of the contact over that without force (`analysis.theory.network_laws`),
+    With the radius r of the contact over that without force (`granular_analysis.theory.network_laws`),
 
         f = 3F(r³ − r^{3/2}),   δ = d(3r² − 2r^{1/2}),   k = B √(3d) r,   d = (3F/A)^{2/3}/3
 

@@ -48,8 +48,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import wofz
 
-from analysis.theory.bloch import RECIPROCAL, branch_index, real_modes, wavevector_of
-from analysis.theory.contact import Contact
+from granular_analysis.theory.bloch import RECIPROCAL, branch_index, real_modes, wavevector_of
+from granular_analysis.theory.contact import Contact
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

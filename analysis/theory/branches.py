@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analysis.theory.crystal import Crystal, padded
+from granular_analysis.theory.crystal import Crystal, padded
 
 NAMES = ("L", "TR", "RT")
 

@@ -1,15 +1,16 @@
 """The catalogue of theories: what each holds, by name. What a theory does not name here it does not hold.
 
 A run has traits: the effects that are on, the form of its wave, its shear law, mode and ends, and every key of its
-scene that is not known here and is not at its default (`analysis.theory.choice.traits_of`). A theory holds a run
-if it names all of them. A trait in no line of this file, an effect that somebody has added, is refused by every script.
+scene that is not known here and is not at its default (`granular_analysis.theory.choice.traits_of`). A theory holds a
+run if it names all of them. A trait in no line of this file, an effect that somebody has added, is refused by every
+script.
 
 To extend a theory, add the trait to its line and a test that compares it with the exact lattice.
 """
 
 from collections.abc import Iterable
 
-from analysis.theory.contact import Contact
+from granular_analysis.theory.contact import Contact
 
 OBLIQUE = "another direction than y"
 ENVELOPE = "an envelope"
@@ -80,7 +81,7 @@ HOLDS: dict[str, frozenset[str]] = {
     | IN_SPACE
     | _IMPERFECT
     | {"pair"},
-    # Rows of other densities in a pattern that repeats; `analysis.theory.scenes` refuses what is no pattern
+    # Rows of other densities in a pattern that repeats; `granular_analysis.theory.scenes` refuses what is no pattern
     CRYSTAL: _ALONG_Y
     | {STANDING, INCREMENTAL, OBLIQUE, JKR, *LATTICES, *BRANCHES}
     | {f"inclusion.{name}" for name in ("rows", "every", "density")}

@@ -1,7 +1,7 @@
 """Second order in a whole cell of N spheres, perfect or not, without a time step.
 
 A wave Re[X e^{iθ}] starts in a network of spheres at rest with X = Z and Ẋ = V. With the forces of the contacts to
-second order (`analysis.theory.bonds`), the part of the motion that turns with e^{2iθ} is Re[Y e^{2iθ}],
+second order (`granular_analysis.theory.bonds`), the part of the motion that turns with e^{2iθ} is Re[Y e^{2iθ}],
 
     M Ẍ = −D X,        M Ÿ = −D Y + ½[Q(X, X) + Q₀ + ∫₀ᵗ Q_w dt],        Y = Ẏ = 0 at t = 0.
 
@@ -36,11 +36,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.fft import dct, next_fast_len
 from scipy.sparse import csr_array
 
-from analysis.theory.bonds import Bonds, Strain, dmt, jkr
-from analysis.theory.crystal import PLANE, padded
-from analysis.theory.network import Network
-from analysis.theory.network_state import search
-from analysis.theory.validity import Reached, reached
+from granular_analysis.theory.bonds import Bonds, Strain, dmt, jkr
+from granular_analysis.theory.crystal import PLANE, padded
+from granular_analysis.theory.network import Network
+from granular_analysis.theory.network_state import search
+from granular_analysis.theory.validity import Reached, reached
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

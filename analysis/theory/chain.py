@@ -9,12 +9,12 @@ There is no adhesion, friction or rotation. States have the shape (…, n): many
 
 The dashpots η_j = √5 ζ √(μ_j A_j), ζ = −ln e/√(π² + ln² e), 1/μ = 1/m + 1/m', let two spheres that meet part with e
 times their relative velocity, whatever it is (LAMMPS's ``coeff_restitution``). A contact pulls before it ends: at
-δ → 0 the dashpot outweighs the repulsion. `analysis.theory.chain_damping` has what they take from a wave.
+δ → 0 the dashpot outweighs the repulsion. `granular_analysis.theory.chain_damping` has what they take from a wave.
 
 Forces are differences of those at rest: motions of 1e-10 of the overlap have six digits, and weaker ones fewer.
 
 Units are any consistent ones; with A = m = 1 a velocity v gives overlaps of v^{4/5} and times of v^{−1/5}.
-`analysis.theory.chain_motion` integrates, `analysis.theory.solitary` has the exact travelling wave.
+`granular_analysis.theory.chain_motion` integrates, `granular_analysis.theory.solitary` has the exact travelling wave.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,8 @@
 """Dashpots in a chain of spheres that just touch: the energy that they take from two spheres, a wave, any motion.
 
-The dashpots of `analysis.theory.chain` have no velocity of their own: v' = λ v on times λ^{−1/5} and overlaps λ^{4/5}
-solves the same equations. A solitary wave therefore loses the same share of its energy to each contact that it passes,
+The dashpots of `granular_analysis.theory.chain` have no velocity of their own: v' = λ v on times λ^{−1/5} and overlaps
+λ^{4/5} solves the same equations. A solitary wave therefore loses the same share of its energy to each contact that it
+passes,
 
     dE/dn = −∫ η δ^{1/4} δ'² dt = −2Γ E,   v_n ∝ e^{−Γn},   Γ = 0.70136 ζ,   ζ = −ln e/√(π² + ln² e)
 
@@ -18,8 +19,8 @@ from functools import cache
 
 import numpy as np
 
-from analysis.theory.chain import Array, Chain, Floats, dashpot_forces, rates
-from analysis.theory.solitary import solitary_wave
+from granular_analysis.theory.chain import Array, Chain, Floats, dashpot_forces, rates
+from granular_analysis.theory.solitary import solitary_wave
 
 
 def power(chain: Chain, u: Array, v: Array) -> Array:

@@ -25,8 +25,8 @@ from math import gamma, pi, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analysis.theory.chain import Array, Chain, Floats, acceleration, energies, forces, linear_stiffness
-from analysis.theory.integrator import dop853
+from granular_analysis.theory.chain import Array, Chain, Floats, acceleration, energies, forces, linear_stiffness
+from granular_analysis.theory.integrator import dop853
 
 Scheme = tuple[float, ...]
 

@@ -10,10 +10,10 @@ Every theory is a function of a `Wave` and of times; they differ in what they le
 | hierarchy | all waves to order a⁶, every law | once any correction has grown large: long times |
 | exact-lattice | everything: the lattice itself, integrated, not a formula | when contacts open |
 
-A scene may call for other physics than the paper's (`analysis.theory.contact`). What each theory holds of it stands in
-`analysis.theory.catalogue`, and nothing else is held. Three waves lack corrections of relative
+A scene may call for other physics than the paper's (`granular_analysis.theory.contact`). What each theory holds of it
+stands in `granular_analysis.theory.catalogue`, and nothing else is held. Three waves lack corrections of relative
 order η, the overlap ratio. What is no running plane wave in a perfect lattice whose contacts
-stick and stay closed is in none of them; `analysis.measure.reference` then takes the network of the spheres.
+stick and stay closed is in none of them; `granular_analysis.measure.reference` then takes the network of the spheres.
 
 `best` takes the hierarchy where its own last orders say that it has converged, and at the antiresonance, where nothing
 else gives p; else three-mode, which holds for long times near the resonance, or the exact lattice where three-mode
@@ -27,16 +27,16 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis import second_harmonic as closed
-from analysis.second_harmonic import ALONG_Y, ModeName
-from analysis.theory import catalogue
-from analysis.theory.bloch import mode
-from analysis.theory.contact import LAWS, Contact
-from analysis.theory.hierarchy import hierarchy, hierarchy_orders
-from analysis.theory.lattice import torus
-from analysis.theory.resonance import three_mode
-from analysis.theory.wave import Wave, shifted_second_order
-from analysis.theory.wave import trajectory as of_the_crystal
+from granular_analysis import second_harmonic as closed
+from granular_analysis.second_harmonic import ALONG_Y, ModeName
+from granular_analysis.theory import catalogue
+from granular_analysis.theory.bloch import mode
+from granular_analysis.theory.contact import LAWS, Contact
+from granular_analysis.theory.hierarchy import hierarchy, hierarchy_orders
+from granular_analysis.theory.lattice import torus
+from granular_analysis.theory.resonance import three_mode
+from granular_analysis.theory.wave import Wave, shifted_second_order
+from granular_analysis.theory.wave import trajectory as of_the_crystal
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -116,7 +116,7 @@ def others_of(record: Record) -> frozenset[str]:
 
 
 def traits_of(record: Record) -> frozenset[str]:
-    """Return all that a theory of a run must hold, in the words of `analysis.theory.catalogue`.
+    """Return all that a theory of a run must hold, in the words of `granular_analysis.theory.catalogue`.
 
     A law that is unknown is a trait too, and so is what else is wrong with a contact: no theory holds it.
     """

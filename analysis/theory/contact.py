@@ -1,8 +1,9 @@
 """One contact of the crystal: what every theory here is told of the spheres, and what each derives from it.
 
 The paper's contact is Hertz–Mindlin's, with κ = g1/k1 = 2(1−ν)/(2−ν). `Contact` says how a lattice departs from it, and
-is the only description of one: `analysis.theory.bloch.hexagonal` makes the crystal of it, `analysis.theory.lattice`
-takes all of it, and `analysis.second_harmonic` the paper's alone (`Contact.closed`).
+is the only description of one: `granular_analysis.theory.bloch.hexagonal` makes the crystal of it,
+`granular_analysis.theory.lattice` takes all of it, and `granular_analysis.second_harmonic` the paper's alone
+(`Contact.closed`).
 """
 
 from dataclasses import dataclass
@@ -12,8 +13,8 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.second_harmonic import SOLID_SPHERE, Ratios, ratios
-from analysis.theory.adhesion import Adhesion, AtRest
+from granular_analysis.second_harmonic import SOLID_SPHERE, Ratios, ratios
+from granular_analysis.theory.adhesion import Adhesion, AtRest
 
 Law = Literal["secant", "incremental", "potential"]
 LAWS: tuple[Law, ...] = get_args(Law)
@@ -27,7 +28,7 @@ class Contact:
     ----------
     poisson_ratio : ν of the spheres, in [−1, 0.5].
     law : of the shear force: "secant" (the paper; LAMMPS mindlin), "incremental" (LAMMPS mindlin/force) or "potential"
-        (conservative); see `analysis.theory.bonds`.
+        (conservative); see `granular_analysis.theory.bonds`.
     overlap_ratio : η = Δ0/2R in [0, 0.1]; 0 is the paper's geometry, 2.5e-4 its silica spheres in LAMMPS.
     prestress : F0/(F0 + F) in [0, 1], F the pull that parts a contact, which is the adhesive force in the DMT law: 0 if
         adhesion holds the lattice, 1 if compression does.
@@ -36,7 +37,7 @@ class Contact:
     viscosity : c ≥ 0 of a dashpot in every closed contact, in m/t0 (LAMMPS damping velocity).
     restitution : coefficient in (0, 1] that sets the dashpot instead (LAMMPS damping coeff_restitution); None: none.
     inertia : Ĩ = I/(mR²) > 0 of the sphere, without the factor of η.
-    adhesion_law : "dmt", or "jkr", whose contacts adhere beyond an overlap of 0 (`analysis.theory.adhesion`).
+    adhesion_law : "dmt", or "jkr", whose contacts adhere beyond an overlap of 0 (`granular_analysis.theory.adhesion`).
 
     Raises
     ------
@@ -163,7 +164,7 @@ class Contact:
 
     @cached_property
     def closed(self) -> Ratios:
-        """Constants of `analysis.second_harmonic`; raises ValueError for a contact that it does not hold."""
+        """Constants of `granular_analysis.second_harmonic`; raises ValueError for a contact that it does not hold."""
         if self.departures:
             raise ValueError(f"the closed form does not hold {', '.join(self.departures)}")
         return ratios(self.poisson_ratio, self.inertia, self.overlap_ratio)

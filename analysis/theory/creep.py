@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory.crystal import Crystal
-from analysis.theory.second_order import RIGID, Mixed, Wave
+from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.second_order import RIGID, Mixed, Wave
 
 Floats = NDArray[np.float64]
 _SMALL = 1e-9  # share of the second harmonic below which a free wave is none

@@ -2,14 +2,14 @@
 
 A cell of B spheres repeats by one, two or three vectors (a chain, a plane, space); walls are planes at rest. Spheres
 have six freedoms (u, φ = Rθ), of which a plane keeps (u_x, u_y, φ_z): a constraint, no other theory. Spheres touch
-where their centres are nearer than their radii add up to. Their laws are those of `analysis.theory.bonds`.
+where their centres are nearer than their radii add up to. Their laws are those of `granular_analysis.theory.bonds`.
 
 **Modes** U e^{i(k·r − ωt)}, r the place of each sphere, with D U = ω²M U. Torques have the arm R − δ/2, which the
 moment of inertia takes over: I/(1 − δ/2R). Where the contacts of a sphere have different δ or R, the rest is no
 symmetric matrix, and modes come with their duals: what a force does to mode j is dual_j·M⁻¹F.
 
-Units are any consistent ones; wave vectors are in those of 1/place. `analysis.theory.bloch.hexagonal` is the paper's
-crystal in its own.
+Units are any consistent ones; wave vectors are in those of 1/place. `granular_analysis.theory.bloch.hexagonal` is the
+paper's crystal in its own.
 """
 
 from collections.abc import Sequence
@@ -21,10 +21,10 @@ from typing import Any, NamedTuple, Self, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.bonds import Bonds, Measured, ShearLaw, dmt, jkr
-from analysis.theory.mirror import Mirror, images, mirrored
-from analysis.theory.network import Material, ShearMixing, mixed
-from analysis.theory.network_laws import Adhesion
+from granular_analysis.theory.bonds import Bonds, Measured, ShearLaw, dmt, jkr
+from granular_analysis.theory.mirror import Mirror, images, mirrored
+from granular_analysis.theory.network import Material, ShearMixing, mixed
+from granular_analysis.theory.network_laws import Adhesion
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

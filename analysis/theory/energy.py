@@ -7,12 +7,12 @@ at a shear δ_S changes the stored energy ½ k_S δ_S² by work that no force of
 
 E − W is constant, with + for the secant law and − for the incremental one; a shear force derived from a potential does
 no such work. Here, per row (one sphere and three contacts), averaged over the phase torus, in units of k1Δ0², with the
-stretch x = 1 − δ/Δ0 and slip s of `analysis.theory.lattice`:
+stretch x = 1 − δ/Δ0 and slip s of `granular_analysis.theory.lattice`:
 
     kinetic (κ+3)(p'² + q'² + Ĩφ'²),   normal Σ (2/3)[x + (2/5)((1−x)^{5/2} − 1)],   shear Σ ½κ(1−x)^{1/2} s²
     dW/dτ = ∓Σ ¼κ(1−x)^{−1/2} s² x'        (sums over the three contacts ahead)
 
-and in the JKR law with its force and contact radius in their places (`analysis.theory.adhesion`).
+and in the JKR law with its force and contact radius in their places (`granular_analysis.theory.adhesion`).
 
 W is integrated as a further state: no sampling step enters. Simpson's rule on the power agrees with it to 2e-11 of E,
 but only from 16 samples per τ on. What limits the ledger is the trajectory, its accumulated error and its interpolation
@@ -30,10 +30,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
-from analysis.theory.contact import Contact
-from analysis.theory.lattice import Touching, integrate, longest_step, on_torus, rhs, touching
-from analysis.theory.neighbours import Neighbours
-from analysis.theory.wave import Wave
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.lattice import Touching, integrate, longest_step, on_torus, rhs, touching
+from granular_analysis.theory.neighbours import Neighbours
+from granular_analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 

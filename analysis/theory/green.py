@@ -1,7 +1,7 @@
 """The linear answer of a finite crystal to sources: spheres that are pushed, turned or moved from outside.
 
 N equal spheres at places r of a lattice whose spheres touch, in a periodic cell, between held spheres, or free. With
-the linear forces of `analysis.theory.bonds` their displacements U = (u, v, φ) of all spheres, φ = Rθ, obey
+the linear forces of `granular_analysis.theory.bonds` their displacements U = (u, v, φ) of all spheres, φ = Rθ, obey
 
     M U″ + K U = Σ_s b_s g_s(τ),    K = Σ_contacts (e_N e_Nᵀ + κ e_S e_Sᵀ − χ e_T e_Tᵀ)/(2(κ+3)),    M = (1, 1, Ĩ/(1−η))
 
@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.contact import Contact
+from granular_analysis.theory.contact import Contact
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]

@@ -13,7 +13,7 @@ length, under compression, any shear law, with dashpots or without shear or rota
 circle is enough.
 
 In units of D0 the displacement to order n is y1 + a y2 + … + aⁿ⁻¹ yn. Order k holds the harmonics k, k−2, … of ϑ, so
-2n+1 points of phase are exact. Order 2 is that of `analysis.theory.wave`.
+2n+1 points of phase are exact. Order 2 is that of `granular_analysis.theory.wave`.
 For TR and RT along y, p has even orders only, q and φ odd ones only: the relative error of p falls as aⁿ, that of q and
 φ (n odd) as aⁿ⁺¹.
 
@@ -36,10 +36,10 @@ resonance), 8e-3 (L, ξ=0.802), 2.5e-2 (TR, ξ=2.127). A contact that opens has 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import Mode
-from analysis.theory import lattice
-from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave
+from granular_analysis.second_harmonic import Mode
+from granular_analysis.theory import lattice
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def hierarchy_orders(mode: Mode, contact: Contact, tau: ArrayLike, *, order: int
     ValueError
         For an order below 2, a time that is none, and a mode that is none of the contact's.
 
-    Source: the equations of `analysis.theory.lattice` (equ, eqv, eqphi of the paper).
+    Source: the equations of `granular_analysis.theory.lattice` (equ, eqv, eqphi of the paper).
     """
     if order < 2:
         raise ValueError(f"order = {order} must be at least 2")

@@ -2,9 +2,10 @@
 
 The method, its step control and its interpolation are those of `scipy.integrate.solve_ivp`, with SciPy's coefficients.
 SciPy sums the stages by BLAS, which may hand states of a few hundred complex numbers to all its threads: on a busy
-machine of four cores `analysis.compare` of one run then took 41 s of processor time, and 1.5 s with one thread.
+machine of four cores `granular_analysis.compare` of one run then took 41 s of processor time, and 1.5 s with one
+thread.
 
-Large states are summed by the loops of `analysis.theory.loops` where these are there.
+Large states are summed by the loops of `granular_analysis.theory.loops` where these are there.
 """
 
 import json
@@ -17,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory import loops
+from granular_analysis.theory import loops
 
 Array = NDArray[Any]  # floats or complex numbers
 Floats = NDArray[np.float64]

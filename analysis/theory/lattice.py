@@ -22,14 +22,15 @@ the configuration (so it has no `potential`) and is integrated as a state,
 
 Its start is what one force-free step from equilibrium leaves in LAMMPS: the displacement along the final tangent.
 
-`adhesion_law` "jkr" puts another N(x), and another contact radius for (1−x)₊^{1/2} (`analysis.theory.adhesion`).
+`adhesion_law` "jkr" puts another N(x), and another contact radius for (1−x)₊^{1/2}
+(`granular_analysis.theory.adhesion`).
 
-And the physics a scene calls for (`analysis.theory.contact.Contact`). `prestress`: adhesion holds the lattice at 0,
-compression at 1; the contacts at rest push with F0 = (2/3)·prestress, N → N − F0, which cancels unless the normals turn
-(η > 0). `shear`, `rotation`: without, S = 0; φ = 0, whose Ĩ is infinite, but as a number that would make 0·∞ of Ĩφ'².
-`viscosity` c (in m/t0, t0 the unit of τ): every closed contact has a dashpot along its normal and, if it resists shear,
-one along its tangent, N → N + 2(κ+3)c dx/dτ and S → S + 2(κ+3)c ds/dτ (LAMMPS damping velocity). `restitution`: the
-same with c ∝ (1−x)^{1/4} (LAMMPS damping coeff_restitution; see `damping`).
+And the physics a scene calls for (`granular_analysis.theory.contact.Contact`). `prestress`: adhesion holds the lattice
+at 0, compression at 1; the contacts at rest push with F0 = (2/3)·prestress, N → N − F0, which cancels unless the
+normals turn (η > 0). `shear`, `rotation`: without, S = 0; φ = 0, whose Ĩ is infinite, but as a number that would make
+0·∞ of Ĩφ'². `viscosity` c (in m/t0, t0 the unit of τ): every closed contact has a dashpot along its normal and, if it
+resists shear, one along its tangent, N → N + 2(κ+3)c dx/dτ and S → S + 2(κ+3)c ds/dτ (LAMMPS damping velocity).
+`restitution`: the same with c ∝ (1−x)^{1/4} (LAMMPS damping coeff_restitution; see `damping`).
 
 Breaks when contacts open for long: the paper's law keeps the adhesive force at any distance (with prestress = 1 there
 is none), and shear springs are kept, a slip or under `incremental` a force, where LAMMPS forgets them.
@@ -40,13 +41,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import Mode, refuse_oblique
-from analysis.theory import loops
-from analysis.theory.contact import Contact
-from analysis.theory.integrator import Array, Derivative, dop853
-from analysis.theory.lattice_loop import torus_slope
-from analysis.theory.neighbours import Neighbours, periodic_kernel, ring_neighbours, torus_neighbours, torus_phases
-from analysis.theory.wave import Wave
+from granular_analysis.second_harmonic import Mode, refuse_oblique
+from granular_analysis.theory import loops
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.integrator import Array, Derivative, dop853
+from granular_analysis.theory.lattice_loop import torus_slope
+from granular_analysis.theory.neighbours import (
+    Neighbours,
+    periodic_kernel,
+    ring_neighbours,
+    torus_neighbours,
+    torus_phases,
+)
+from granular_analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +68,7 @@ class Touching(NamedTuple):
     turned : cos and sin (..., 3, K) of the angle by which the contact has turned, None where its direction is fixed.
     stretch : x (..., 3, K).
     overlap, root : (1−x)₊, and its root: the radius of the contact, (..., 3, K). In the JKR law an overlap may be
-        negative, and the radius is another function of it (`analysis.theory.adhesion`).
+        negative, and the radius is another function of it (`granular_analysis.theory.adhesion`).
     """
 
     apart: Floats

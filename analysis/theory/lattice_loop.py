@@ -1,4 +1,4 @@
-"""The slope of `analysis.theory.lattice` on the phase torus in one call of `analysis.theory.loops`.
+"""The slope of `granular_analysis.theory.lattice` on the phase torus in one call of `granular_analysis.theory.loops`.
 
 The formulas are those of `lattice.rhs`, which is the reference: some forty calls of NumPy, of a microsecond each, for
 a few hundred numbers. Waves that are complex, contacts by the law of JKR, and rings of rows are left to it.
@@ -9,9 +9,9 @@ import ctypes
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory import loops
-from analysis.theory.contact import Contact
-from analysis.theory.neighbours import Neighbours, directions_at_rest
+from granular_analysis.theory import loops
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.neighbours import Neighbours, directions_at_rest
 
 Floats = NDArray[np.float64]
 MOST = 128  # points, as in loops.c

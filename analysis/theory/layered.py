@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.surface_wave import Complexes, HalfSpace, Reaction, complexes, downward
+from granular_analysis.theory.surface_wave import Complexes, HalfSpace, Reaction, complexes, downward
 
 _SAGITTAL = [0, 2, 3, 5]  # along k and up, of both faces
 _STATIC = 1e-4  # of c_t k: a motion so slow is static to the share 1e-8, the digits that K has there

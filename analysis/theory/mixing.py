@@ -1,14 +1,14 @@
 """The wave at (k1 ± k2, Ω1 ± Ω2) that two waves of any two directions and branches make in the paper's crystal.
 
-`analysis.theory.second_order` has the theory, for any crystal. Here it speaks of waves by wave vector and branch, in
-the units of `analysis.theory.contact`, and of (u, v, φ). Two waves a1 Re U1 exp i(k1·r − Ω1τ) + a2 Re U2 exp i(k2·r −
-Ω2τ) make, at k = k1 ± k2 and Ω = Ω1 ± Ω2, the field a1 a2 Re[X exp i k·r]: the forced wave, which runs with the two;
-the field from a start at rest, with the free waves at k; and, where the pair is **phase-matched**, |Ω| = Ω_j(k), the
-rate at which mode j grows. One wave with itself is half of a pair of equal ones.
+`granular_analysis.theory.second_order` has the theory, for any crystal. Here it speaks of waves by wave vector and
+branch, in the units of `granular_analysis.theory.contact`, and of (u, v, φ). Two waves a1 Re U1 exp i(k1·r − Ω1τ) + a2
+Re U2 exp i(k2·r − Ω2τ) make, at k = k1 ± k2 and Ω = Ω1 ± Ω2, the field a1 a2 Re[X exp i k·r]: the forced wave, which
+runs with the two; the field from a start at rest, with the free waves at k; and, where the pair is **phase-matched**,
+|Ω| = Ω_j(k), the rate at which mode j grows. One wave with itself is half of a pair of equal ones.
 
 Units: displacements and φ = Rθ in Δ0, per product a1 a2 of the amplitudes a = D0/Δ0; time in √(m/(2(g1+3k1))); wave
 vectors in 1/lattice constant, x along a close-packed row. Which drives vanish by symmetry says
-`analysis.theory.selection`.
+`granular_analysis.theory.selection`.
 
 When it breaks: where contacts open; where the product is no longer small against the two, as after a time 1/(rate·a) on
 a resonance, since nothing here takes energy from the two; where two branches touch. Third order shifts the frequencies
@@ -22,9 +22,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.bloch import GAUGE, hexagonal, in_plane
-from analysis.theory.contact import Contact
-from analysis.theory.second_order import RIGID, Mixed, branch_of
+from granular_analysis.theory.bloch import GAUGE, hexagonal, in_plane
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.second_order import RIGID, Mixed, branch_of
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -11,7 +11,7 @@ On a mirror line of the layer, with e along k and p = z × e, three branches are
 *shear-horizontal* (u_p, φ_e, φ_z).
 
 These formulas leave out that the torque of two spheres has the arm R − δ/2, a share η/2 of frequencies, η = δ/2R, and
-that contacts which push turn with their spheres. `analysis.theory.crystal` has both.
+that contacts which push turn with their spheres. `granular_analysis.theory.crystal` has both.
 
 **Buckling.** Contacts of the length ℓ that push with f press a sphere out of the layer, by f/ℓ on each difference of
 heights. Where nothing resists shear K_N alone holds it, and a chain buckles at f = ℓK_N/4, a square layer at ℓK_N/8, a

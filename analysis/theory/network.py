@@ -24,9 +24,9 @@ and with `restitution` e it is √5 ζ (A m')^{1/2} δ^{1/4}, ζ = −ln e/√(�
 coeff_restitution`). A contact that slides keeps the slip with which spring and dashpot together have the limit. Where
 nothing adheres the limit is μ|P| with the dashpot in P, as in LAMMPS.
 
-With adhesion = "jkr" the law is LAMMPS's `jkr` (`analysis.theory.network_laws`): another P, the contact radius over
-√Rc in place of δ^{1/2}, and a limit of friction μ(P + 2F'), F' = (3/4) F being the largest pull. Such a contact begins
-at δ = 0 and holds beyond, until it is pulled with F'; at rest, all spheres that are within that distance touch.
+With adhesion = "jkr" the law is LAMMPS's `jkr` (`granular_analysis.theory.network_laws`): another P, the contact radius
+over √Rc in place of δ^{1/2}, and a limit of friction μ(P + 2F'), F' = (3/4) F being the largest pull. Such a contact
+begins at δ = 0 and holds beyond, until it is pulled with F'; at rest, all spheres that are within that distance touch.
 
 Mixing. Contacts of two kinds of spheres have 1/E* = Σ(1 − ν²)/E, 1/G* = Σ 2(2 − ν)(1 + ν)/E and w = √(w_i w_j), as
 LAMMPS says. It departs from that in one place: where a pair of types has no pair_coeff of its own and the shear
@@ -36,10 +36,11 @@ about half of G*, also if the two types are of one material. `shear_mixing = "la
 Walls are planes at rest of a material of their own. A sphere touches one with the same laws, Rc = R, and the arm R in
 place of R − δ/2.
 
-Units are any consistent ones: SI, those of a LAMMPS deck, or dimensionless. `analysis.theory.network_state` holds the
-motion, as displacements from the places at rest, so that no digits are lost in large crystals, and the forces of that
-moment. `analysis.theory.network_outside` holds pushes and prescribed motions. `analysis.theory.network_motion`
-integrates it, and `analysis.theory.network_ledger` keeps the books of energy and momentum.
+Units are any consistent ones: SI, those of a LAMMPS deck, or dimensionless. `granular_analysis.theory.network_state`
+holds the motion, as displacements from the places at rest, so that no digits are lost in large crystals, and the forces
+of that moment. `granular_analysis.theory.network_outside` holds pushes and prescribed motions.
+`granular_analysis.theory.network_motion` integrates it, and `granular_analysis.theory.network_ledger` keeps the books
+of energy and momentum.
 
 Breaks where contacts are not small against the spheres: the contacts of a sphere do not know of each other. The pull of
 spheres that are near and do not touch is left out, as in LAMMPS.
@@ -53,8 +54,8 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory.network_laws import Adhesion
-from analysis.theory.network_outside import Drive
+from granular_analysis.theory.network_laws import Adhesion
+from granular_analysis.theory.network_outside import Drive
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -126,7 +127,7 @@ class Network:
     adhesion : law of the normal force.
     factors : of the normal and of the shear forces of pairs at a given overlap, as measured stiffnesses ask for: two
         numbers, or (K, K, 2) by pair of K materials.
-    walls, drives : what acts from outside (`analysis.theory.network_outside`).
+    walls, drives : what acts from outside (`granular_analysis.theory.network_outside`).
     drag : (N,) rates, per time, at which velocity and spin of spheres decay; None: of none.
     """
 

@@ -1,7 +1,9 @@
-"""Contacts of a network in the plane that stay closed and do not slide, in one pass of `analysis.theory.loops`.
+"""Contacts of a network in the plane that stay closed and do not slide, in one pass of
+`granular_analysis.theory.loops`.
 
-The laws are those of `analysis.theory.network_state.contacts`, which is the reference, and to which all else is left:
-other laws, networks in space, and moments at which a contact slides, or is open and has yet to forget its slip.
+The laws are those of `granular_analysis.theory.network_state.contacts`, which is the reference, and to which all else
+is left: other laws, networks in space, and moments at which a contact slides, or is open and has yet to forget its
+slip.
 """
 
 import ctypes
@@ -11,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory import loops
-from analysis.theory.network import Network
-from analysis.theory.network_state import Pairs
+from granular_analysis.theory import loops
+from granular_analysis.theory.network import Network
+from granular_analysis.theory.network_state import Pairs
 
 Floats = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """The normal force and the radius of a contact in the network: the laws of DMT and of JKR, each from A, B and F.
 
-With the coefficients A = (4/3) E* √Rc and F = 2π w Rc of `analysis.theory.network`, and the contact radius a,
+With the coefficients A = (4/3) E* √Rc and F = 2π w Rc of `granular_analysis.theory.network`, and the contact radius a,
 
     DMT    P = A δ^{3/2} − F,                    r = a/√Rc = √δ
     JKR    P = 3F (y² − y),  δ = d (3s⁴ − 2s),   r = √(3d) s²,     y = s³,  d = (3F/A)^{2/3}/3

@@ -1,12 +1,13 @@
 """Energy and momentum of a packing of spheres, and the work by which its contact laws change the energy.
 
-The laws of `analysis.theory.network` have no potential. With the stiffness k = B δ^{1/2} of a contact against shear,
+The laws of `granular_analysis.theory.network` have no potential. With the stiffness k = B δ^{1/2} of a contact against
+shear,
 
     E = Σ ½m v² + ½I ω² + Σ (2/5)A δ^{5/2} − F δ + ½S²/k
 
-(with ∫P dδ of `analysis.theory.network_laws` by the JKR law) changes by the work W of the shear law, + for the secant
-one and − for the incremental one, and of LAMMPS's lever arm, which is R for the slip and R − δ/2 for the torque of two
-spheres:
+(with ∫P dδ of `granular_analysis.theory.network_laws` by the JKR law) changes by the work W of the shear law, + for the
+secant one and − for the incremental one, and of LAMMPS's lever arm, which is R for the slip and R − δ/2 for the torque
+of two spheres:
 
     dW/dt = Σ ±½ (dk/dδ)(S/k)² dδ/dt − (δ/2)(n × S)·(ω_i + ω_j)
 
@@ -22,9 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory.network import Network
-from analysis.theory.network_state import Contacts, Pairs, State, present, slip
-from analysis.theory.network_tangents import dot
+from granular_analysis.theory.network import Network
+from granular_analysis.theory.network_state import Contacts, Pairs, State, present, slip
+from granular_analysis.theory.network_tangents import dot
 
 Floats = NDArray[np.float64]
 

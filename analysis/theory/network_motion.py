@@ -1,4 +1,5 @@
-"""Motion of a packing of spheres: the laws of `analysis.theory.network`, by an error-controlled Runge–Kutta method.
+"""Motion of a packing of spheres: the laws of `granular_analysis.theory.network`, by an error-controlled Runge–Kutta
+method.
 
 LAMMPS takes velocity Verlet with a fixed step. Here it is DOP853, of order 8, whose steps follow from its own error
 estimate; the slip of every contact is a part of the state, and so is the work W of the ledger E − W. After every step a
@@ -6,8 +7,8 @@ contact that is open forgets its slip, one that slides keeps the slip of its lim
 enough for new contacts, the step is taken back and the pairs are searched again.
 
 Good values: rtol from 1e-6 (a figure) to 1e-11 (a witness). An evaluation of all forces takes 0.1 µs of processor time
-per contact, and 0.02 µs in the compiled loop (`analysis.theory.network_closed`). A wave in a crystal needs 7 (rtol
-1e-6), 16 (1e-9) or 27 (1e-11) in a unit of time t0: with the loop half to 2 µs per sphere and t0.
+per contact, and 0.02 µs in the compiled loop (`granular_analysis.theory.network_closed`). A wave in a crystal needs 7
+(rtol 1e-6), 16 (1e-9) or 27 (1e-11) in a unit of time t0: with the loop half to 2 µs per sphere and t0.
 
 Breaks where much happens at once in a large network: the adhesive force jumps when a contact opens or closes, and every
 jump costs all spheres some thirty evaluations. 1e4 spheres of unequal radii (3e-4) that are let go out of equilibrium
@@ -22,13 +23,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.integrator import Solver
-from analysis.theory.network import Network
-from analysis.theory.network_closed import closed_pairs
-from analysis.theory.network_ledger import energy, kinetic_energy, work_rate
-from analysis.theory.network_outside import imposed, pushes
-from analysis.theory.network_state import State, contacts, forces, present, resultants, searched_again, settled
-from analysis.theory.network_tangents import dot
+from granular_analysis.theory.integrator import Solver
+from granular_analysis.theory.network import Network
+from granular_analysis.theory.network_closed import closed_pairs
+from granular_analysis.theory.network_ledger import energy, kinetic_energy, work_rate
+from granular_analysis.theory.network_outside import imposed, pushes
+from granular_analysis.theory.network_state import State, contacts, forces, present, resultants, searched_again, settled
+from granular_analysis.theory.network_tangents import dot
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -60,7 +61,7 @@ class Trajectory:
 
     @property
     def displacement(self) -> Floats:
-        """Return the displacements from rest (T, n, d), as `analysis.measure.coherent.project` takes them."""
+        """Return the displacements from rest (T, n, d), as `granular_analysis.measure.coherent.project` takes them."""
         return self._rows(0, 0)
 
     @property
@@ -221,7 +222,8 @@ def _farthest(state: State) -> float:
 
 
 class _Rates:
-    """The time derivative of the packed state, from one settled state on: the equations of `analysis.theory.network`.
+    """The time derivative of the packed state, from one settled state on: the equations of
+    `granular_analysis.theory.network`.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
 """A packing of spheres at one moment: its motion, the pairs that may touch, and the forces of their contacts.
 
-The laws are those of `analysis.theory.network`, in its terms. Spheres in d dimensions have f freedoms: x, y and the
-turn about z in the plane, three ways and three turns in space. Turns in space are 2 tan(ϑ/2) times the axis of the
-turn ϑ, as a quaternion gives it; forces do not depend on them.
+The laws are those of `granular_analysis.theory.network`, in its terms. Spheres in d dimensions have f freedoms: x, y
+and the turn about z in the plane, three ways and three turns in space. Turns in space are 2 tan(ϑ/2) times the axis of
+the turn ϑ, as a quaternion gives it; forces do not depend on them.
 
 A wall is the last of the bodies of a pair: a held sphere of `_FAR` times the radius of the first one, whose normal
 turns by 1e-9 of the way of that one, relative to R.
@@ -14,9 +14,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.network import Network, Wall
-from analysis.theory.network_laws import LAWS, Dmt, Jkr
-from analysis.theory.network_tangents import Tangents, combined, dot, frames, rebased, swerved, tangents, turned
+from granular_analysis.theory.network import Network, Wall
+from granular_analysis.theory.network_laws import LAWS, Dmt, Jkr
+from granular_analysis.theory.network_tangents import (
+    Tangents,
+    combined,
+    dot,
+    frames,
+    rebased,
+    swerved,
+    tangents,
+    turned,
+)
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -38,7 +47,7 @@ class Pairs:
     mass : (M,) reduced, 1/(1/m + 1/m) of both.
     A, B, F : (M,) coefficients of the contacts.
     place : (d, N) displacements at which the search was made.
-    frame : of the tangents (`analysis.theory.network_tangents`).
+    frame : of the tangents (`granular_analysis.theory.network_tangents`).
     normal : law of the normal forces.
     """
 

@@ -1,6 +1,6 @@
 """Objectives that second order gives, with exact derivatives, and the numbers of a crystal at which they are best.
 
-| objective | what it is, of a spot (`analysis.theory.variation`) |
+| objective | what it is, of a spot (`granular_analysis.theory.variation`) |
 |---|---|
 | `Growth` | growth of a resonant second harmonic in a period, in the amplitude of the wave per length of the spot |
 | `Tuned` | −(f/f₀ − 1)² of the frequency f of a resonance |
@@ -24,10 +24,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize, minimize_scalar
 
-from analysis.theory.phase_matching import last_number, matches
-from analysis.theory.rows import Rows
-from analysis.theory.transfer import changes_by_mass, scattering
-from analysis.theory.variation import Place, Resonance, Value, Varied, resonance
+from granular_analysis.theory.phase_matching import last_number, matches
+from granular_analysis.theory.rows import Rows
+from granular_analysis.theory.transfer import changes_by_mass, scattering
+from granular_analysis.theory.variation import Place, Resonance, Value, Varied, resonance
 
 Floats = NDArray[np.float64]
 

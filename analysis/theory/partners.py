@@ -8,15 +8,16 @@ the frequencies are Ωi = 2π fi t0, and t0 falls as the crystal is compressed,
 so that F0 brings two waves of given frequencies to where Ω1 ± Ω2 = Ω_j(k1 ± k2). For each pair of branches and
 directions, `design` finds the wave numbers at which Ω2/Ω1 = f2/f1 and the pair is phase-matched, and the F0 that makes
 them waves of these frequencies, in the geometry and under the prestress (η, F0) of such contacts. Pairs that symmetry
-forbids (`analysis.theory.selection`) are left out.
+forbids (`granular_analysis.theory.selection`) are left out.
 
 Good values: a compression with η = Δ0/2R below 0.01, where spheres still are springs. The list is ordered by the time,
 in periods of the first wave, in which two waves of the same amplitude make a third as large
-(`analysis.theory.mixing.growth_rates`): fewer are better. Where the two waves are one, a single one counts, whose
-second harmonic resonates. An adhesive crystal holds itself together, so below some frequency no force is small enough.
+(`granular_analysis.theory.mixing.growth_rates`): fewer are better. Where the two waves are one, a single one counts,
+whose second harmonic resonates. An adhesive crystal holds itself together, so below some frequency no force is small
+enough.
 
-When it breaks: as `analysis.theory.mixing`; a detuning of 1/(100 periods) is a part in a thousand of Ω, which spread of
-sphere sizes easily makes.
+When it breaks: as `granular_analysis.theory.mixing`; a detuning of 1/(100 periods) is a part in a thousand of Ω, which
+spread of sphere sizes easily makes.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -29,10 +30,10 @@ from contourpy import contour_generator
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from analysis.theory.bloch import branch_index, frame, real_modes
-from analysis.theory.contact import Contact
-from analysis.theory.mixing import Pair, Tone, detunings, growth_rates
-from analysis.theory.selection import forbidden
+from granular_analysis.theory.bloch import branch_index, frame, real_modes
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.mixing import Pair, Tone, detunings, growth_rates
+from granular_analysis.theory.selection import forbidden
 from granular_lmp.crystal.sphere import Sphere
 
 Floats = NDArray[np.float64]

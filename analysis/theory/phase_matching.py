@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from analysis.theory.crystal import Crystal, padded
-from analysis.theory.mirror import Mirror
-from analysis.theory.second_order import Mixed, Wave, branch_of
-from analysis.theory.selection import mirrors, parity
+from granular_analysis.theory.crystal import Crystal, padded
+from granular_analysis.theory.mirror import Mirror
+from granular_analysis.theory.second_order import Mixed, Wave, branch_of
+from granular_analysis.theory.selection import mirrors, parity
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ amplitudes follow the energy. A wave of harmonic m and one branch, in the infini
     (p, q, φ) = Re A v e^{imξn},    A' = −iωA + (forces of the other waves),    v = (P, Q, if),
 
 with ω > 0 if it runs forward and ω < 0 if backward. The forces are those of second and third order between the waves,
-N(v_i, v_j) and C(v_i, v_j, v_l) of `analysis.theory.bonds`, for the contact and the fundamental at hand:
+N(v_i, v_j) and C(v_i, v_j, v_l) of `granular_analysis.theory.bonds`, for the contact and the fundamental at hand:
 
     A_k' = −iω_k A_k + (i/2ω_k v_k†Mv_k) v_k†[½ N(v_i, v_j) A_i A_j + ¼ C(v_i, v_j, v_l) A_i A_j A_l]
 
@@ -41,13 +41,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import ModeName, refuse_oblique
-from analysis.theory import second_order
-from analysis.theory.bloch import branch_among, in_plane
-from analysis.theory.bonds import Strain
-from analysis.theory.crystal import Crystal
-from analysis.theory.second_order import chosen
-from analysis.theory.wave import Wave
+from granular_analysis.second_harmonic import ModeName, refuse_oblique
+from granular_analysis.theory import second_order
+from granular_analysis.theory.bloch import branch_among, in_plane
+from granular_analysis.theory.bonds import Strain
+from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.second_order import chosen
+from granular_analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -1,10 +1,10 @@
-"""Rows of spheres along x as a chain of blocks, for waves along y (`analysis.theory.transfer`).
+"""Rows of spheres along x as a chain of blocks, for waves along y (`granular_analysis.theory.transfer`).
 
 Row n moves by X_n = (u, v, φ) of all its spheres, φ = Rθ, and K_{nm} is what the motion of row m does to it, with the
-stiffness of the contacts at rest (`analysis.theory.bonds`). In LAMMPS the torque of a slip has the arm R − δ/2, which
-is the same as the moment of inertia over 1 − η, η = δ/2R. Where η is not the same for all contacts of a sphere it is
-their mean, weighted by the stiffness against slip: then, and then only, what follows is off by the spread of η, 1e-4
-for microspheres.
+stiffness of the contacts at rest (`granular_analysis.theory.bonds`). In LAMMPS the torque of a slip has the arm R −
+δ/2, which is the same as the moment of inertia over 1 − η, η = δ/2R. Where η is not the same for all contacts of a
+sphere it is their mean, weighted by the stiffness against slip: then, and then only, what follows is off by the spread
+of η, 1e-4 for microspheres.
 """
 
 from collections.abc import Sequence
@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory.bloch import hexagonal
-from analysis.theory.cell import Cell
-from analysis.theory.contact import Contact
-from analysis.theory.crystal import PLANE
-from analysis.theory.network import Network
+from granular_analysis.theory.bloch import hexagonal
+from granular_analysis.theory.cell import Cell
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.crystal import PLANE
+from granular_analysis.theory.network import Network
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]

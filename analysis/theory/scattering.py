@@ -1,7 +1,8 @@
 """A solitary wave meets another one, a wall, an impurity or an interface, among spheres that just touch.
 
-The waves start as exact ones (`analysis.theory.solitary`), so that nothing else moves, and run by `chain_motion.SIXTH`.
-Shares are of the energy of the incoming wave. No unit enters: every wave of such spheres is one wave but for its scale.
+The waves start as exact ones (`granular_analysis.theory.solitary`), so that nothing else moves, and run by
+`chain_motion.SIXTH`. Shares are of the energy of the incoming wave. No unit enters: every wave of such spheres is one
+wave but for its scale.
 
 Published, of which the abstracts were read: waves that collide are ahead of where they would be alone, and leave
 secondary waves, stronger ones where they meet at a contact than at a sphere (F. Santibanez et al., arXiv:1102.3364;
@@ -13,9 +14,9 @@ from typing import Literal
 
 import numpy as np
 
-from analysis.theory.chain import Chain, compressed, energies, uniform
-from analysis.theory.chain_motion import SIXTH, first_peak, march, peak
-from analysis.theory.solitary import solitary_wave
+from granular_analysis.theory.chain import Chain, compressed, energies, uniform
+from granular_analysis.theory.chain_motion import SIXTH, first_peak, march, peak
+from granular_analysis.theory.solitary import solitary_wave
 
 WAVE = solitary_wave(1.0)
 STEP = 0.05  # share of the time in which the wave moves by one sphere; the shares of energy are good to 2e-6
@@ -158,7 +159,7 @@ def interface(mass: float) -> Interface:
 
     Raises ValueError for another mass.
 
-    `quasi_particle` in `analysis.cases.refraction.angles` is the rule for it.
+    `quasi_particle` in `granular_analysis.cases.refraction.angles` is the rule for it.
     """
     if not 0.1 <= mass <= 10:
         raise ValueError(f"mass must be from 0.1 to 10 times that of a sphere before the interface, not {mass:g}")

@@ -16,16 +16,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis import second_harmonic as closed
-from analysis.theory.bloch import frame
-from analysis.theory.bonds import Measured
-from analysis.theory.branches import named_branch
-from analysis.theory.crystal import PLANE, Crystal, Wall
-from analysis.theory.lattices import LATTICES, Lattice
-from analysis.theory.network import mixed
-from analysis.theory.second_order import Mixed, Wave, second_order, started, wave
-from analysis.theory.validity import turned
-from analysis.theory.variation import Spot
+from granular_analysis import second_harmonic as closed
+from granular_analysis.theory.bloch import frame
+from granular_analysis.theory.bonds import Measured
+from granular_analysis.theory.branches import named_branch
+from granular_analysis.theory.crystal import PLANE, Crystal, Wall
+from granular_analysis.theory.lattices import LATTICES, Lattice
+from granular_analysis.theory.network import mixed
+from granular_analysis.theory.second_order import Mixed, Wave, second_order, started, wave
+from granular_analysis.theory.validity import turned
+from granular_analysis.theory.variation import Spot
 from granular_lmp.runs.record import Scene
 
 Floats = NDArray[np.float64]
@@ -66,7 +66,7 @@ VARIED = (*CONTACT, "sphere.density", "wave.direction")
 
 
 class Elastic(NamedTuple):
-    """Constants of spheres as `analysis.theory.network.Material`, which may be complex."""
+    """Constants of spheres as `granular_analysis.theory.network.Material`, which may be complex."""
 
     youngs_modulus: Any
     poisson_ratio: Any
@@ -94,7 +94,7 @@ class Setting:
     ----------
     scene : with "auto" decided or not: an effect that is "auto" is on if it is one of every crystal's.
     numbers : values in place of those of some keys, `VARIED` and "inclusion.N.density" with N from 1; they may be
-        complex, for `analysis.theory.variation`.
+        complex, for `granular_analysis.theory.variation`.
     """
 
     scene: Scene
@@ -334,7 +334,7 @@ class Setting:
         """Return C (T, 2) along k and across, in D0, of the second harmonic Re[C e^{2ik·r}], and an error of its phase.
 
         Of layers, C is the mean over the spheres of a cell, r from the centre sphere. The error (T,) is twice what
-        third order has turned the waves by, in rad (`analysis.theory.validity.turned`).
+        third order has turned the waves by, in rad (`granular_analysis.theory.validity.turned`).
         """
         scene = self.scene
         crystal, waves = self.start()

@@ -1,8 +1,8 @@
 """Second order of any wave, or of any two, in any periodic crystal: forced and free waves, and the signal from τ = 0.
 
-The crystal (`analysis.theory.crystal`) has contacts whose forces are known to second order (`analysis.theory.bonds`).
-A field of real waves Re[A U e^{i(k·r − ωt)}] then has, to second order, at every sum and difference (K, Ω) of two of
-them, each wave with itself among them,
+The crystal (`granular_analysis.theory.crystal`) has contacts whose forces are known to second order
+(`granular_analysis.theory.bonds`). A field of real waves Re[A U e^{i(k·r − ωt)}] then has, to second order, at every
+sum and difference (K, Ω) of two of them, each wave with itself among them,
 
     M X″ = −D(K) X + F e^{−iΩt} + F₀ + F_w ∫₀ᵗ e^{−iΩs} ds,       X = X′ = 0 at t = 0,
 
@@ -31,8 +31,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.bonds import Quadratic, Strain
-from analysis.theory.crystal import Crystal, Modes, padded
+from granular_analysis.theory.bonds import Quadratic, Strain
+from granular_analysis.theory.crystal import Crystal, Modes, padded
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -25,9 +25,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory.crystal import Crystal
-from analysis.theory.mirror import Mirror
-from analysis.theory.second_order import Mixed, Wave
+from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.mirror import Mirror
+from granular_analysis.theory.second_order import Mixed, Wave
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.crystal import Crystal, padded
+from granular_analysis.theory.crystal import Crystal, padded
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -46,7 +46,7 @@ class Reaction(NamedTuple):
 
 
 class Body(Protocol):
-    """What the layer lies on: a half-space, or `analysis.theory.layered.Layered`."""
+    """What the layer lies on: a half-space, or `granular_analysis.theory.layered.Layered`."""
 
     @property
     def cutoff(self) -> float:

@@ -1,7 +1,7 @@
 """Third order of one wave in any crystal: the shift of its frequency, and the third harmonic that runs with it.
 
 The cubic part of the law acts on the wave, and the quadratic part on the wave and the fields that it has made to second
-order, u₂ = ½Re X₂e^{2iα} + ½Re X₀. With the forces C and N of `analysis.theory.bonds.Bonds.cubic` and
+order, u₂ = ½Re X₂e^{2iα} + ½Re X₀. With the forces C and N of `granular_analysis.theory.bonds.Bonds.cubic` and
 `quadratic`, for z = U e^{iα} these are
 
     G₁ = ¾C(z, z, z*) + ½N(X₂, z*) + N(X₀, z),      G₃ = ¼C(z, z, z) + ½N(X₂, z)
@@ -20,10 +20,11 @@ it is multiplied by e^{−iθ},
     θ(t) = δω_s t + Σ_j (c_j/2w_j)[(E(δ₊) − t)/δ₊ − (E(δ₋) − t)/δ₋],   E(x) = ∫₀ᵗ e^{ixs} ds
 
 Far from resonance the free waves leave a bounded ripple on the drift δω t; on resonance θ grows as t², the start of the
-sech of `analysis.theory.resonance.two_mode`.
+sech of `granular_analysis.theory.resonance.two_mode`.
 
 **The cubic part** C is that of the law, of the contact's true direction and length N = (ℓn + w)/L, L = ℓ + X, and of
-the slip that follows both (`analysis.theory.bonds` has them to second order). All are functions of α, and with ′ = d/dα
+the slip that follows both (`granular_analysis.theory.bonds` has them to second order). All are functions of α, and with
+′ = d/dα
 
     force on i  S − f(δ − X) N,    torques over R  [arm/R + X/2R] N × S
     secant law        S = k(δ − X) s,   s′ = L N′ − Φ′ × N − N (N′·s)
@@ -42,9 +43,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.bonds import Bonds, Quadratic, Strain, crossed
-from analysis.theory.crystal import Crystal
-from analysis.theory.second_order import Mixed, Wave
+from granular_analysis.theory.bonds import Bonds, Quadratic, Strain, crossed
+from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.second_order import Mixed, Wave
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -22,12 +22,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import refuse_oblique
-from analysis.theory.contact import Contact
-from analysis.theory.lattice import accelerations, on_torus, torus_trajectory, touching
-from analysis.theory.lattice_loop import torus_slope
-from analysis.theory.neighbours import Neighbours
-from analysis.theory.wave import Wave
+from granular_analysis.second_harmonic import refuse_oblique
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.lattice import accelerations, on_torus, torus_trajectory, touching
+from granular_analysis.theory.lattice_loop import torus_slope
+from granular_analysis.theory.neighbours import Neighbours
+from granular_analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def stepped(
     waves : along y and of phase 0, in contacts with η > 0.
     per_sample : steps to a sample.
     sample, records : τ between records, and their number after the first.
-    points : K of the torus, odd; see `analysis.theory.lattice.torus_trajectory`.
+    points : K of the torus, odd; see `granular_analysis.theory.lattice.torus_trajectory`.
 
     Raises ValueError for other waves and contacts. Not finite beyond the stability limit of the step.
     """

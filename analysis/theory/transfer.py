@@ -1,7 +1,7 @@
 """Waves along y at rows that differ: reflection and transmission of every mode, exact in the linear lattice.
 
-Rows n = 0 … N−1 (`analysis.theory.rows`) of C spheres each, X_n = (u, v, φ) of all spheres of a row, φ = Rθ, move
-with e^{−iΩt} by
+Rows n = 0 … N−1 (`granular_analysis.theory.rows`) of C spheres each, X_n = (u, v, φ) of all spheres of a row, φ = Rθ,
+move with e^{−iΩt} by
 
     K_{n,n−1} X_{n−1} + (K_{nn} − Ω² M_n) X_n + K_{n,n+1} X_{n+1} = 0,    K_{n+1,n} = K_{n,n+1}ᵀ
 
@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eig
 
-from analysis.theory.rows import Rows, plane_wave
+from granular_analysis.theory.rows import Rows, plane_wave
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]

@@ -9,7 +9,7 @@ All numbers are of the wave with its amplitude A, to leading order in it.
 | `second` | A | the forced second harmonic over the wave |
 | `drift` | A² | the phase in rad by which third order has turned the wave after a period; nan where slip winds up |
 | `creep` | A | the way in a period, over A, by which spheres creep as slip winds up; 0 in planar lattices |
-| `departure` | A² | the share by which the second harmonic changes that creep (`analysis.theory.creep`) |
+| `departure` | A² | the share by which the second harmonic changes that creep (`granular_analysis.theory.creep`) |
 
 Second order ends where any of the first three is near 1, and misses the wave itself by drift times the periods.
 """
@@ -20,11 +20,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.bonds import Law, Strain
-from analysis.theory.creep import creep
-from analysis.theory.crystal import Crystal
-from analysis.theory.second_order import Mixed, Wave
-from analysis.theory.third_order import shift
+from granular_analysis.theory.bonds import Law, Strain
+from granular_analysis.theory.creep import creep
+from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.second_order import Mixed, Wave
+from granular_analysis.theory.third_order import shift
 
 Floats = NDArray[np.float64]
 
@@ -107,8 +107,8 @@ def validity(crystal: Crystal, wave: Wave) -> Validity:
 def turned(crystal: Crystal, waves: Sequence[Wave], time: ArrayLike) -> Floats:
     """Return an estimate (T,) of the most by which third order has turned any of waves together up to times (T,), rad.
 
-    A wave turns itself by |θ| of `analysis.theory.third_order`, regular on resonance, and another one by up to twice
-    that.
+    A wave turns itself by |θ| of `granular_analysis.theory.third_order`, regular on resonance, and another one by up to
+    twice that.
     """
     own = np.array([np.abs(shift(crystal, each).phase(time)) for each in waves if each.frequency])
     if not len(own):

@@ -27,9 +27,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.bonds import Bonds, Strain
-from analysis.theory.crystal import Crystal
-from analysis.theory.second_order import Mixed, Wave
+from granular_analysis.theory.bonds import Bonds, Strain
+from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.second_order import Mixed, Wave
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -145,7 +145,7 @@ class Modes:
 
     Attributes
     ----------
-    frequencies, shapes, duals : (J,), (J, B, 6), (J, B, 6), as `analysis.theory.crystal.Modes`.
+    frequencies, shapes, duals : (J,), (J, B, 6), (J, B, 6), as `granular_analysis.theory.crystal.Modes`.
     changes : (P + 1, J, J) G by each number and the wave number.
     """
 

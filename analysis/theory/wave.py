@@ -1,9 +1,9 @@
 """One plane wave of the paper's crystal, as every theory of this folder takes it: a mode, an amplitude, a contact.
 
-`Wave.doubled` hands it to the theory of any crystal (`analysis.theory.second_order`). Here stand the answers in the
-paper's variables, in any direction and for any contact: p along k, q along ẑ × k, φ = Rθ, in units of D0. The second
-harmonic is Re[X e^{2iϑ}] beside the free waves that the start launches; where a mirror holds k it is longitudinal, and
-along y X = (ε/2)P̃1 is imaginary (`analysis.second_harmonic` has it in closed form).
+`Wave.doubled` hands it to the theory of any crystal (`granular_analysis.theory.second_order`). Here stand the answers
+in the paper's variables, in any direction and for any contact: p along k, q along ẑ × k, φ = Rθ, in units of D0. The
+second harmonic is Re[X e^{2iϑ}] beside the free waves that the start launches; where a mirror holds k it is
+longitudinal, and along y X = (ε/2)P̃1 is imaginary (`granular_analysis.second_harmonic` has it in closed form).
 
 When it breaks: where contacts open; for long on a resonance; dashpots are left out.
 """
@@ -16,14 +16,14 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import ALONG_Y, Mode, ModeName
-from analysis.theory import bloch, second_order
-from analysis.theory.bloch import branch_among, frame, hexagonal, in_plane, wavevector_of
-from analysis.theory.contact import Contact
-from analysis.theory.crystal import Crystal, padded
-from analysis.theory.second_order import Mixed
-from analysis.theory.third_order import Shift
-from analysis.theory.third_order import shift as shift_of
+from granular_analysis.second_harmonic import ALONG_Y, Mode, ModeName
+from granular_analysis.theory import bloch, second_order
+from granular_analysis.theory.bloch import branch_among, frame, hexagonal, in_plane, wavevector_of
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.crystal import Crystal, padded
+from granular_analysis.theory.second_order import Mixed
+from granular_analysis.theory.third_order import Shift
+from granular_analysis.theory.third_order import shift as shift_of
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -44,7 +44,7 @@ class Wave:
     amplitude : a = D0/Δ0.
     contact : the physics of every contact of the lattice.
     phase : rad, at row 0.
-    others : what else a run has that a theory must hold, in the words of `analysis.theory.catalogue`.
+    others : what else a run has that a theory must hold, in the words of `granular_analysis.theory.catalogue`.
 
     Raises
     ------
@@ -149,9 +149,9 @@ def decay_rate(wave: Wave, viscosity: float) -> float:
 
         Γ = ½ c Σ (|x|² + |s|²)/(|u|² + Ĩ|φ|²)
 
-    over the three contacts of a sphere, with the stretch x and the slip s of `analysis.theory.bonds`; s is left out if
-    contacts do not resist shear. The wave keeps its shape and frequency to first order in c, and loses energy at 2Γ:
-    LAMMPS's ``damping velocity``. Of L along y it is 4c sin²(ξ/2).
+    over the three contacts of a sphere, with the stretch x and the slip s of `granular_analysis.theory.bonds`; s is
+    left out if contacts do not resist shear. The wave keeps its shape and frequency to first order in c, and loses
+    energy at 2Γ: LAMMPS's ``damping velocity``. Of L along y it is 4c sin²(ξ/2).
 
     Breaks where Γ is not small against the distance to the other modes: the error is of relative order Γ².
     """
@@ -200,7 +200,7 @@ def slow_amplitude(wave: Wave, tau: ArrayLike) -> Complexes:
     """Return A(τ) (T,) of the fundamental A e^{iϑ}, A(0) = 1; regular on resonance and at any ξ.
 
     When it breaks: where |ln A| stops being small near the resonance (a = 0.2: τ ≳ 120, beyond which take
-    `analysis.theory.resonance.three_mode`), and for L at small ξ once it steepens.
+    `granular_analysis.theory.resonance.three_mode`), and for L at small ξ once it steepens.
     """
     return np.asarray(np.exp(-1j * wave.amplitude**2 * shift(wave).phase(tau)))
 
@@ -212,7 +212,7 @@ def shifted_second_order(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Fl
 
     p_SH is left as it is. Its generated wave does follow A², but its free waves are shifted as well, by the fundamental
     they run in. To move one without the other halves the error of p at ξ=0.802 and doubles it at ξ=1.4 (TR, a = 0.2);
-    `analysis.theory.resonance.three_mode` moves both.
+    `granular_analysis.theory.resonance.three_mode` moves both.
 
     When it breaks: in p as second order does. In q and φ their third harmonic and free waves remain, of relative order
     a²: at ξ=2.127, a = 0.2, τ ≤ 120 they are 3.4e-4 of q in row 0.

@@ -9,7 +9,7 @@ e^{−Γτ} has an error of first order in addition, because LAMMPS's dashpots h
     u_{n+1} − 2u_n + u_{n−1} = −(ΩΔτ)² u_n − 2ΓΔτ (u_n − u_{n−1})
 
 The error of all other signals takes the several runs of a tolerance. The distance between theory and run is the subject
-of `analysis.measure.budget`.
+of `granular_analysis.measure.budget`.
 """
 
 from collections.abc import Callable, Mapping

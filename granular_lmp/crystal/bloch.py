@@ -25,7 +25,8 @@ the arm R − δ/2 in the torque. Where all contacts of a sphere have one overla
 contacts of the sphere, weighted by g, and frequencies are wrong by less than the spread of η, 1e-4 for microspheres. At
 a wall the torque has the arm R. A crystal on one has the exact modes, of a matrix that is not symmetric (`_exact`).
 
-This is a numerical derivation from the geometry, kept apart from the closed forms of ``analysis.second_harmonic``.
+This is a numerical derivation from the geometry, kept apart from the closed forms of
+``granular_analysis.second_harmonic``.
 """
 
 import numpy as np

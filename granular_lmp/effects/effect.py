@@ -3,7 +3,7 @@
 An effect decides by a number whether a scene calls for it. It writes its lines into the deck, adds its term to the
 linear problem, and names the guard that proves its absence harmless, its cost, and the loss without it. Each of the
 other files here defines one effect; `granular_lmp.effects.selection` lists them and chooses. A theory covers an effect
-only if its line in `analysis.theory.catalogue` names it.
+only if its line in `granular_analysis.theory.catalogue` names it.
 """
 
 from collections.abc import Callable, Mapping

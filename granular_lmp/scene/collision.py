@@ -232,7 +232,7 @@ class Collision(Document):
 
         By the law "jkr" it is 2^{−4/3} Δ0 = (3π² w² Rc/64 E*²)^{1/3}, where the pull is F and a constant load would
         part the bodies. The published loss of a collision takes the contact to 6^{−4/3} 9 Δ0, twice as far, where it
-        ends if the distance is prescribed (`analysis.theory.jkr`).
+        ends if the distance is prescribed (`granular_analysis.theory.jkr`).
         """
         return -float(self.law.pull_off_overlap)
 

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.compare import compare, main
-from analysis.measure.budget import Source, error_budget
-from analysis.measure.norms import relative_error
-from analysis.measure.signals import errors
-from analysis.second_harmonic import second_order
-from analysis.theory.choice import trajectory, wave_of
-from analysis.theory.contact import Contact
-from analysis.theory.timestep import limit, stepped
-from analysis.theory.wave import Wave
+from granular_analysis.compare import compare, main
+from granular_analysis.measure.budget import Source, error_budget
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.measure.signals import errors
+from granular_analysis.second_harmonic import second_order
+from granular_analysis.theory.choice import trajectory, wave_of
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.timestep import limit, stepped
+from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy import budget as known
 from granular_lmp.accuracy.ladder import phase_error, with_step

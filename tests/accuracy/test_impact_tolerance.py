@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.theory.chain import spheres
-from analysis.theory.chain_motion import integrate as chain_motion
-from analysis.theory.network import Material, Network
-from analysis.theory.network_motion import integrate as network_motion
-from analysis.theory.network_state import start
+from granular_analysis.theory.chain import spheres
+from granular_analysis.theory.chain_motion import integrate as chain_motion
+from granular_analysis.theory.network import Material, Network
+from granular_analysis.theory.network_motion import integrate as network_motion
+from granular_analysis.theory.network_state import start
 from granular_lmp import ImpactRecord, ImpactScene, resume, run_impact
 from granular_lmp.accuracy import halving
 from granular_lmp.accuracy.collisions import estimate, order

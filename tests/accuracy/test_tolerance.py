@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.measure.norms import relative_error
-from analysis.theory import wave as theory
-from analysis.theory.timestep import limit, stepped
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.theory import wave as theory
+from granular_analysis.theory.timestep import limit, stepped
 from granular_lmp import Record, Scene, cli, run
 from granular_lmp.accuracy.extrapolation import EVEN, Judgement
 from granular_lmp.accuracy.halving import FINEST

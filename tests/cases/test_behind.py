@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.cases.behind import case as behind
-from analysis.cases.behind.case import Behind, Parts
-from analysis.measure.rows import waves
-from analysis.second_harmonic import mode, ratios
-from analysis.theory.contact import Contact
-from analysis.theory.rows import heavy_rows, rows_of
-from analysis.theory.transfer import running
+from granular_analysis.cases.behind import case as behind
+from granular_analysis.cases.behind.case import Behind, Parts
+from granular_analysis.measure.rows import waves
+from granular_analysis.second_harmonic import mode, ratios
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.rows import heavy_rows, rows_of
+from granular_analysis.theory.transfer import running
 from granular_lmp import Record, Scene, run
 from tests.theory.test_transfer import SILICA, crystal
 

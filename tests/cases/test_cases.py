@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from analysis import case as door
-from analysis.cases.declared import Case, Number, Run, names
-from analysis.cli import main
+from granular_analysis import case as door
+from granular_analysis.cases.declared import Case, Number, Run, names
+from granular_analysis.cli import main
 from tests.house.test_docs import ROOT, judge_package
 
 CASES = [Case.load(name) for name in names()]

@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis import second_harmonic as sh
-from analysis.cases.convergence import case as cv
+from granular_analysis import second_harmonic as sh
+from granular_analysis.cases.convergence import case as cv
 
 SILICA = sh.ratios(cv.POISSON_RATIO)
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.cases.defects import case as defects
-from analysis.cases.disorder import case as disorder
-from analysis.measure.disordered import (
+from granular_analysis.cases.defects import case as defects
+from granular_analysis.cases.disorder import case as disorder
+from granular_analysis.measure.disordered import (
     CUT_VARIANCE,
     Value,
     Waves,
@@ -22,10 +22,10 @@ from analysis.measure.disordered import (
     strength,
     whole_strength,
 )
-from analysis.measure.runs import load
-from analysis.plotting import save
-from analysis.theory.contact import Contact
-from analysis.theory.wave import resonance as resonance_of_equal
+from granular_analysis.measure.runs import load
+from granular_analysis.plotting import save
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import resonance as resonance_of_equal
 from granular_lmp import Record, Scene, run
 from granular_lmp.studies.sweep import sweep
 

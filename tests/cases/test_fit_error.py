@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.cases.fit_error.case import SETTINGS, TRUTH, Row, draw, exact, fitted, table
+from granular_analysis.cases.fit_error.case import SETTINGS, TRUTH, Row, draw, exact, fitted, table
 
 PAGE = Path(__file__).parents[2] / "docs" / "fit.md"
 

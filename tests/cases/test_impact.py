@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.cases.impact import case as impact
-from analysis.cases.impact.case import Run, errors, stepped, table
-from analysis.cases.solitary import case as solitary
-from analysis.theory.chain_motion import SIXTH, VERLET
+from granular_analysis.cases.impact import case as impact
+from granular_analysis.cases.impact.case import Run, errors, stepped, table
+from granular_analysis.cases.solitary import case as solitary
+from granular_analysis.theory.chain_motion import SIXTH, VERLET
 
 
 @pytest.fixture(autouse=True)

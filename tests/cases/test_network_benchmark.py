@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from analysis.cases.witness.case import LAMMPS, NETWORK, PAIR, Point
 from benchmarks import network
+from granular_analysis.cases.witness.case import LAMMPS, NETWORK, PAIR, Point
 from granular_lmp import run
 from granular_lmp.lammps.outputs import read_log
 

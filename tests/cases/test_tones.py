@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.cases.tones import case as tones
-from analysis.measure.rows import amplitudes_at, rows_of
-from analysis.theory.contact import Contact
+from granular_analysis.cases.tones import case as tones
+from granular_analysis.measure.rows import amplitudes_at, rows_of
+from granular_analysis.theory.contact import Contact
 from granular_lmp import Record, Scene, run
 
 # By τ = 350 the slowest waves, free L at the sum, have run 48 rows after the ramp, and 24 back; the fit begins at 360

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.cases.unequal import case as unequal
-from analysis.theory.network import Material, Network
-from analysis.theory.network_motion import integrate
-from analysis.theory.network_state import start
+from granular_analysis.cases.unequal import case as unequal
+from granular_analysis.theory.network import Material, Network
+from granular_analysis.theory.network_motion import integrate
+from granular_analysis.theory.network_state import start
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.errors import SceneError
 from granular_lmp.problem import Problem, prepare

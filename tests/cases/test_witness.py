@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.cases.witness import case as witness
-from analysis.theory.choice import TheoryError
+from granular_analysis.cases.witness import case as witness
+from granular_analysis.theory.choice import TheoryError
 from granular_lmp import Record, Scene, run
 
 SCENE = Scene.load("tr_periodic").with_values(

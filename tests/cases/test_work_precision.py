@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.cases.accuracy import case as accuracy
-from analysis.cases.accuracy.case import (
+from granular_analysis.cases.accuracy import case as accuracy
+from granular_analysis.cases.accuracy.case import (
     FORMULA,
     LAMMPS,
     LATTICE,
@@ -23,8 +23,8 @@ from analysis.cases.accuracy.case import (
     models,
     recommended,
 )
-from analysis.measure import signals
-from analysis.theory.choice import trajectory, wave_of
+from granular_analysis.measure import signals
+from granular_analysis.theory.choice import trajectory, wave_of
 from granular_lmp import Record
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.lammps.outputs import PER_SAMPLE

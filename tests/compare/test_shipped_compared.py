@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import compare
-from analysis.measure.runs import load
+from granular_analysis import compare
+from granular_analysis.measure.runs import load
 from granular_lmp import Scene, run
 from granular_lmp.scene.shipped import SHIPPED
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.compare import compare
-from analysis.measure.snapshot import read_network
-from analysis.theory.choice import TheoryError, beyond, wave_of
-from analysis.theory.network import Material
-from analysis.theory.network_motion import integrate
+from granular_analysis.compare import compare
+from granular_analysis.measure.snapshot import read_network
+from granular_analysis.theory.choice import TheoryError, beyond, wave_of
+from granular_analysis.theory.network import Material
+from granular_analysis.theory.network_motion import integrate
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.second_harmonic import second_harmonic
 from granular_lmp.crystal.contacts import find_contacts

@@ -6,9 +6,9 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from analysis import second_harmonic
-from analysis.theory import bloch
-from analysis.theory.contact import Contact
+from granular_analysis import second_harmonic
+from granular_analysis.theory import bloch
+from granular_analysis.theory.contact import Contact
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.lattices import lattice_constant, unit_cell, unit_lattice
 from granular_lmp.crystal.modes import (

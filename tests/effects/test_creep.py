@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.theory.creep import creep
-from analysis.theory.scenes import Setting
+from granular_analysis.theory.creep import creep
+from granular_analysis.theory.scenes import Setting
 from granular_lmp import Scene, run
 from granular_lmp.crystal.creep import creep_velocities
 from granular_lmp.effects.creep import SHARE

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.measure.norms import relative_error, slope
-from analysis.theory.choice import trajectory, wave_of
+from granular_analysis.measure.norms import relative_error, slope
+from granular_analysis.theory.choice import trajectory, wave_of
 from granular_lmp import Record, Scene, build, cli, run
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import Mode, decay_rate

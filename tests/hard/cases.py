@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from math import pi
 
-from analysis.second_harmonic import ModeName
+from granular_analysis.second_harmonic import ModeName
 from tests.hard import damped, space, struck_sheets
 from tests.hard.breathers import breathes
 from tests.hard.breathers import order as order_of_breathers

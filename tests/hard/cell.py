@@ -1,7 +1,7 @@
 """A deck at work, step by step: the state of every sphere and contact, which the run folder does not keep.
 
 The text is that of `granular_lmp.build`, without the final ``run``, guards and dumps. Displacements are p = uy,
-q = −ux, φ = Rθ in units of Δ0, velocities in Δ0/t0, forces in k1Δ0: the units of `analysis.theory.lattice`.
+q = −ux, φ = Rθ in units of Δ0, velocities in Δ0/t0, forces in k1Δ0: the units of `granular_analysis.theory.lattice`.
 """
 
 from collections.abc import Iterator

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.measure.norms import slope
+from granular_analysis.measure.norms import slope
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import Floats, running
 from tests.hard.ledger import keep

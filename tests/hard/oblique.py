@@ -6,10 +6,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from analysis.second_harmonic import ModeName
-from analysis.theory import bloch, lattice
-from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave
+from granular_analysis.second_harmonic import ModeName
+from granular_analysis.theory import bloch, lattice
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import edited

@@ -7,11 +7,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from analysis.measure.norms import relative_error
-from analysis.second_harmonic import mode
-from analysis.theory import lattice
-from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.second_harmonic import mode
+from granular_analysis.theory import lattice
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.ladder import with_step
 from granular_lmp.accuracy.richardson import richardson

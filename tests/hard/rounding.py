@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.theory import lattice
+from granular_analysis.theory import lattice
 from granular_lmp import Scene
 from granular_lmp.accuracy.rounding import grain, noise_floor
 from granular_lmp.units import units_for

@@ -5,9 +5,9 @@ from math import inf
 
 import numpy as np
 
-from analysis.theory import lattice
-from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave
+from granular_analysis.theory import lattice
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave
 from granular_lmp import Scene
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError

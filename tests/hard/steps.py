@@ -4,7 +4,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from analysis.measure.norms import slope
+from granular_analysis.measure.norms import slope
 from granular_lmp import build
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import highest_frequency

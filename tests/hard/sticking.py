@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.measure.norms import slope
+from granular_analysis.measure.norms import slope
 from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import Result
 from tests.hard.case import Case, Cases, Edits

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from analysis.second_harmonic import mode
-from analysis.theory import lattice
-from analysis.theory.contact import Contact
+from granular_analysis.second_harmonic import mode
+from granular_analysis.theory import lattice
+from granular_analysis.theory.contact import Contact
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import Floats, running
 from tests.hard.waves import ETA, NU, RATIOS, amplitude, scene

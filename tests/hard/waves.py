@@ -5,10 +5,10 @@ from math import pi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analysis.second_harmonic import Mode, ModeName, ratios
-from analysis.second_harmonic import mode as linear_mode
-from analysis.theory import lattice
-from analysis.theory.contact import Contact
+from granular_analysis.second_harmonic import Mode, ModeName, ratios
+from granular_analysis.second_harmonic import mode as linear_mode
+from granular_analysis.theory import lattice
+from granular_analysis.theory.contact import Contact
 from granular_lmp import Scene
 from granular_lmp.accuracy.rounding import noise_floor
 from tests.hard.cell import Floats

@@ -7,10 +7,10 @@ RT would meet for ν = 2/3.
 
 import numpy as np
 
-from analysis.second_harmonic import ModeName
-from analysis.theory import lattice
-from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave
+from granular_analysis.second_harmonic import ModeName
+from granular_analysis.theory import lattice
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave
 from granular_lmp.accuracy.rounding import noise_floor
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import running

@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import second_harmonic as sh
-from analysis.cli import DOORS, SCRIPTS
-from analysis.measure.norms import relative_error
-from analysis.theory import choice, hierarchy, lattice, resonance
-from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave, shifted_second_order
+from granular_analysis import second_harmonic as sh
+from granular_analysis.cli import DOORS, SCRIPTS
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.theory import choice, hierarchy, lattice, resonance
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave, shifted_second_order
 from granular_lmp import Scene
 from granular_lmp.cli.parser import parsers
 from granular_lmp.errors import SceneError
@@ -82,7 +82,7 @@ def missing_names(text: str) -> set[str]:
             here = getattr(here, name)
         return True
 
-    names = set(re.findall(r"`((?:analysis|granular_lmp)(?:\.\w+)+)(?:\([^`]*\))?`", text))
+    names = set(re.findall(r"`((?:granular_analysis|granular_lmp)(?:\.\w+)+)(?:\([^`]*\))?`", text))
     return {name for name in names if not found(name)}
 
 
@@ -112,9 +112,10 @@ def test_a_link_to_nowhere_is_found() -> None:
 def test_a_name_of_nothing_is_found() -> None:
     assert missing_tests("`test_a_name_of_nothing_is_found`, `test_of_nothing[x]`") == {"test_of_nothing"}
     page = (
-        "`analysis.compare`, `analysis.theory.lattice.torus(mode)`, `analysis.latice`, `analysis.theory.lattice.tori`"
+        "`granular_analysis.compare`, `granular_analysis.theory.lattice.torus(mode)`, `granular_analysis.latice`, "
+        "`granular_analysis.theory.lattice.tori`"
     )
-    assert missing_names(page) == {"analysis.latice", "analysis.theory.lattice.tori"}
+    assert missing_names(page) == {"granular_analysis.latice", "granular_analysis.theory.lattice.tori"}
 
 
 # ---------------------------------------------------------------- prose

@@ -14,10 +14,10 @@ SAID_AT_THE_END = "import atexit, os; atexit.register(lambda: print(os.environ.g
 @pytest.mark.parametrize(
     ("arguments", "chosen", "expected"),
     [
-        (["-m", "analysis.measure.norms"], {}, "1"),
-        (["-m", "analysis.measure.norms"], {"OPENBLAS_NUM_THREADS": "3"}, "3"),
-        (["-m", "analysis.measure.norms"], {"OMP_NUM_THREADS": "3"}, "None"),
-        (["-c", "import analysis.measure.norms"], {}, "None"),
+        (["-m", "granular_analysis.measure.norms"], {}, "1"),
+        (["-m", "granular_analysis.measure.norms"], {"OPENBLAS_NUM_THREADS": "3"}, "3"),
+        (["-m", "granular_analysis.measure.norms"], {"OMP_NUM_THREADS": "3"}, "None"),
+        (["-c", "import granular_analysis.measure.norms"], {}, "None"),
     ],
     ids=["script", "script, OpenBLAS set", "script, OpenMP set", "import"],
 )

@@ -15,7 +15,7 @@ from unittest.mock import patch
 
 import pytest
 
-from analysis.cli import main as analysis_main
+from granular_analysis.cli import main as analysis_main
 from granular_lmp.cli import main
 from tests.house.test_site import loaded
 

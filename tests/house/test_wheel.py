@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.cli import SCRIPTS
+from granular_analysis.cli import SCRIPTS
 from granular_lmp.scene.shipped import SHIPPED
 from tests.house.test_python_of_docs import PYTHON, ROOT
 
@@ -70,15 +70,16 @@ def test_the_wheel_holds_both_packages_typed_and_every_shipped_file(built: Path)
     wanted |= {
         "granular_lmp/lammps/kernel/contact.cpp",
         "granular_lmp/studies/identity.json",
-        "analysis/theory/dop853.json",
-        "analysis/theory/loops.c",
+        "granular_analysis/theory/dop853.json",
+        "analysis/__init__.py",  # the short name
+        "granular_analysis/theory/loops.c",
     }
-    for package in ("granular_lmp", "analysis"):
+    for package in ("granular_lmp", "granular_analysis"):
         wanted |= {path.relative_to(ROOT).as_posix() for path in (ROOT / package).rglob("*.py")}
         wanted.add(f"{package}/py.typed")
     wanted |= {
         path.relative_to(ROOT).as_posix()
-        for path in (ROOT / "analysis").rglob("*")
+        for path in (ROOT / "granular_analysis").rglob("*")
         if path.suffix in (".toml", ".json")
     }
     held = {name for name in names(one(built, ".whl")) if ".dist-info/" not in name}
@@ -107,16 +108,25 @@ def test_an_installed_scene_runs_and_is_compared_beside_another_folder_named_ana
 
 
 def test_the_installed_analysis_runs_as_modules_and_as_scripts(programs: Path, tmp_path: Path) -> None:
-    assert "RUN" in started(programs / "python", "-m", "analysis.compare", "--help", cwd=tmp_path)
+    assert "RUN" in started(programs / "python", "-m", "granular_analysis.compare", "--help", cwd=tmp_path)
     assert "granular-analysis figure2" in started(programs / "granular-analysis", "figure2", "--help", cwd=tmp_path)
 
 
 def test_the_python_of_the_readme_runs_where_the_wheel_is_installed(programs: Path, tmp_path: Path) -> None:
     for block in PYTHON.findall((ROOT / "README.md").read_text("utf-8")):
         started(programs / "python", "-c", block, cwd=tmp_path)
-    where = "import analysis, granular_lmp; print(analysis.__file__, granular_lmp.__file__)"
+    where = "import granular_analysis, granular_lmp; print(granular_analysis.__file__, granular_lmp.__file__)"
     files = started(programs / "python", "-c", where, cwd=tmp_path).split()
     assert all(Path(file).is_relative_to(programs.parent) for file in files)
+
+
+def test_the_short_name_is_the_same_package_and_may_be_that_of_a_script(programs: Path, tmp_path: Path) -> None:
+    same = "import analysis.theory.lattice as a, granular_analysis.theory.lattice as b; assert a is b"
+    started(programs / "python", "-c", same, cwd=tmp_path)
+    assert "RUN" in started(programs / "python", "-m", "analysis.compare", "--help", cwd=tmp_path)
+    (tmp_path / "analysis.py").write_text("MINE = 1\n", encoding="utf-8")
+    both = "import analysis, granular_analysis.compare; print(analysis.MINE)"
+    assert started(programs / "python", "-c", both, cwd=tmp_path) == "1\n"
 
 
 def test_every_script_of_analysis_has_its_name_in_the_command() -> None:

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.measure.reference import SLIDING_STEP
-from analysis.measure.snapshot import first_snapshot
-from analysis.theory.catalogue import NETWORK, missing
-from analysis.theory.choice import TheoryError, others_of
-from analysis.theory.network_motion import integrate
+from granular_analysis.measure.reference import SLIDING_STEP
+from granular_analysis.measure.snapshot import first_snapshot
+from granular_analysis.theory.catalogue import NETWORK, missing
+from granular_analysis.theory.choice import TheoryError, others_of
+from granular_analysis.theory.network_motion import integrate
 from granular_lmp import Record, Scene, run
 from tests.matrix.features import KINDS, together
 from tests.matrix.outcomes import BUILDS, golden

@@ -29,7 +29,7 @@ def public_names() -> set[str]:
         names |= {name, *_attributes(name, at(name))}
     for name in _modules_of_analysis():
         names.add(name)
-        if name.startswith("analysis.cases"):
+        if name.startswith("granular_analysis.cases"):
             continue
         module = import_module(name)
         own = (key for key, value in vars(module).items() if getattr(value, "__module__", "") == name)
@@ -73,7 +73,8 @@ def _documented() -> set[str]:
 
 
 def _modules_of_analysis() -> set[str]:
-    said = {name for page in (*PAGES, NAMES) for name in re.findall(r"\banalysis(?:\.\w+)+", page.read_text("utf-8"))}
+    dotted = re.compile(r"\bgranular_analysis(?:\.\w+)+")
+    said = {name for page in (*PAGES, NAMES) for name in dotted.findall(page.read_text("utf-8"))}
     parents = {".".join(name.split(".")[:count]) for name in said for count in (2, 3)}
     return {name for name in parents if _is_module(name)}
 

@@ -22,7 +22,7 @@ def test_every_listed_name_is_there() -> None:
     """The list itself is of names that can be imported, and not of what was once found in a text."""
     for name in (
         "granular_lmp.Scene.with_values",
-        "analysis.second_harmonic.ratios",
+        "granular_analysis.second_harmonic.ratios",
         "granular_lmp.runs.record.Record",
     ):
         assert name in listed()

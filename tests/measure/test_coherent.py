@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.measure.coherent import decay, participation_ratio, project
+from granular_analysis.measure.coherent import decay, participation_ratio, project
 
 K = np.array([0.7, 0.9])
 FORWARD, SIDEWAYS = K / np.hypot(*K), np.array([-K[1], K[0]]) / np.hypot(*K)

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.cases.recovery.case import judged, setups, wrong_law
-from analysis.fit import main
-from analysis.measure.fitting import Fit
-from analysis.measure.front import crest
-from analysis.measure.points import Point
-from analysis.second_harmonic import mode, ratios
-from analysis.theory.monolayer import Layer
+from granular_analysis.cases.recovery.case import judged, setups, wrong_law
+from granular_analysis.fit import main
+from granular_analysis.measure.fitting import Fit
+from granular_analysis.measure.front import crest
+from granular_analysis.measure.points import Point
+from granular_analysis.second_harmonic import mode, ratios
+from granular_analysis.theory.monolayer import Layer
 from granular_lmp import Scene, run
 
 SCENE = Scene.load("tr_periodic")

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.cases.fronts import case as fronts
-from analysis.measure.front import Front, crest, front
+from granular_analysis.cases.fronts import case as fronts
+from granular_analysis.measure.front import Front, crest, front
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 
 TIMES = np.arange(0.0, 60.0, 0.4)

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import cli
-from analysis.compare import compare
-from analysis.harmonic import harmonic, table
-from analysis.measure import harmonic as measure
-from analysis.measure.coherent import project
-from analysis.measure.harmonic import PHASES, by_cell, by_network, by_runs, by_theory, over_phases
-from analysis.measure.snapshot import first_snapshot
-from analysis.second_harmonic import second_harmonic
-from analysis.theory import cell as cell_module
-from analysis.theory.choice import wave_of
+from granular_analysis import cli
+from granular_analysis.compare import compare
+from granular_analysis.harmonic import harmonic, table
+from granular_analysis.measure import harmonic as measure
+from granular_analysis.measure.coherent import project
+from granular_analysis.measure.harmonic import PHASES, by_cell, by_network, by_runs, by_theory, over_phases
+from granular_analysis.measure.snapshot import first_snapshot
+from granular_analysis.second_harmonic import second_harmonic
+from granular_analysis.theory import cell as cell_module
+from granular_analysis.theory.choice import wave_of
 from granular_lmp import Record, Scene, run
 
 SHORT = {"time.duration": 8.0, "time.sample": 1.0, "output.particles": 8.0}

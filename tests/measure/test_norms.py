@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.measure.norms import relative_error, slope
+from granular_analysis.measure.norms import relative_error, slope
 
 
 def test_relative_error_is_that_of_the_l2_norm():

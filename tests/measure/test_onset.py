@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.cases.onset import case as figure
-from analysis.measure.onset import crossing, onset
-from analysis.measure.snapshot import first_snapshot
-from analysis.plotting import save
-from analysis.theory.network_ledger import energy
-from analysis.theory.network_motion import integrate
+from granular_analysis.cases.onset import case as figure
+from granular_analysis.measure.onset import crossing, onset
+from granular_analysis.measure.snapshot import first_snapshot
+from granular_analysis.plotting import save
+from granular_analysis.theory.network_ledger import energy
+from granular_analysis.theory.network_motion import integrate
 from granular_lmp import Record, Scene, run
 from granular_lmp.studies.sweep import sweep
 

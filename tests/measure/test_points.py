@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.measure.points import DataError, Point, read
+from granular_analysis.measure.points import DataError, Point, read
 
 
 def table(folder: Path, text: str) -> list[Point]:

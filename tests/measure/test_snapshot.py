@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.measure.snapshot import read_network
-from analysis.theory.network import Material
-from analysis.theory.network_motion import integrate
-from analysis.theory.network_state import forces
+from granular_analysis.measure.snapshot import read_network
+from granular_analysis.theory.network import Material
+from granular_analysis.theory.network_motion import integrate
+from granular_analysis.theory.network_state import forces
 from granular_lmp import Scene, run
 
 STEEL = Material(210e3, 0.3, 100.0)

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import second_harmonic as closed
-from analysis.cases.spectrum import case as spectrum_figure
-from analysis.measure import spectrum
-from analysis.measure.runs import by_wave, sweep
-from analysis.theory.choice import wave_of
+from granular_analysis import second_harmonic as closed
+from granular_analysis.cases.spectrum import case as spectrum_figure
+from granular_analysis.measure import spectrum
+from granular_analysis.measure.runs import by_wave, sweep
+from granular_analysis.theory.choice import wave_of
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.ladder import with_step
 from tests.stand_in import leave_folder, leave_sweep

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.measure.stiffnesses import scaled
-from analysis.theory.bonds import dmt, jkr
-from analysis.theory.choice import TheoryError
-from analysis.theory.network import Material, mixed
+from granular_analysis.measure.stiffnesses import scaled
+from granular_analysis.theory.bonds import dmt, jkr
+from granular_analysis.theory.choice import TheoryError
+from granular_analysis.theory.network import Material, mixed
 
 SILICA, STEEL = Material(73e9, 0.17, 0.063), Material(200e9, 0.3, 0.1)
 RADIUS = 5e-7

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import saw
-from analysis.cases.recovery.case import judged
-from analysis.fit import main
-from analysis.measure.fitting import Fit
-from analysis.measure.points import Point
+from granular_analysis import saw
+from granular_analysis.cases.recovery.case import judged
+from granular_analysis.fit import main
+from granular_analysis.measure.fitting import Fit
+from granular_analysis.measure.points import Point
 from granular_lmp import Scene
 
 K_N, K_S = "substrate.normal_stiffness", "substrate.shear_stiffness"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import granular_lmp
-from analysis.measure.runs import load
+from granular_analysis.measure.runs import load
 from granular_lmp import Scene, build, run
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from analysis.second_harmonic import ModeName, mode, ratios
+from granular_analysis.second_harmonic import ModeName, mode, ratios
 from granular_lmp import Record, Scene, run
 from granular_lmp.runs.monitors import MonitorRecord
 from tests.conftest import PAPER

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.cases.driven.waves import driven_amplitudes
-from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave
+from granular_analysis.cases.driven.waves import driven_amplitudes
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import ReadoutError, RunFolderError, ViewError
 from granular_lmp.plot.view import sweep_figure

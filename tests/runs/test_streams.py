@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.plotting import start
+from granular_analysis.plotting import start
 from granular_lmp.runs.routes import FEWEST_FILES
 
 SCRIPTS = (
@@ -66,7 +66,9 @@ def test_a_full_standard_error_does_not_stop_a_run(small_toml: Path, tmp_path: P
     assert "24 spheres" in out
 
 
-@pytest.mark.parametrize("door", ["-m analysis.compare", "-c 'from analysis.cli import program; program()' compare"])
+@pytest.mark.parametrize(
+    "door", ["-m granular_analysis.compare", "-c 'from granular_analysis.cli import program; program()' compare"]
+)
 def test_a_script_ends_as_a_command_does(door: str, small_toml: Path, tmp_path: Path) -> None:
     # Of a sweep it prints a line and draws no figure
     assert shell(f"{GRANULAR} sweep small.toml --over wave.phase=0 -o sweep", tmp_path)[0] == 0
@@ -79,7 +81,7 @@ def test_a_script_ends_as_a_command_does(door: str, small_toml: Path, tmp_path: 
 
 def test_the_installed_command_is_the_one_whose_errors_are_one_line() -> None:
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["scripts"]["granular-analysis"] == "analysis.cli:program"
+    assert project["scripts"]["granular-analysis"] == "granular_analysis.cli:program"
 
 
 @pytest.mark.parametrize("name", SCRIPTS)

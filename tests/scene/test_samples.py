@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.theory import green
+from granular_analysis.theory import green
 from granular_lmp import Scene, build, run
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.checkpoints import SPEED

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.measure.norms import relative_error
-from analysis.theory.chain import uniform
-from analysis.theory.chain_motion import integrate
-from analysis.theory.choice import trajectory, wave_of
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.theory.chain import uniform
+from granular_analysis.theory.chain_motion import integrate
+from granular_analysis.theory.choice import trajectory, wave_of
 from granular_lmp import ImpactRecord, ImpactScene, Record, Scene, build, load, run
 from granular_lmp.errors import (
     GranularError,

@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.cases.adhesion_laws import case as figure
-from analysis.cases.effects import case as effects_figure
-from analysis.design import design
-from analysis.measure.norms import relative_error, slope
-from analysis.second_harmonic import ModeName
-from analysis.theory import bloch
-from analysis.theory.contact import Contact
-from analysis.theory.energy import ledger, opening_time
-from analysis.theory.hierarchy import hierarchy
-from analysis.theory.lattice import torus
-from analysis.theory.network import Material, Network
-from analysis.theory.network_state import forces, start
-from analysis.theory.resonance import three_mode
-from analysis.theory.wave import Wave, antiresonance, nonlinearity, resonance, shifted_second_order, trajectory
+from granular_analysis.cases.adhesion_laws import case as figure
+from granular_analysis.cases.effects import case as effects_figure
+from granular_analysis.design import design
+from granular_analysis.measure.norms import relative_error, slope
+from granular_analysis.second_harmonic import ModeName
+from granular_analysis.theory import bloch
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.energy import ledger, opening_time
+from granular_analysis.theory.hierarchy import hierarchy
+from granular_analysis.theory.lattice import torus
+from granular_analysis.theory.network import Material, Network
+from granular_analysis.theory.network_state import forces, start
+from granular_analysis.theory.resonance import three_mode
+from granular_analysis.theory.wave import Wave, antiresonance, nonlinearity, resonance, shifted_second_order, trajectory
 from granular_lmp import ImpactScene, Scene, build
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.disorder import Disorder, imperfect

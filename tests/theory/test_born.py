@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.measure.coherent import decay
-from analysis.theory.bloch import branch_index
-from analysis.theory.born import group_speed, impurity_width, long_wave, scattered, sound_speed
-from analysis.theory.contact import Contact
+from granular_analysis.measure.coherent import decay
+from granular_analysis.theory.bloch import branch_index
+from granular_analysis.theory.born import group_speed, impurity_width, long_wave, scattered, sound_speed
+from granular_analysis.theory.contact import Contact
 from tests.polarisations import bloch_matrix, modes
 
 SILICA = Contact(0.17, overlap_ratio=2.5e-4)

@@ -6,9 +6,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis.theory.breather import breather, multipliers
-from analysis.theory.chain import Chain, Floats, bands, compressed, energies, linear_stiffness, spheres, uniform
-from analysis.theory.chain_motion import SIXTH, integrate, march
+from granular_analysis.theory.breather import breather, multipliers
+from granular_analysis.theory.chain import (
+    Chain,
+    Floats,
+    bands,
+    compressed,
+    energies,
+    linear_stiffness,
+    spheres,
+    uniform,
+)
+from granular_analysis.theory.chain_motion import SIXTH, integrate, march
 from tests.theory.test_chain import ALUMINIUM, FORCE, RADIUS, STEEL, diatomic
 
 COUNT, PER_PERIOD = 43, 96
@@ -144,7 +153,7 @@ def test_what_has_no_breather_is_refused(
 
 
 def test_newtons_method_that_does_not_converge_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("analysis.theory.breather.MOST", 2)
+    monkeypatch.setattr("granular_analysis.theory.breather.MOST", 2)
     with pytest.raises(RuntimeError, match=re.escape("no breather of frequency 1.5 from this guess")):
         breather(diatomic(21, 3.0), 1.5, np.eye(21)[11])
 

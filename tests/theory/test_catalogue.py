@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import compare
-from analysis.cases.effects import case as effects
-from analysis.cases.figure3 import case as figure3
-from analysis.measure import oblique, sheets, spectrum
-from analysis.measure.rows import load_form
-from analysis.theory import catalogue
-from analysis.theory.catalogue import (
+from granular_analysis import compare
+from granular_analysis.cases.effects import case as effects
+from granular_analysis.cases.figure3 import case as figure3
+from granular_analysis.measure import oblique, sheets, spectrum
+from granular_analysis.measure.rows import load_form
+from granular_analysis.theory import catalogue
+from granular_analysis.theory.catalogue import (
     CRYSTAL,
     FACES,
     HOLDS,
@@ -28,7 +28,7 @@ from analysis.theory.catalogue import (
     missing,
     script_for,
 )
-from analysis.theory.choice import THEORIES, TheoryError, best, holding, traits, traits_of, trajectory, wave_of
+from granular_analysis.theory.choice import THEORIES, TheoryError, best, holding, traits, traits_of, trajectory, wave_of
 from granular_lmp import Record, Scene, run
 from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.effects import selection as package_effects
@@ -119,7 +119,7 @@ def test_an_invented_effect_or_form_is_no_standing_and_no_driven_wave(
 ) -> None:
     capillary, spiral = record_of(with_wave(form=form), INVENTED_EFFECT), record_of(with_wave(form=INVENTED_FORM))
     for record, said in ((capillary, "leaves out effects.capillary, which"), (spiral, "has the form 'spiral'")):
-        monkeypatch.setattr("analysis.measure.rows.load", lambda folder, record=record: record)
+        monkeypatch.setattr("granular_analysis.measure.rows.load", lambda folder, record=record: record)
         with pytest.raises(SystemExit, match=said):
             load_form("run", form)
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from analysis.theory.chain import (
+from granular_analysis.theory.chain import (
     Chain,
     acceleration,
     bands,
@@ -18,8 +18,8 @@ from analysis.theory.chain import (
     spheres,
     uniform,
 )
-from analysis.theory.chain_motion import SIXTH, march
-from analysis.theory.network import Material, Network
+from granular_analysis.theory.chain_motion import SIXTH, march
+from granular_analysis.theory.network import Material, Network
 
 STEEL, ALUMINIUM = (193e9, 0.30, 8000.0), (70e9, 0.33, 2700.0)
 RADIUS, FORCE = 9.525e-3, 20.0

@@ -6,10 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.theory.chain import Chain, acceleration, compressed, dashpot_forces, energies, normal_modes, uniform
-from analysis.theory.chain_damping import damping_ratio, decay, power
-from analysis.theory.chain_motion import SIXTH, collision_time, follow, integrate, march, peak
-from analysis.theory.solitary import solitary_wave
+from granular_analysis.theory.chain import (
+    Chain,
+    acceleration,
+    compressed,
+    dashpot_forces,
+    energies,
+    normal_modes,
+    uniform,
+)
+from granular_analysis.theory.chain_damping import damping_ratio, decay, power
+from granular_analysis.theory.chain_motion import SIXTH, collision_time, follow, integrate, march, peak
+from granular_analysis.theory.solitary import solitary_wave
 
 T = collision_time(1.0, 1.0, 1.0)
 

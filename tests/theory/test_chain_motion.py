@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from analysis.cases.impact.case import collision_error, energy_errors
-from analysis.theory.chain import Chain, compressed, energies, uniform
-from analysis.theory.chain_motion import (
+from granular_analysis.cases.impact.case import collision_error, energy_errors
+from granular_analysis.theory.chain import Chain, compressed, energies, uniform
+from granular_analysis.theory.chain_motion import (
     SIXTH,
     VERLET,
     Scheme,

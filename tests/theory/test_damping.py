@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis import second_harmonic as sh
-from analysis.theory import lattice
-from analysis.theory.contact import Contact, restitution_viscosity
-from analysis.theory.hierarchy import hierarchy_orders
-from analysis.theory.wave import Wave, decay_rate
+from granular_analysis import second_harmonic as sh
+from granular_analysis.theory import lattice
+from granular_analysis.theory.contact import Contact, restitution_viscosity
+from granular_analysis.theory.hierarchy import hierarchy_orders
+from granular_analysis.theory.wave import Wave, decay_rate
 
 NU = 0.17
 SILICA = sh.ratios(NU)

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.cases.dimers import case as dimers
-from analysis.cases.dimers.front import antiresonance, decay, dimer, rattle, rattle_of, resonance, struck
+from granular_analysis.cases.dimers import case as dimers
+from granular_analysis.cases.dimers.front import antiresonance, decay, dimer, rattle, rattle_of, resonance, struck
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 
 SCENE = ImpactScene.load("dimer_chain")

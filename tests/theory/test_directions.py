@@ -9,14 +9,14 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import DOP853
 
-from analysis import second_harmonic
-from analysis.cases.map import case as zone_map
-from analysis.second_harmonic import SOLID_SPHERE
-from analysis.theory import bloch, bonds, crystal, lattice, mixing
-from analysis.theory.bloch import BONDS, branch_index, wavevector_of
-from analysis.theory.contact import Contact
-from analysis.theory.hierarchy import hierarchy_orders
-from analysis.theory.wave import Wave, nonlinearity, trajectory
+from granular_analysis import second_harmonic
+from granular_analysis.cases.map import case as zone_map
+from granular_analysis.second_harmonic import SOLID_SPHERE
+from granular_analysis.theory import bloch, bonds, crystal, lattice, mixing
+from granular_analysis.theory.bloch import BONDS, branch_index, wavevector_of
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.hierarchy import hierarchy_orders
+from granular_analysis.theory.wave import Wave, nonlinearity, trajectory
 from tests.polarisations import (
     bloch_matrix,
     doubled_wave,
@@ -381,7 +381,7 @@ def test_waves_of_the_zone_edge_stay_finite():
 
 # ---- the paper's variables, and LAMMPS's contact geometry -----------------------------------------
 
-# Physics that a scene can call for, in the words of `analysis.theory.contact.Contact`.
+# Physics that a scene can call for, in the words of `granular_analysis.theory.contact.Contact`.
 CONTACTS = {
     "paper": {},
     "geometry": {"overlap_ratio": 0.01},

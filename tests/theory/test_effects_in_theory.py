@@ -5,13 +5,13 @@ from itertools import product
 import numpy as np
 import pytest
 
-from analysis import second_harmonic as sh
-from analysis.measure.norms import relative_error
-from analysis.theory import bloch, lattice
-from analysis.theory.contact import Contact
-from analysis.theory.hierarchy import hierarchy, hierarchy_orders
-from analysis.theory.resonance import three_mode
-from analysis.theory.wave import (
+from granular_analysis import second_harmonic as sh
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.theory import bloch, lattice
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.hierarchy import hierarchy, hierarchy_orders
+from granular_analysis.theory.resonance import three_mode
+from granular_analysis.theory.wave import (
     Wave,
     antiresonance,
     generated,
@@ -28,7 +28,7 @@ NU = 0.17
 ETA = 0.02  # Δ0/2R: large enough for every term in it to be seen
 SMALL, SHORT = 2e-3, np.linspace(0, 30, 31)
 
-# Physics that a scene can call for, in the words of `analysis.theory.contact.Contact`
+# Physics that a scene can call for, in the words of `granular_analysis.theory.contact.Contact`
 EFFECTS = {
     "compression": {"overlap_ratio": ETA, "prestress": 1.0},
     "half": {"overlap_ratio": 0.1, "prestress": 0.5},

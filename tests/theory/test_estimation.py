@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.theory.estimation import LOSSES, WIDE, Estimate, Parameter, estimate
+from granular_analysis.theory.estimation import LOSSES, WIDE, Estimate, Parameter, estimate
 
 X = np.linspace(1.0, 2.0, 9)
 LINE = [Parameter("slope", 3.0), Parameter("offset", 0.5)]

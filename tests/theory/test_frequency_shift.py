@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis import second_harmonic as sh
-from analysis.theory import bloch, lattice, resonance
-from analysis.theory import wave as plane
-from analysis.theory.contact import Contact
-from analysis.theory.hierarchy import hierarchy_orders
-from analysis.theory.wave import Wave
+from granular_analysis import second_harmonic as sh
+from granular_analysis.theory import bloch, lattice, resonance
+from granular_analysis.theory import wave as plane
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.hierarchy import hierarchy_orders
+from granular_analysis.theory.wave import Wave
 
 NU = 0.17
 SILICA = sh.ratios(NU)

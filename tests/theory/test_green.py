@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.theory import green
-from analysis.theory.contact import Contact
-from analysis.theory.green import Crystal, Load, response
+from granular_analysis.theory import green
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.green import Crystal, Load, response
 from tests.polarisations import modes
 
 pytestmark = pytest.mark.rounding

@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis import second_harmonic as sh
-from analysis.measure.norms import relative_error, slope
-from analysis.theory import hierarchy, lattice
-from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave
+from granular_analysis import second_harmonic as sh
+from granular_analysis.measure.norms import relative_error, slope
+from granular_analysis.theory import hierarchy, lattice
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave
 
 NU = 0.17
 SILICA = sh.ratios(NU)

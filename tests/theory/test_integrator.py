@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import DOP853, solve_ivp
 
-from analysis.theory.integrator import STAGES, dop853, tableau
+from granular_analysis.theory.integrator import STAGES, dop853, tableau
 
 TAU = np.linspace(0, 60, 121)
 

@@ -6,7 +6,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from analysis.theory.jkr import PARTS, TOUCH, Contact, Parting
+from granular_analysis.theory.jkr import PARTS, TOUCH, Contact, Parting
 
 CONTACT = Contact(radius=0.7, modulus=1.3, work=0.9)  # in no units: the law has none
 RADII = CONTACT.rest_radius * np.array([0.4, 0.7, 1.0, 1.5, 4.0])

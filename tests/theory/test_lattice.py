@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import DOP853, solve_ivp
 
-from analysis import second_harmonic as sh
-from analysis.theory import bloch, lattice
-from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave
+from granular_analysis import second_harmonic as sh
+from granular_analysis.theory import bloch, lattice
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave
 
 NU = 0.17
 SILICA = sh.ratios(NU)

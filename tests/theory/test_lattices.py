@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.theory.crystal import find_contacts
-from analysis.theory.lattices import LATTICES, Lattice
+from granular_analysis.theory.crystal import find_contacts
+from granular_analysis.theory.lattices import LATTICES, Lattice
 
 TOUCH = 0.5 + 1e-6  # radius at which neighbours at a distance of 1 touch, and no others
 

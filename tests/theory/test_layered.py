@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from analysis.theory.layered import Layered, Slab
-from analysis.theory.surface_wave import Coupled, HalfSpace
+from granular_analysis.theory.layered import Layered, Slab
+from granular_analysis.theory.surface_wave import Coupled, HalfSpace
 from tests.theory.test_surface_wave import APART, DENSITY, GLASS, along, layer
 
 ALUMINIUM = HalfSpace.of(70e3, 0.33, 2.7e-3)

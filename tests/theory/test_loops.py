@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.theory import lattice, loops, timestep
-from analysis.theory.contact import Contact, Law
-from analysis.theory.lattice_loop import torus_slope
-from analysis.theory.neighbours import ring_neighbours, torus_neighbours
-from analysis.theory.network import Material, Network, Wall
-from analysis.theory.network_closed import closed_pairs, refusal
-from analysis.theory.network_ledger import energy, kinetic_energy, work_rate
-from analysis.theory.network_motion import integrate
-from analysis.theory.network_state import State, contacts, resultants, start
-from analysis.theory.wave import Wave
+from granular_analysis.theory import lattice, loops, timestep
+from granular_analysis.theory.contact import Contact, Law
+from granular_analysis.theory.lattice_loop import torus_slope
+from granular_analysis.theory.neighbours import ring_neighbours, torus_neighbours
+from granular_analysis.theory.network import Material, Network, Wall
+from granular_analysis.theory.network_closed import closed_pairs, refusal
+from granular_analysis.theory.network_ledger import energy, kinetic_energy, work_rate
+from granular_analysis.theory.network_motion import integrate
+from granular_analysis.theory.network_state import State, contacts, resultants, start
+from granular_analysis.theory.wave import Wave
 
 compiled = pytest.mark.skipif(loops.library() is None, reason="no C compiler")
 GLASS, STEEL = Material(1.0, 0.2, 2e-3), Material(3.0, 0.3, 1e-3)

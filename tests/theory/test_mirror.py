@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.theory.crystal import Crystal, Wall
-from analysis.theory.lattices import LATTICES
-from analysis.theory.network import Material
-from analysis.theory.phase_matching import matches
-from analysis.theory.second_order import wave
+from granular_analysis.theory.crystal import Crystal, Wall
+from granular_analysis.theory.lattices import LATTICES
+from granular_analysis.theory.network import Material
+from granular_analysis.theory.phase_matching import matches
+from granular_analysis.theory.second_order import wave
 
 SILICA = Material(73e3, 0.17, 63.0)  # MPa, mJ/m²: lengths in nm, masses in ag
 R, DEPTH = 500.0, 0.2498514361612

@@ -9,14 +9,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from analysis.measure.sheets import component
-from analysis.theory import lattice
-from analysis.theory.bloch import branch_index, frame, wavevector_of
-from analysis.theory.contact import Contact
-from analysis.theory.mixing import Pair, Tone, detunings, forced_amplitude, growth_rates, mixed_wave
-from analysis.theory.neighbours import Neighbours, shifted
-from analysis.theory.selection import forbidden
-from analysis.theory.wave import generated
+from granular_analysis.measure.sheets import component
+from granular_analysis.theory import lattice
+from granular_analysis.theory.bloch import branch_index, frame, wavevector_of
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.mixing import Pair, Tone, detunings, forced_amplitude, growth_rates, mixed_wave
+from granular_analysis.theory.neighbours import Neighbours, shifted
+from granular_analysis.theory.selection import forbidden
+from granular_analysis.theory.wave import generated
 from tests.polarisations import modes
 from tests.sheet import Sheet
 

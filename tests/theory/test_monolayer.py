@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.theory.crystal import Crystal, Wall
-from analysis.theory.lattices import LATTICES
-from analysis.theory.monolayer import Layer
-from analysis.theory.network import Material, mixed
+from granular_analysis.theory.crystal import Crystal, Wall
+from granular_analysis.theory.lattices import LATTICES
+from granular_analysis.theory.monolayer import Layer
+from granular_analysis.theory.network import Material, mixed
 
 SILICA = Material(73e3, 0.17, 63.0)  # MPa, mJ/m²: lengths in nm, masses in ag
 R, DENSITY = 500.0, 2.2e-3

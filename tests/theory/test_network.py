@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scipy.special import beta
 
-from analysis import second_harmonic as sh
-from analysis.measure.norms import slope
-from analysis.theory import jkr as johnson
-from analysis.theory import lattice
-from analysis.theory.contact import Contact
-from analysis.theory.network import Material, Network
-from analysis.theory.network_ledger import energy, momentum
-from analysis.theory.network_motion import integrate, scales
-from analysis.theory.network_state import contacts, forces, present, searched_again, settled, start
-from analysis.theory.wave import Wave
+from granular_analysis import second_harmonic as sh
+from granular_analysis.measure.norms import slope
+from granular_analysis.theory import jkr as johnson
+from granular_analysis.theory import lattice
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.network import Material, Network
+from granular_analysis.theory.network_ledger import energy, momentum
+from granular_analysis.theory.network_motion import integrate, scales
+from granular_analysis.theory.network_state import contacts, forces, present, searched_again, settled, start
+from granular_analysis.theory.wave import Wave
 from granular_lmp.crystal.sphere import Sphere
 
 PAPER = Sphere(radius=500e-9, youngs_modulus=73e9, poisson_ratio=0.17, work_of_adhesion=0.063, density=2200.0)
@@ -64,7 +64,7 @@ def cluster(**changes):
 
 
 def wave(network, rows, mode, amplitude):
-    """Return the state of a network that starts with a mode of `analysis.second_harmonic`."""
+    """Return the state of a network that starts with a mode of `granular_analysis.second_harmonic`."""
     columns = len(network.position) // rows
     phase = mode.wavenumber * np.repeat(np.arange(rows), columns)
     cos, sin = np.cos(phase), np.sin(phase)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.theory import green
-from analysis.theory.network import Material, Network, Wall
-from analysis.theory.network_motion import integrate
-from analysis.theory.network_outside import Drive
-from analysis.theory.network_state import forces, start
+from granular_analysis.theory import green
+from granular_analysis.theory.network import Material, Network, Wall
+from granular_analysis.theory.network_motion import integrate
+from granular_analysis.theory.network_outside import Drive
+from granular_analysis.theory.network_state import forces, start
 
 GLASS = Material(1.0, 0.2)
 FOUR = Wall((-1, 0), (-1, 0)), Wall((5, 0), (1, 0)), Wall((0, -1), (0, -1)), Wall((0, 1), (0, 1))

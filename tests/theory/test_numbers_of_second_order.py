@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.cases.driven import waves as driven
-from analysis.cases.standing.case import standing
-from analysis.theory import bloch, resonance, third_order
-from analysis.theory import wave as plane
-from analysis.theory.bloch import BONDS, GAUGE, hexagonal, in_plane, real_modes
-from analysis.theory.contact import Contact
-from analysis.theory.mixing import Pair, Tone, detunings, growth_rates
-from analysis.theory.second_order import Answer, Mixed, branch_of, second_order
-from analysis.theory.timestep import stepped_second_harmonic
-from analysis.theory.wave import Wave
+from granular_analysis.cases.driven import waves as driven
+from granular_analysis.cases.standing.case import standing
+from granular_analysis.theory import bloch, resonance, third_order
+from granular_analysis.theory import wave as plane
+from granular_analysis.theory.bloch import BONDS, GAUGE, hexagonal, in_plane, real_modes
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.mixing import Pair, Tone, detunings, growth_rates
+from granular_analysis.theory.second_order import Answer, Mixed, branch_of, second_order
+from granular_analysis.theory.timestep import stepped_second_harmonic
+from granular_analysis.theory.wave import Wave
 from tests.sheet import Sheet, evolve
 
 HELD = json.loads((Path(__file__).parents[1] / "data/second_order.json").read_text("utf-8"))

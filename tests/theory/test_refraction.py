@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.cases.refraction import case as figure
-from analysis.cases.refraction.angles import ROWS, angle, front_speed, quasi_particle
-from analysis.cases.refraction.plane_front import plane_front as settled
-from analysis.cases.refraction.plane_front import scaled_speed
-from analysis.measure.refraction import fronts_at_interface, plane_front
-from analysis.theory import scattering
-from analysis.theory.chain import compressed, uniform
-from analysis.theory.chain_motion import march
+from granular_analysis.cases.refraction import case as figure
+from granular_analysis.cases.refraction.angles import ROWS, angle, front_speed, quasi_particle
+from granular_analysis.cases.refraction.plane_front import plane_front as settled
+from granular_analysis.cases.refraction.plane_front import scaled_speed
+from granular_analysis.measure.refraction import fronts_at_interface, plane_front
+from granular_analysis.theory import scattering
+from granular_analysis.theory.chain import compressed, uniform
+from granular_analysis.theory.chain_motion import march
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 
 SCENE = ImpactScene.load("refraction")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis import second_harmonic as sh
-from analysis.theory import lattice, resonance
-from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave
+from granular_analysis import second_harmonic as sh
+from granular_analysis.theory import lattice, resonance
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave
 
 NU = 0.17
 SILICA = sh.ratios(NU)

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis import resonances as script
-from analysis import second_harmonic as sh
-from analysis.cases.growth import case as growth
-from analysis.theory.bloch import hexagonal
-from analysis.theory.contact import Contact
-from analysis.theory.crystal import Crystal
-from analysis.theory.lattices import LATTICES
-from analysis.theory.network import Material
-from analysis.theory.phase_matching import Match, matches, zone_edge
-from analysis.theory.scenes import Setting
-from analysis.theory.second_order import Mixed, branch_of
-from analysis.theory.selection import forbidden, mirrors
+from granular_analysis import resonances as script
+from granular_analysis import second_harmonic as sh
+from granular_analysis.cases.growth import case as growth
+from granular_analysis.theory.bloch import hexagonal
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.lattices import LATTICES
+from granular_analysis.theory.network import Material
+from granular_analysis.theory.phase_matching import Match, matches, zone_edge
+from granular_analysis.theory.scenes import Setting
+from granular_analysis.theory.second_order import Mixed, branch_of
+from granular_analysis.theory.selection import forbidden, mirrors
 from granular_lmp import Scene, run
 
 ROOT3 = np.sqrt(3)

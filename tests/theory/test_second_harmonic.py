@@ -6,10 +6,10 @@ import mpmath
 import numpy as np
 import pytest
 
-from analysis import second_harmonic as sh
-from analysis.theory.contact import Contact
-from analysis.theory.resonance import three_mode
-from analysis.theory.wave import Wave
+from granular_analysis import second_harmonic as sh
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.resonance import three_mode
+from granular_analysis.theory.wave import Wave
 
 pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
 

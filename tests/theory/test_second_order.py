@@ -6,19 +6,19 @@ from itertools import product
 import numpy as np
 import pytest
 
-from analysis import second_harmonic as sh
-from analysis.cases.driven import waves as driven
-from analysis.theory import bonds, jkr, third_order
-from analysis.theory.bloch import hexagonal
-from analysis.theory.contact import Contact
-from analysis.theory.creep import creep, winding_rate
-from analysis.theory.crystal import Crystal, Wall, find_contacts
-from analysis.theory.network import Material, Network, mixed
-from analysis.theory.network_motion import integrate
-from analysis.theory.network_state import contacts, start
-from analysis.theory.second_order import Mixed, Wave, duhamel, second_order, wave, wound_up
-from analysis.theory.validity import reached, together, validity
-from analysis.theory.wave import Wave as Plane
+from granular_analysis import second_harmonic as sh
+from granular_analysis.cases.driven import waves as driven
+from granular_analysis.theory import bonds, jkr, third_order
+from granular_analysis.theory.bloch import hexagonal
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.creep import creep, winding_rate
+from granular_analysis.theory.crystal import Crystal, Wall, find_contacts
+from granular_analysis.theory.network import Material, Network, mixed
+from granular_analysis.theory.network_motion import integrate
+from granular_analysis.theory.network_state import contacts, start
+from granular_analysis.theory.second_order import Mixed, Wave, duhamel, second_order, wave, wound_up
+from granular_analysis.theory.validity import reached, together, validity
+from granular_analysis.theory.wave import Wave as Plane
 from tests.exact_space import Packing
 from tests.sheet import Sheet, evolve
 

@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from analysis.theory.chain import acceleration, overlaps, uniform
-from analysis.theory.chain_motion import integrate, peak
-from analysis.theory.solitary import SolitaryWave, long_wave_speed, solitary_wave, sound
+from granular_analysis.theory.chain import acceleration, overlaps, uniform
+from granular_analysis.theory.chain_motion import integrate, peak
+from granular_analysis.theory.solitary import SolitaryWave, long_wave_speed, solitary_wave, sound
 
 # V / v^{1/5} and V / δ^{1/4} for A = m = 1
 OVER_VELOCITY, OVER_OVERLAP = 0.9074700784122, 0.9055157764191
@@ -160,7 +160,7 @@ def test_what_has_no_solitary_wave_is_refused(values: dict[str, float], message:
 
 
 def test_an_iteration_that_does_not_end_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("analysis.theory.solitary.MOST", 5)
+    monkeypatch.setattr("granular_analysis.theory.solitary.MOST", 5)
     with pytest.raises(RuntimeError, match="no solitary wave after 5 iterations"):
         solitary_wave(1.0)
 

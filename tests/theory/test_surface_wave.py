@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from analysis import saw
-from analysis.theory.crystal import Crystal, Wall
-from analysis.theory.lattices import LATTICES
-from analysis.theory.network import Material
-from analysis.theory.surface_wave import Coupled, HalfSpace
+from granular_analysis import saw
+from granular_analysis.theory.crystal import Crystal, Wall
+from granular_analysis.theory.lattices import LATTICES
+from granular_analysis.theory.network import Material
+from granular_analysis.theory.surface_wave import Coupled, HalfSpace
 from granular_lmp import Scene
 
 SILICA = Material(73e3, 0.17, 63.0)  # MPa, mJ/m²: lengths in nm, masses in ag, times in ns

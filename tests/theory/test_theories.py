@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis import compare
-from analysis.cases.figure3 import case as figure3
-from analysis.measure import signals
-from analysis.theory import bloch, catalogue, choice
-from analysis.theory.choice import (
+from granular_analysis import compare
+from granular_analysis.cases.figure3 import case as figure3
+from granular_analysis.measure import signals
+from granular_analysis.theory import bloch, catalogue, choice
+from granular_analysis.theory.choice import (
     THEORIES,
     TheoryError,
     _computed,
@@ -26,9 +26,9 @@ from analysis.theory.choice import (
     trajectory,
     wave_of,
 )
-from analysis.theory.contact import Contact
-from analysis.theory.hierarchy import hierarchy_orders
-from analysis.theory.wave import Wave
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.hierarchy import hierarchy_orders
+from granular_analysis.theory.wave import Wave
 from granular_lmp import Record
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import ModeName
-from analysis.theory import bloch, lattice
-from analysis.theory.bloch import frame, hexagonal, in_plane, real_modes, wavevector_of
-from analysis.theory.bonds import ShearLaw
-from analysis.theory.contact import Contact
-from analysis.theory.crystal import Crystal
-from analysis.theory.hierarchy import hierarchy_orders
-from analysis.theory.network import Material
-from analysis.theory.second_order import Answer, wave
-from analysis.theory.third_order import shift, third_harmonic
+from granular_analysis.second_harmonic import ModeName
+from granular_analysis.theory import bloch, lattice
+from granular_analysis.theory.bloch import frame, hexagonal, in_plane, real_modes, wavevector_of
+from granular_analysis.theory.bonds import ShearLaw
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.hierarchy import hierarchy_orders
+from granular_analysis.theory.network import Material
+from granular_analysis.theory.second_order import Answer, wave
+from granular_analysis.theory.third_order import shift, third_harmonic
 
 Complexes = NDArray[np.complex128]
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.second_harmonic import mode as mode_of
-from analysis.theory.contact import Contact
-from analysis.theory.network import Material, Network
-from analysis.theory.network_motion import integrate
-from analysis.theory.network_state import forces, start
-from analysis.theory.rows import heavy_rows, rows_of
-from analysis.theory.transfer import scattering
+from granular_analysis.second_harmonic import mode as mode_of
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.network import Material, Network
+from granular_analysis.theory.network_motion import integrate
+from granular_analysis.theory.network_state import forces, start
+from granular_analysis.theory.rows import heavy_rows, rows_of
+from granular_analysis.theory.transfer import scattering
 from granular_lmp.crystal.sphere import Sphere
 
 SILICA = Sphere(radius=5e-7, youngs_modulus=73e9, poisson_ratio=0.17, work_of_adhesion=0.063, density=2200.0)

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis import cli
-from analysis.design import Question
-from analysis.theory.bloch import mode
-from analysis.theory.contact import Contact
-from analysis.theory.crystal import Crystal
-from analysis.theory.network import Material
-from analysis.theory.objectives import Gap, Growth, Passing, Tuned, best, candidates
-from analysis.theory.phase_matching import matches
-from analysis.theory.rows import Rows, heavy_rows
-from analysis.theory.scenes import Setting
-from analysis.theory.transfer import scattering
-from analysis.theory.variation import Place, Spot, Value, Varied, resonance
+from granular_analysis import cli
+from granular_analysis.design import Question
+from granular_analysis.theory.bloch import mode
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.network import Material
+from granular_analysis.theory.objectives import Gap, Growth, Passing, Tuned, best, candidates
+from granular_analysis.theory.phase_matching import matches
+from granular_analysis.theory.rows import Rows, heavy_rows
+from granular_analysis.theory.scenes import Setting
+from granular_analysis.theory.transfer import scattering
+from granular_analysis.theory.variation import Place, Spot, Value, Varied, resonance
 from granular_lmp import Scene
 
 Floats = NDArray[np.float64]

@@ -6,14 +6,14 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from analysis import second_harmonic as sh
-from analysis.second_harmonic import ModeName
-from analysis.theory import bloch, lattice
-from analysis.theory.bloch import hexagonal
-from analysis.theory.contact import LAWS, Contact, Law
-from analysis.theory.hierarchy import hierarchy_orders
-from analysis.theory.timestep import limit, stepped
-from analysis.theory.wave import Wave, residual, second_harmonic
+from granular_analysis import second_harmonic as sh
+from granular_analysis.second_harmonic import ModeName
+from granular_analysis.theory import bloch, lattice
+from granular_analysis.theory.bloch import hexagonal
+from granular_analysis.theory.contact import LAWS, Contact, Law
+from granular_analysis.theory.hierarchy import hierarchy_orders
+from granular_analysis.theory.timestep import limit, stepped
+from granular_analysis.theory.wave import Wave, residual, second_harmonic
 
 NU = 0.17
 CONTACTS: dict[str, Contact] = {

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.measure.norms import relative_error, slope
-from analysis.second_harmonic import mode, ratios, second_order
-from analysis.theory.contact import Contact
-from analysis.theory.lattice import torus
-from analysis.theory.wave import Wave
+from granular_analysis.measure.norms import relative_error, slope
+from granular_analysis.second_harmonic import mode, ratios, second_order
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.lattice import torus
+from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.ladder import with_step
 from granular_lmp.accuracy.richardson import richardson

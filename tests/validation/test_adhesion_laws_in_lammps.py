@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.cases.adhesion_laws import case as figure
-from analysis.measure.norms import relative_error
-from analysis.measure.reference import Reference
-from analysis.measure.spectrum import point
-from analysis.theory import catalogue
-from analysis.theory.choice import THEORIES, TheoryError, holding, refuse_less, traits, trajectory, wave_of
-from analysis.theory.lattice import torus
-from analysis.theory.timestep import phase_error, stepped
-from analysis.theory.wave import Wave
+from granular_analysis.cases.adhesion_laws import case as figure
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.measure.reference import Reference
+from granular_analysis.measure.spectrum import point
+from granular_analysis.theory import catalogue
+from granular_analysis.theory.choice import THEORIES, TheoryError, holding, refuse_less, traits, trajectory, wave_of
+from granular_analysis.theory.lattice import torus
+from granular_analysis.theory.timestep import phase_error, stepped
+from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.rounding import noise_floor
 from granular_lmp.accuracy.tolerance import resume

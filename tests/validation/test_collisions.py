@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.compare import compare
+from granular_analysis.compare import compare
 from granular_lmp import Scene
 from granular_lmp import run as run_scene
 from granular_lmp.cli import main

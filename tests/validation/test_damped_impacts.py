@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.theory.chain import End, energies, spheres, uniform
-from analysis.theory.chain_damping import decay
-from analysis.theory.chain_motion import integrate, march, peak
-from analysis.theory.integrator import dop853
+from granular_analysis.theory.chain import End, energies, spheres, uniform
+from granular_analysis.theory.chain_damping import decay
+from granular_analysis.theory.chain_motion import integrate, march, peak
+from granular_analysis.theory.integrator import dop853
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import run as collide

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import second_harmonic as sh
-from analysis.measure.norms import relative_error
-from analysis.theory import lattice
-from analysis.theory.contact import Contact
+from granular_analysis import second_harmonic as sh
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.theory import lattice
+from granular_analysis.theory.contact import Contact
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.runs.launch import run_files
 

@@ -10,9 +10,9 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from analysis.theory.network import Material, Network
-from analysis.theory.network_motion import integrate
-from analysis.theory.network_state import forces, start
+from granular_analysis.theory.network import Material, Network
+from granular_analysis.theory.network_motion import integrate
+from granular_analysis.theory.network_state import forces, start
 from tests.instance import silent_lammps
 
 SILICA = Material(73e3, 0.17, 63.0)

@@ -1,4 +1,4 @@
-"""Collisions with adhesion that acts beyond contact, LAMMPS's ``jkr``, beside `analysis.theory.jkr`.
+"""Collisions with adhesion that acts beyond contact, LAMMPS's ``jkr``, beside `granular_analysis.theory.jkr`.
 
 docs/collisions.md shows the numbers.
 """
@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.cases.pull_off import case as pull_off
-from analysis.theory.integrator import dop853
-from analysis.theory.jkr import Contact
+from granular_analysis.cases.pull_off import case as pull_off
+from granular_analysis.theory.integrator import dop853
+from granular_analysis.theory.jkr import Contact
 from granular_lmp import run as run_scene
 from granular_lmp.cli import main
 from granular_lmp.errors import SceneError

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.theory.crystal import PLANE, Crystal
-from analysis.theory.network import Material
-from analysis.theory.scenes import Setting, signals
-from analysis.theory.second_order import second_order, wave
+from granular_analysis.theory.crystal import PLANE, Crystal
+from granular_analysis.theory.network import Material
+from granular_analysis.theory.scenes import Setting, signals
+from granular_analysis.theory.second_order import second_order, wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.lammps.contact import model, pair
 from granular_lmp.units import NANO

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from analysis.cases.impact.case import lammps
-from analysis.theory.chain import uniform
-from analysis.theory.chain_motion import march, peak
-from analysis.theory.solitary import solitary_wave
+from granular_analysis.cases.impact.case import lammps
+from granular_analysis.theory.chain import uniform
+from granular_analysis.theory.chain_motion import march, peak
+from granular_analysis.theory.solitary import solitary_wave
 
 COUNT, END = 60, 66.0  # the wave has passed sphere 51, and not come to the end
 WATCHED = (40, 51)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from analysis.theory.creep import creep
-from analysis.theory.crystal import Crystal, Wall
-from analysis.theory.lattices import LATTICES, Lattice
-from analysis.theory.network import Material, mixed
-from analysis.theory.phase_matching import matches
-from analysis.theory.second_order import Mixed, Wave, second_order, wave
-from analysis.theory.surface_wave import Coupled, HalfSpace
+from granular_analysis.theory.creep import creep
+from granular_analysis.theory.crystal import Crystal, Wall
+from granular_analysis.theory.lattices import LATTICES, Lattice
+from granular_analysis.theory.network import Material, mixed
+from granular_analysis.theory.phase_matching import matches
+from granular_analysis.theory.second_order import Mixed, Wave, second_order, wave
+from granular_analysis.theory.surface_wave import Coupled, HalfSpace
 from tests.instance import silent_lammps
 
 SILICA = Material(73e3, 0.17, 63.0)  # MPa, mJ/m²: lengths in nm, masses in ag, times in ns

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.compare import compare
+from granular_analysis.compare import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import SceneError
 

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.measure.sheets import component, fields_of, rest_of
-from analysis.theory.contact import Contact
-from analysis.theory.mixing import Pair, Tone, mixed_wave
-from analysis.theory.selection import forbidden
+from granular_analysis.measure.sheets import component, fields_of, rest_of
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.mixing import Pair, Tone, mixed_wave
+from granular_analysis.theory.selection import forbidden
 from granular_lmp import Deck, Scene, build, run
 from tests.polarisations import modes
 from tests.theory.test_mixing import PAIRS, SHEET, SIGNS, on_sheet, relative

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.cases.driven import case as driven
-from analysis.cases.standing import case as standing
-from analysis.measure import sheets
-from analysis.measure.rows import load_form
+from granular_analysis.cases.driven import case as driven
+from granular_analysis.cases.standing import case as standing
+from granular_analysis.measure import sheets
+from granular_analysis.measure.rows import load_form
 from granular_lmp import Scene, build, run
 from tests.conftest import PAPER
 

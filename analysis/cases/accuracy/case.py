@@ -32,13 +32,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from analysis.measure.runs import load
-from analysis.measure.signals import errors
-from analysis.plotting import parser, save, start, write
-from analysis.theory.catalogue import missing
-from analysis.theory.choice import THEORIES, Trajectory, holding, traits_of, wave_of
-from analysis.theory.lattice import torus
-from analysis.theory.wave import Wave
+from granular_analysis.measure.runs import load
+from granular_analysis.measure.signals import errors
+from granular_analysis.plotting import parser, save, start, write
+from granular_analysis.theory.catalogue import missing
+from granular_analysis.theory.choice import THEORIES, Trajectory, holding, traits_of, wave_of
+from granular_analysis.theory.lattice import torus
+from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")

@@ -4,8 +4,8 @@
 
 Each SWEEP is the folder of a sweep of TR waves over ``sphere.adhesion_law`` and wave number, and over two time steps h
 and h/2 if Richardson's extrapolation is wanted; ``make adhesion`` makes them. The table has the second harmonic of the
-runs beside theory, and where resonance and antiresonance are, by theory and by the runs (`analysis.measure.spectrum`).
-The two panels below are theory alone, in the paper's geometry.
+runs beside theory, and where resonance and antiresonance are, by theory and by the runs
+(`granular_analysis.measure.spectrum`). The two panels below are theory alone, in the paper's geometry.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,14 +16,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.cases.spectrum.case import one_crystal
-from analysis.measure.runs import sweep
-from analysis.measure.spectrum import Point, extrapolated, locate_antiresonance, locate_resonance, point, refusal
-from analysis.plotting import SILICA, letter, parser, show, start
-from analysis.theory.adhesion import Adhesion
-from analysis.theory.choice import wave_of
-from analysis.theory.contact import Contact
-from analysis.theory.wave import antiresonance, generated, nonlinearity, resonance
+from granular_analysis.cases.spectrum.case import one_crystal
+from granular_analysis.measure.runs import sweep
+from granular_analysis.measure.spectrum import (
+    Point,
+    extrapolated,
+    locate_antiresonance,
+    locate_resonance,
+    point,
+    refusal,
+)
+from granular_analysis.plotting import SILICA, letter, parser, show, start
+from granular_analysis.theory.adhesion import Adhesion
+from granular_analysis.theory.choice import wave_of
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import antiresonance, generated, nonlinearity, resonance
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

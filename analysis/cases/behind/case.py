@@ -15,7 +15,7 @@ forced waves of both sides meet, does not:
     B = τ P + H
 
 τ and H are fitted to the runs. τ P was made before, H at the interface. |τ| is known from the linear lattice,
-`analysis.theory.transfer`, which the fit knows nothing of.
+`granular_analysis.theory.transfer`, which the fit knows nothing of.
 
 Breaks where L waves do not run at 2Ω on both sides, and for distances that are all one beat, 2π/(2ξ − k), apart.
 """
@@ -27,13 +27,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.cases.scatter.case import rows_at_rest
-from analysis.measure.rows import waves
-from analysis.measure.runs import all_but, sweep
-from analysis.measure.sheets import fields_of
-from analysis.plotting import parser, show, start
-from analysis.theory.rows import Rows
-from analysis.theory.transfer import running, scattering
+from granular_analysis.cases.scatter.case import rows_at_rest
+from granular_analysis.measure.rows import waves
+from granular_analysis.measure.runs import all_but, sweep
+from granular_analysis.measure.sheets import fields_of
+from granular_analysis.plotting import parser, show, start
+from granular_analysis.theory.rows import Rows
+from granular_analysis.theory.transfer import running, scattering
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

@@ -23,12 +23,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from analysis.measure.norms import relative_error, slope
-from analysis.plotting import parser, save, start
-from analysis.second_harmonic import Mode, ModeName, Ratios, mode, ratios, second_order
-from analysis.theory.contact import Contact
-from analysis.theory.lattice import Floats, torus_trajectories
-from analysis.theory.neighbours import periodic_kernel, torus_phases
+from granular_analysis.measure.norms import relative_error, slope
+from granular_analysis.plotting import parser, save, start
+from granular_analysis.second_harmonic import Mode, ModeName, Ratios, mode, ratios, second_order
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.lattice import Floats, torus_trajectories
+from granular_analysis.theory.neighbours import periodic_kernel, torus_phases
 
 POISSON_RATIO = 0.17  # silica, the paper's spheres
 TAU = np.linspace(0.0, 120.0, 241)

@@ -3,8 +3,8 @@
     granular-analysis dimers RUN [RUN ...] [-o FILE]
 
 RUN is a run folder of the shipped ``dimer_chain`` with any density of its light spheres, and ``time.sample`` at most
-0.15. Lines are those of `analysis.cases.dimers.front`, points are LAMMPS. The resonances and antiresonances of the
-theory are printed, and a line for each run.
+0.15. Lines are those of `granular_analysis.cases.dimers.front`, points are LAMMPS. The resonances and antiresonances of
+the theory are printed, and a line for each run.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.cases.dimers.front import (
+from granular_analysis.cases.dimers.front import (
     CELLS,
     STEP,
     antiresonance,
@@ -21,8 +21,8 @@ from analysis.cases.dimers.front import (
     resonance,
     struck,
 )
-from analysis.measure.strikes import Sites, densities, require
-from analysis.plotting import letter, parser, show, start
+from granular_analysis.measure.strikes import Sites, densities, require
+from granular_analysis.plotting import letter, parser, show, start
 from granular_lmp.runs.record import Record
 
 RATIOS = np.sort(

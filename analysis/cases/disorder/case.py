@@ -4,8 +4,9 @@
 
 Each SWEEP is the folder of a sweep over `disorder.seed` (``granular-lmp sweep``); ``make disorder`` makes all. What
 runs are for follows from their scenes: without snapshots they give the contacts that are left; with `disorder.density`
-the attenuation, beside Born's theory (`analysis.theory.born`); L waves with `disorder.radius` the sound speed; TR
-waves, run with `wave.phase` 0 and π, the second harmonic. `analysis.measure.disordered` says how each is read.
+the attenuation, beside Born's theory (`granular_analysis.theory.born`); L waves with `disorder.radius` the sound speed;
+TR waves, run with `wave.phase` 0 and π, the second harmonic. `granular_analysis.measure.disordered` says how each is
+read.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.measure.disordered import (
+from granular_analysis.measure.disordered import (
     Key,
     Value,
     Waves,
@@ -33,10 +34,10 @@ from analysis.measure.disordered import (
     strength,
     whole_strength,
 )
-from analysis.measure.runs import sweep
-from analysis.plotting import COLOURS, parser, show, start
-from analysis.theory.born import long_wave, scattered
-from analysis.theory.wave import resonance as perfect_resonance
+from granular_analysis.measure.runs import sweep
+from granular_analysis.plotting import COLOURS, parser, show, start
+from granular_analysis.theory.born import long_wave, scattered
+from granular_analysis.theory.wave import resonance as perfect_resonance
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

@@ -13,8 +13,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.measure.dispersion import Sheet, density, misses, zone_path
-from analysis.plotting import parser, save, start
+from granular_analysis.measure.dispersion import Sheet, density, misses, zone_path
+from granular_analysis.plotting import parser, save, start
 
 Floats = NDArray[np.float64]
 BRANCHES = ("lower", "middle", "upper")

@@ -8,13 +8,14 @@ Row 0 of a strip along y is moved by force, all its spheres alike and none of th
 r rises once, from 0 to 1. Behind the front, in a strip without end, is a steady state: fields Re[X_n e^{−iΩτ}].
 
 **Linear.** X_n = Σ_m X_m e^{iκ_m n} over the waves of frequency Ω that leave the row: group velocity > 0, or Im κ > 0
-(`analysis.theory.transfer`). L is one, e^{iξn}. Of TR and RT there are two at each frequency. One is ±ξ: −ξ where Ω
-falls with ξ, as on all of RT of solid spheres, whose crests run *towards* the row. The other decays within a row or two
-(κ = π + 2.2i for TR of solid spheres); with Ĩ ≥ 1.5 it can run too. What each gets follows from q_0 = 1, φ_0 = 0.
+(`granular_analysis.theory.transfer`). L is one, e^{iξn}. Of TR and RT there are two at each frequency. One is ±ξ: −ξ
+where Ω falls with ξ, as on all of RT of solid spheres, whose crests run *towards* the row. The other decays within a
+row or two (κ = π + 2.2i for TR of solid spheres); with Ĩ ≥ 1.5 it can run too. What each gets follows from q_0 = 1, φ_0
+= 0.
 
 **Second order.** Each pair of waves a, b stretches the bonds between two rows by forces B_ab e^{i(κ_a + κ_b)n}, of
-`analysis.theory.bonds`, and the wave it forces, K = κ_a + κ_b, starts with a free L wave k2 that cancels it at row 0,
-whose motion is pure:
+`granular_analysis.theory.bonds`, and the wave it forces, K = κ_a + κ_b, starts with a free L wave k2 that cancels it at
+row 0, whose motion is pure:
 
     P_n = (1 − e^{−iK}) B_ab [e^{iKn} − e^{ik2 n}]/(speed² sin²(K/2) − 4Ω²),    speed sin(k2/2) = 2Ω
 
@@ -33,11 +34,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.bloch import real_modes, wavevector_of
-from analysis.theory.bonds import Strain
-from analysis.theory.contact import Contact
-from analysis.theory.transfer import lattice_waves
-from analysis.theory.wave import Wave
+from granular_analysis.theory.bloch import real_modes, wavevector_of
+from granular_analysis.theory.bonds import Strain
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.transfer import lattice_waves
+from granular_analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -17,13 +17,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.measure.runs import sweep
-from analysis.measure.signals import measured_amplitude
-from analysis.plotting import parser, save, start
-from analysis.theory.catalogue import OBLIQUE, missing
-from analysis.theory.choice import holding, traits_of, trajectory, wave_of
-from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave, generated, nonlinearity
+from granular_analysis.measure.runs import sweep
+from granular_analysis.measure.signals import measured_amplitude
+from granular_analysis.plotting import parser, save, start
+from granular_analysis.theory.catalogue import OBLIQUE, missing
+from granular_analysis.theory.choice import holding, traits_of, trajectory, wave_of
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave, generated, nonlinearity
 from granular_lmp.runs.record import Record
 
 # Told apart by marker and dashes without colour.

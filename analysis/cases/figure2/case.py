@@ -12,8 +12,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.plotting import COLOURS, parser, save, spheres, start
-from analysis.second_harmonic import Ratios, antiresonance, dispersion, generated_amplitude, mode, ratios, resonance
+from granular_analysis.plotting import COLOURS, parser, save, spheres, start
+from granular_analysis.second_harmonic import (
+    Ratios,
+    antiresonance,
+    dispersion,
+    generated_amplitude,
+    mode,
+    ratios,
+    resonance,
+)
 
 WAVENUMBERS = np.linspace(1e-3, np.pi, 1201)
 PAPER = (0.802, 1.475, 2.127)  # rad per row, of the paper's three runs

@@ -17,10 +17,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.measure.runs import load
-from analysis.measure.signals import COMPONENTS, errors
-from analysis.plotting import parser, save, start
-from analysis.theory.choice import TheoryError, best, trajectory, wave_of
+from granular_analysis.measure.runs import load
+from granular_analysis.measure.signals import COMPONENTS, errors
+from granular_analysis.plotting import parser, save, start
+from granular_analysis.theory.choice import TheoryError, best, trajectory, wave_of
 from granular_lmp.runs.record import Record
 
 ROWS = 4

@@ -18,10 +18,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.measure.fitting import Fit
-from analysis.measure.points import Point
-from analysis.plotting import parser, save, start
-from analysis.theory.estimation import estimate
+from granular_analysis.measure.fitting import Fit
+from granular_analysis.measure.points import Point
+from granular_analysis.plotting import parser, save, start
+from granular_analysis.theory.estimation import estimate
 from granular_lmp.runs.record import Scene
 
 Floats = NDArray[np.float64]

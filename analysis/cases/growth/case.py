@@ -22,13 +22,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.measure.runs import all_but, load
-from analysis.plotting import parser, save, start
-from analysis.theory.crystal import PLANE, Crystal
-from analysis.theory.phase_matching import matches
-from analysis.theory.scenes import Setting
-from analysis.theory.second_order import Wave
-from analysis.theory.variation import Spot, Varied, resonance
+from granular_analysis.measure.runs import all_but, load
+from granular_analysis.plotting import parser, save, start
+from granular_analysis.theory.crystal import PLANE, Crystal
+from granular_analysis.theory.phase_matching import matches
+from granular_analysis.theory.scenes import Setting
+from granular_analysis.theory.second_order import Wave
+from granular_analysis.theory.variation import Spot, Varied, resonance
 from granular_lmp.runs.record import GranularError, Record, Scene
 
 Floats = NDArray[np.float64]

@@ -22,9 +22,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.plotting import letter, parser, save, start
-from analysis.theory.chain import compressed, energies, uniform
-from analysis.theory.chain_motion import SIXTH, VERLET, Scheme, collision_time, integrate, march
+from granular_analysis.plotting import letter, parser, save, start
+from granular_analysis.theory.chain import compressed, energies, uniform
+from granular_analysis.theory.chain_motion import SIXTH, VERLET, Scheme, collision_time, integrate, march
 
 Floats = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Three shear laws (`analysis.theory.bonds`) and the second harmonic that each gives.
+"""Three shear laws (`granular_analysis.theory.bonds`) and the second harmonic that each gives.
 
     granular-analysis laws [-o FILE] [--poisson-ratio NU]
 
@@ -14,10 +14,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.plotting import SILICA, parser, save, spheres, start
-from analysis.theory.contact import LAWS, Contact, Law
-from analysis.theory.lattice import torus
-from analysis.theory.wave import Wave, antiresonance, generated, nonlinearity, resonance, second_harmonic
+from granular_analysis.plotting import SILICA, parser, save, spheres, start
+from granular_analysis.theory.contact import LAWS, Contact, Law
+from granular_analysis.theory.lattice import torus
+from granular_analysis.theory.wave import Wave, antiresonance, generated, nonlinearity, resonance, second_harmonic
 
 Floats = NDArray[np.float64]
 AMPLITUDE = 0.2  # D0/Δ0 of the paper's simulations

@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from analysis.measure.runs import sweep
-from analysis.plotting import parser, save, start
-from analysis.theory.crystal import Crystal
-from analysis.theory.monolayer import Layer
-from analysis.theory.phase_matching import zone_edge
-from analysis.theory.scenes import Setting
+from granular_analysis.measure.runs import sweep
+from granular_analysis.plotting import parser, save, start
+from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.monolayer import Layer
+from granular_analysis.theory.phase_matching import zone_edge
+from granular_analysis.theory.scenes import Setting
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

@@ -14,9 +14,9 @@ its share of the amplitude passes 1 only within 0.01/a of the line). At K the mi
 to it their colours depend on the side.
 
 The lattice is the paper's unless options say otherwise: contacts of true length and direction by their overlap
-η = Δ0/2R, and compression by its share of the force that holds a contact (`analysis.theory.contact.Contact`). In a
-scene the share is packing.contact_force over the sum of that and the adhesive force. Left out are dashpots, and the
-shear law is the secant one.
+η = Δ0/2R, and compression by its share of the force that holds a contact (`granular_analysis.theory.contact.Contact`).
+In a scene the share is packing.contact_force over the sum of that and the adhesive force. Left out are dashpots, and
+the shear law is the secant one.
 
 The titles give the names of the paper's modes on Γ–M, waves along y. Elsewhere a branch moves in u, v and φ, and only
 its frequency names it.
@@ -33,11 +33,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from analysis.plotting import parser, save, spheres, start
-from analysis.theory.bloch import branch_index, hexagonal, real_modes
-from analysis.theory.contact import Contact
-from analysis.theory.second_order import Mixed, branch_of
-from analysis.theory.wave import nonlinearity
+from granular_analysis.plotting import parser, save, spheres, start
+from granular_analysis.theory.bloch import branch_index, hexagonal, real_modes
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.second_order import Mixed, branch_of
+from granular_analysis.theory.wave import nonlinearity
 
 POINTS = 400  # per axis; even, so that Γ, where the amplitude is 0/0, falls between grid points
 COLOURS = (1e-3, 1e1)  # values past them lie at resonances, at Γ and at zeros

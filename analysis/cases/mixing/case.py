@@ -4,12 +4,12 @@
 
 The star is the first wave. A panel holds the second waves of one branch: above for the sum of the two, below for their
 difference, the first less the second. A line is where Ω1 ± Ω2 is the frequency of a branch at k1 ± k2. Its colour says
-of which, its width how fast that wave grows (`analysis.theory.mixing.growth_rates`).
+of which, its width how fast that wave grows (`granular_analysis.theory.mixing.growth_rates`).
 
 How to read it. A point on a wide line is a second wave that makes, with the first, a third one of the size of both in
 τ = 1/(rate·a), a = D0/Δ0. Where a line thins out the drive has a zero. On Γ–M and Γ–K symmetry forbids some drives
-altogether when the first wave is there too (`analysis.theory.selection`). Wave vectors beyond the zone are those of the
-lattice folded back, so a sum may leave it.
+altogether when the first wave is there too (`granular_analysis.theory.selection`). Wave vectors beyond the zone are
+those of the lattice folded back, so a sum may leave it.
 
 What it leaves out: nothing says here how far from a line two waves still mix; a detuning d lets a third wave grow to
 2·rate·a/|d|. Every line is that of small amplitudes.
@@ -26,11 +26,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
-from analysis.cases.map.case import BRANCHES, CORNER, EDGE, wave_vectors
-from analysis.plotting import SILICA, parser, save, start
-from analysis.theory.bloch import branch_index, wavevector_of
-from analysis.theory.contact import Contact
-from analysis.theory.mixing import Floats, Pair, Tone, detunings, growth_rates
+from granular_analysis.cases.map.case import BRANCHES, CORNER, EDGE, wave_vectors
+from granular_analysis.plotting import SILICA, parser, save, start
+from granular_analysis.theory.bloch import branch_index, wavevector_of
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.mixing import Floats, Pair, Tone, detunings, growth_rates
 
 POINTS = 240  # per axis; even, so that Γ, where all of a static wave is 0/0, falls between grid points
 COLOURS: Final = ("tab:blue", "black", "tab:red")  # by the branch that grows, lower to upper

@@ -13,11 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.measure.oblique import SILENT, Point, points, predicted_along, strength
-from analysis.measure.runs import sweep
-from analysis.plotting import parser, show, start
-from analysis.theory.choice import wave_of
-from analysis.theory.wave import Wave
+from granular_analysis.measure.oblique import SILENT, Point, points, predicted_along, strength
+from granular_analysis.measure.runs import sweep
+from granular_analysis.plotting import parser, show, start
+from granular_analysis.theory.choice import wave_of
+from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

@@ -22,11 +22,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from analysis.measure.dispersion import Sheet, density, peaks
-from analysis.measure.fitting import Fit
-from analysis.measure.points import Point
-from analysis.plotting import parser, save, start
-from analysis.theory.estimation import Estimate
+from granular_analysis.measure.dispersion import Sheet, density, peaks
+from granular_analysis.measure.fitting import Fit
+from granular_analysis.measure.points import Point
+from granular_analysis.plotting import parser, save, start
+from granular_analysis.theory.estimation import Estimate
 from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]

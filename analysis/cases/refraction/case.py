@@ -4,8 +4,8 @@
 
 RUN is a run folder of the shipped ``refraction`` with any angle of its interface and density beyond it. Left: angles of
 the transmitted (full) and the reflected (open) front over the incidence; lines are the rule of quasi-particles with the
-law of angles, `analysis.cases.refraction.angles`. Right: heights at normal incidence in a chain, exact and by the rule,
-and those of the runs. A line for each run is printed.
+law of angles, `granular_analysis.cases.refraction.angles`. Right: heights at normal incidence in a chain, exact and by
+the rule, and those of the runs. A line for each run is printed.
 """
 
 from collections.abc import Sequence
@@ -14,11 +14,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.cases.refraction.angles import angle, quasi_particle
-from analysis.measure.refraction import FrontsAtInterface, fronts_at_interface
-from analysis.measure.strikes import Sites, require
-from analysis.plotting import letter, parser, show, start
-from analysis.theory import scattering
+from granular_analysis.cases.refraction.angles import angle, quasi_particle
+from granular_analysis.measure.refraction import FrontsAtInterface, fronts_at_interface
+from granular_analysis.measure.strikes import Sites, require
+from granular_analysis.plotting import letter, parser, show, start
+from granular_analysis.theory import scattering
 from granular_lmp.runs.record import Record
 
 MASSES = np.geomspace(1 / 8, 8.0, 13)

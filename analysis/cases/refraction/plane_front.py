@@ -17,14 +17,14 @@ The lattice has six rows of contacts, so that C is a series in cos 6kφ; three t
     C = 0.9149 + 0.0156 cos 6φ − 0.0011 cos 12φ
 
 Along a row of contacts the front is 3.5 % faster than across the rows, φ = 30°, where the sheet is a chain of rows
-(`analysis.cases.refraction.angles`).
+(`granular_analysis.cases.refraction.angles`).
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from analysis.theory.chain_motion import peak
+from granular_analysis.theory.chain_motion import peak
 
 SERIES = (0.9149, 0.0156, -0.0011)  # Coefficients of cos 6kφ, from the table above
 _CONTACTS = np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)], [-0.5, np.sqrt(0.75)]])

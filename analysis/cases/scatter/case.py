@@ -3,8 +3,9 @@
     granular-analysis scatter FOLDER... [-o FILE]
 
 Each FOLDER is one of ``granular-lmp scatter``. The spheres at rest are read from the first snapshot of its run with
-inclusions, and `analysis.theory.transfer` has what becomes of the incident wave at each frequency of ``scatter.csv``,
-without time step and amplitude. Runs with dashpots, contacts that slide or open, or sources beside rows are refused.
+inclusions, and `granular_analysis.theory.transfer` has what becomes of the incident wave at each frequency of
+``scatter.csv``, without time step and amplitude. Runs with dashpots, contacts that slide or open, or sources beside
+rows are refused.
 """
 
 import csv
@@ -17,13 +18,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.measure.runs import load
-from analysis.measure.snapshot import first_snapshot
-from analysis.plotting import COLOURS, parser, show, start
-from analysis.theory import catalogue
-from analysis.theory.choice import traits_of
-from analysis.theory.rows import Rows, rows_of
-from analysis.theory.transfer import scattering
+from granular_analysis.measure.runs import load
+from granular_analysis.measure.snapshot import first_snapshot
+from granular_analysis.plotting import COLOURS, parser, show, start
+from granular_analysis.theory import catalogue
+from granular_analysis.theory.choice import traits_of
+from granular_analysis.theory.rows import Rows, rows_of
+from granular_analysis.theory.transfer import scattering
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

@@ -2,7 +2,8 @@
 
     granular-analysis sheets RUN [-o FILE] [--tau TAU]
 
-RUN holds snapshots of all spheres (``output.particles``); `analysis.measure.sheets` says how the two are compared.
+RUN holds snapshots of all spheres (``output.particles``); `granular_analysis.measure.sheets` says how the two are
+compared.
 """
 
 from collections.abc import Sequence
@@ -11,9 +12,9 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from analysis.measure.runs import load
-from analysis.measure.sheets import ROW, Comparison, compare, in_frame, relative
-from analysis.plotting import parser, show, start
+from granular_analysis.measure.runs import load
+from granular_analysis.measure.sheets import ROW, Comparison, compare, in_frame, relative
+from granular_analysis.plotting import parser, show, start
 
 COMPONENTS = ("displacement along k ($D_0$)", "displacement across k ($D_0$)", r"rotation $R\theta$ ($D_0$)")
 

@@ -4,9 +4,10 @@
 
 Each SWEEP is the folder of a sweep over mode and wave number (``granular-lmp sweep``), over two time steps h and h/2 as
 well if Richardson's extrapolation is wanted, and over the amplitude of the wave for a family of each; ``make spectrum``
-makes them. p(τ) of each run is fitted with the time functions of its wave (`analysis.measure.spectrum`); the amplitude
-is drawn over that of theory, with the deviation below. Resonance and antiresonance are located twice for each amplitude
-of the wave, by theory and by the runs alone. Runs of different spheres or contacts are refused: theory is one line.
+makes them. p(τ) of each run is fitted with the time functions of its wave (`granular_analysis.measure.spectrum`); the
+amplitude is drawn over that of theory, with the deviation below. Resonance and antiresonance are located twice for each
+amplitude of the wave, by theory and by the runs alone. Runs of different spheres or contacts are refused: theory is one
+line.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,11 +22,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.measure.runs import sweep
-from analysis.measure.spectrum import Point, extrapolated, locate_antiresonance, locate_resonance, point, refusal
-from analysis.plotting import COLOURS, parser, save, start, write
-from analysis.theory.choice import wave_of
-from analysis.theory.wave import Wave, antiresonance, generated, nonlinearity, resonance
+from granular_analysis.measure.runs import sweep
+from granular_analysis.measure.spectrum import (
+    Point,
+    extrapolated,
+    locate_antiresonance,
+    locate_resonance,
+    point,
+    refusal,
+)
+from granular_analysis.plotting import COLOURS, parser, save, start, write
+from granular_analysis.theory.choice import wave_of
+from granular_analysis.theory.wave import Wave, antiresonance, generated, nonlinearity, resonance
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

@@ -18,12 +18,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.measure.norms import relative_error
-from analysis.measure.rows import Rows, echo, load_form
-from analysis.plotting import letter, parser, show, start
-from analysis.theory.choice import wave_of
-from analysis.theory.second_order import Mixed, started
-from analysis.theory.wave import Wave
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.measure.rows import Rows, echo, load_form
+from granular_analysis.plotting import letter, parser, show, start
+from granular_analysis.theory.choice import wave_of
+from granular_analysis.theory.second_order import Mixed, started
+from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

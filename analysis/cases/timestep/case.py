@@ -1,4 +1,4 @@
-"""The error of p and q over the cost, of single runs and of Richardson pairs, by `analysis.theory.timestep`.
+"""The error of p and q over the cost, of single runs and of Richardson pairs, by `granular_analysis.theory.timestep`.
 
     granular-analysis timestep [-o FILE]
 
@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from analysis.measure.norms import relative_error
-from analysis.plotting import parser, save, start
-from analysis.second_harmonic import ModeName
-from analysis.theory.contact import Contact
-from analysis.theory.timestep import SAMPLE, TAU, extrapolated, limit, phase_error, stepped
-from analysis.theory.wave import Wave
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.plotting import parser, save, start
+from granular_analysis.second_harmonic import ModeName
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.timestep import SAMPLE, TAU, extrapolated, limit, phase_error, stepped
+from granular_analysis.theory.wave import Wave
 
 WAVES: tuple[tuple[ModeName, float, str], ...] = (
     ("TR", 0.802, ""),

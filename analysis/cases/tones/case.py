@@ -3,7 +3,7 @@
     granular-analysis tones RUN [-o FILE]
 
 Between the rows two waves run towards each other. At Ω1 ± Ω2 the field there is the forced wave of
-`analysis.theory.mixing`, at k1 ± k2, and two free waves that come from where the pair ends:
+`granular_analysis.theory.mixing`, at k1 ± k2, and two free waves that come from where the pair ends:
 
     X(n) = X_forced e^{ikn} + A e^{iξn} + B e^{−iξn},    Ω_L(ξ) = Ω1 ± Ω2
 
@@ -21,14 +21,14 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from analysis.measure.rows import amplitudes_at, rows_of, waves
-from analysis.measure.runs import load
-from analysis.plotting import parser, show, start
-from analysis.theory.bloch import real_modes, wavevector_of
-from analysis.theory.catalogue import missing, said
-from analysis.theory.choice import contact_of, traits_of
-from analysis.theory.contact import Contact
-from analysis.theory.mixing import Pair, Tone, forced_amplitude
+from granular_analysis.measure.rows import amplitudes_at, rows_of, waves
+from granular_analysis.measure.runs import load
+from granular_analysis.plotting import parser, show, start
+from granular_analysis.theory.bloch import real_modes, wavevector_of
+from granular_analysis.theory.catalogue import missing, said
+from granular_analysis.theory.choice import contact_of, traits_of
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.mixing import Pair, Tone, forced_amplitude
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

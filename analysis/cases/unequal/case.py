@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.measure.front import Front, front
-from analysis.measure.strikes import Sites, require
-from analysis.plotting import letter, parser, show, start
+from granular_analysis.measure.front import Front, front
+from granular_analysis.measure.strikes import Sites, require
+from granular_analysis.plotting import letter, parser, show, start
 from granular_lmp.runs.record import Record
 
 DIRECTIONS = {30: (30, 150), 60: (60, 120), 90: (90,)}  # degrees from the edge, with their mirror images

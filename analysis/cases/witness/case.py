@@ -18,11 +18,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.measure.snapshot import first_snapshot
-from analysis.measure.swept import Swept
-from analysis.plotting import parser, save, start, write
-from analysis.theory.choice import TheoryError
-from analysis.theory.network_motion import integrate
+from granular_analysis.measure.snapshot import first_snapshot
+from granular_analysis.measure.swept import Swept
+from granular_analysis.plotting import parser, save, start, write
+from granular_analysis.theory.choice import TheoryError
+from granular_analysis.theory.network_motion import integrate
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
