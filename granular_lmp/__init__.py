@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from granular_lmp.plot.notebook import html as html
     from granular_lmp.problem import prepare as prepare
     from granular_lmp.runs.export import export as export
+    from granular_lmp.runs.front import front as front
     from granular_lmp.runs.record import Record as Record
     from granular_lmp.runs.record import load as load
     from granular_lmp.scene.scene import Scene as Scene
@@ -49,6 +50,7 @@ _HOMES = {
     "sweep": "studies.sweep",
     "Sweep": "studies.sweep",
     "export": "runs.export",
+    "front": "runs.front",
     "Record": "runs.record",
     "html": "plot.notebook",
     "prepare": "problem",
@@ -56,8 +58,8 @@ _HOMES = {
 }
 _ALIASES = {"ImpactRecord": "Record", "ImpactScene": "Scene"}  # names of release 0.1
 __all__ = [
-    *("Deck", "ImpactRecord", "ImpactScene", "Record", "Scene", "Sweep", "build", "export", "html", "load", "prepare"),
-    *("resume", "run", "run_impact", "sweep"),
+    *("Deck", "ImpactRecord", "ImpactScene", "Record", "Scene", "Sweep", "build", "export", "front", "html", "load"),
+    *("prepare", "resume", "run", "run_impact", "sweep"),
 ]
 
 

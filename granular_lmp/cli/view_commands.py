@@ -1,9 +1,15 @@
-"""Commands that look at what is there: view, export."""
+"""Commands that look at what is there: view, front, export."""
 
 import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from granular_lmp.cli.arguments import Commands, Options, add, positive
-from granular_lmp.cli.output import remark, say
+from granular_lmp.cli.arguments import Commands, Options, add, json_argument, positive
+from granular_lmp.cli.output import remark, say, say_json
+
+if TYPE_CHECKING:
+    from granular_lmp.runs.monitors import MonitorRecord
+    from granular_lmp.runs.snapshots import Snapshots
 
 
 def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
@@ -37,6 +43,27 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     view.add_argument("--monitor", metavar="NAME", help="of a run: what this monitor recorded, over time")
     view.add_argument("--column", help="of a sweep: a column of sweep.csv (default: largest_p, of impacts far_speed)")
 
+    front = add(commands, "front", _front, "tell when the front of a strike or a source arrives, and how fast it is")
+    front.add_argument("folder", metavar="DIR", help="a run folder")
+    front.add_argument(
+        "--monitor", metavar="NAME", help="by what this monitor recorded (default: the record, or the snapshots)"
+    )
+    front.add_argument(
+        "--origin", type=_place, metavar="ROW,COLUMN", help="sphere where it starts (default: what is struck or pushed)"
+    )
+    front.add_argument(
+        "--direction", type=float, default=90.0, metavar="DEGREES", help="its way, from x towards y (default: 90)"
+    )
+    front.add_argument(
+        "--of",
+        choices=("speed", "along", "across"),
+        default="speed",
+        help="what has the crest: speed, or velocity along the way (longitudinal) or across it (default: speed)",
+    )
+    front.add_argument("--between", type=_distances, metavar="NEAR:FAR", help="only spheres at these distances, m")
+    front.add_argument("-o", "--output", metavar="FILE", help=".csv: arrival at each sphere, with its error, in SI")
+    json_argument(front)
+
     export = add(commands, "export", _export, "write a run for other programs: SI units, xarray, OVITO, ASE, HDF5")
     export.add_argument("folder", metavar="DIR", help="a run folder")
     export.add_argument(
@@ -50,6 +77,21 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     export.add_argument("--monitor", metavar="NAME", help="what this monitor recorded, as .csv in SI units")
 
 
+def _place(text: str) -> tuple[int, int]:
+    row, _, column = text.partition(",")
+    if not (row.isdecimal() and column.isdecimal()):
+        raise argparse.ArgumentTypeError(f"{text!r} must be ROW,COLUMN, for instance 0,30")
+    return int(row), int(column)
+
+
+def _distances(text: str) -> tuple[float, float]:
+    try:
+        near, far = map(float, text.split(":"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} must be NEAR:FAR in m, for instance 0.01:0.1") from None
+    return near, far
+
+
 def _view(options: Options) -> int:
     from granular_lmp.plot.view import view
 
@@ -58,6 +100,38 @@ def _view(options: Options) -> int:
     for note in view(options.folder, options.output, **wanted):
         remark(f"note: {note}")
     say(options.output)
+    return 0
+
+
+def _front(options: Options) -> int:
+    from granular_lmp.lammps.outputs import writable
+    from granular_lmp.runs.front import front
+    from granular_lmp.runs.record import Record
+    from granular_lmp.runs.tables import write_csv
+
+    record = Record.load(options.folder)
+    motion: Record | MonitorRecord | Snapshots = record
+    if options.monitor is not None:
+        motion = record.monitor(options.monitor)
+    elif record.scene.wave is not None and record.scene.output.particles:
+        motion = record.snapshots()
+    found = front(motion, origin=options.origin, direction=options.direction, of=options.of)
+    if options.between:
+        found = found.between(*options.between)
+    speed, error = found.speed
+    if options.output:
+        with writable(Path(options.output)):
+            write_csv(found.columns, Path(options.output))
+    if options.json:
+        columns = {name: values.tolist() for name, values in found.columns.items()}
+        say_json({"speed_m_s": speed, "speed_error_m_s": error, **columns})
+        return 0
+    say(f"speed {speed:.6g} m/s, error {error:.1e} m/s, over {len(found.row)} spheres")
+    for name, n in (("first", 0), ("last", -1)):
+        say(
+            f"{name:5} row {found.row[n]}, column {found.column[n]}: at {found.distance[n]:.6g} m, arrival "
+            f"{found.arrival[n]:.6g} s, error {found.error[n]:.1e} s, height {found.height[n]:.4g} m/s"
+        )
     return 0
 
 

@@ -1,0 +1,230 @@
+"""The front of a wave that spreads from a strike or a source: when it arrives at each sphere, and how fast it is.
+
+The front arrives at a sphere with the first crest of its speed, at the vertex of the parabola through the three samples
+around it. The speed V of the front is the slope of distance over arrival, by least squares on
+
+    t_i = t_0 + d_i / V
+
+*Good values*: six samples or more to a crest, and spheres before an echo reaches them (`Front.between`). *When it
+breaks*: a burst of several periods has as many crests, and the first is faster than the group.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import cos, inf, radians, sin
+from typing import Any, Self
+
+import ase
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import ReadoutError
+from granular_lmp.runs.monitors import MonitorRecord
+from granular_lmp.runs.record import Record
+from granular_lmp.runs.scales import length_of
+from granular_lmp.runs.snapshots import Snapshots
+from granular_lmp.scene.at_rest import crystal_of
+from granular_lmp.scene.places import place_troubles, spheres_at
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.schema import allowed_names
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_LEAST = 0.2  # A crest below this share of the largest speed of its sphere is a ripple ahead of the front
+_STILL = 1e-5  # A sphere that stays below this share of the largest speed of all is not reached
+_BESIDE = 0.5  # radii: a sphere this far from the line lies on it, as where radii differ; no neighbour does
+_UNITS = {"distance": "_m", "arrival": "_s", "error": "_s", "height": "_m_s"}
+# The part of a sphere's velocity (T, n, d) that counts, from the unit vector of the front's way
+MOTIONS: dict[str, Callable[[Floats, Floats], Floats]] = {
+    "speed": lambda velocity, way: velocity,
+    "along": lambda velocity, way: (velocity @ way)[..., None],
+    "across": lambda velocity, way: velocity - (velocity @ way)[..., None] * way,
+}
+
+
+@dataclass(frozen=True)
+class Front:
+    """Arrival of a front at the spheres of a line, nearest first.
+
+    Attributes
+    ----------
+    row, column : (n,) arrays
+        Place of each sphere, counted from 0.
+    distance : (n,) array
+        Distance from where the front starts, m.
+    arrival, error : (n,) arrays
+        Time of the crest since the beginning of the run, s, and its difference from that of every second sample.
+    height : (n,) array
+        Speed of the sphere at the crest, m/s.
+    """
+
+    row: Integers
+    column: Integers
+    distance: Floats
+    arrival: Floats
+    error: Floats
+    height: Floats
+
+    def between(self, near: float, far: float) -> Self:
+        """Return the front from one distance to another, m."""
+        inside = (self.distance >= near) & (self.distance <= far)
+        return replace(self, **{name: values[inside] for name, values in vars(self).items()})
+
+    @property
+    def speed(self) -> tuple[float, float]:
+        """Speed of the front and its error, m/s.
+
+        The error is the largest of the standard error of the fit, the share of the errors of the arrivals, and half of
+        the difference between the near and the far half, which tells of a front that slows down.
+
+        Raises
+        ------
+        ReadoutError
+            If the front has arrived at fewer than two distances.
+        """
+        slowness, error = _slowness(self.distance, self.arrival, self.error)
+        if not slowness > 0:
+            raise ReadoutError(
+                f"the front has arrived at {len(self.distance)} spheres of the line, and none is later than a nearer "
+                "one; a speed needs two that differ: another direction, a longer run, or more recorded spheres"
+            )
+        half = len(self.distance) // 2
+        near, far = (
+            _slowness(self.distance[part], self.arrival[part], self.error[part])[0]
+            for part in (slice(half), slice(half, None))
+        )
+        error = float(np.nanmax([error, abs(far - near) / 2]))
+        return 1 / slowness, error / slowness**2
+
+    @property
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Columns of a table: row, column, distance_m, arrival_s, error_s, height_m_s."""
+        return {name + _UNITS.get(name, ""): values for name, values in vars(self).items()}
+
+
+def front(
+    motion: Record | MonitorRecord | Snapshots,
+    *,
+    origin: tuple[int, int] | None = None,
+    direction: float = 90.0,
+    of: str = "speed",
+) -> Front:
+    """Return when the front of a wave arrived at the spheres of a line, and so how fast it is.
+
+    Parameters
+    ----------
+    motion : Record, MonitorRecord or Snapshots
+        The record of a scene without a wave; of any scene what a monitor recorded, or the snapshots.
+    origin : (row, column), optional
+        Sphere from which the front starts; by default each that is struck, pushed or driven.
+    direction : float
+        Way of the front, degrees from x towards y: a line of spheres that starts at the origin.
+    of : str
+        "speed" of the spheres, or of their velocity only the part "along" the way or "across" it: the longitudinal or
+        the transverse front.
+
+    Raises
+    ------
+    ReadoutError
+        If nothing starts a front, the record holds one sphere, or no sphere on the line has a crest.
+
+    Examples
+    --------
+    >>> found = front(run(Scene.load("solitary_chain"), "runs/chain"))
+    >>> speed, error = found.speed  # m/s
+    """
+    scene = motion.scene
+    if of not in MOTIONS:
+        raise ReadoutError(f"of = {of!r}: {allowed_names(of, MOTIONS)}")
+    if isinstance(motion, Record) and scene.wave is not None:
+        raise ReadoutError(
+            f"{scene.name}: its trajectory is of one sphere, and a front passes several; take a [[monitor]], or "
+            "snapshots ([output] particles)"
+        )
+    crystal, way = crystal_of(scene).atoms, np.array([cos(radians(direction)), sin(radians(direction)), 0.0])
+    places, way = crystal.positions[:, : scene.space], way[: scene.space]
+    spheres = np.asarray(motion.spheres)
+    distance = _distance(places[spheres], places[_starts(scene, crystal, origin)], way, _room(crystal, way))
+    chosen = np.flatnonzero(np.isfinite(distance))
+    chosen = chosen[np.argsort(distance[chosen], kind="stable")]
+    velocity = motion.stack("velocity") if isinstance(motion, Snapshots) else motion.velocity
+    speed = np.linalg.norm(MOTIONS[of](velocity[:, chosen], way), axis=-1)
+    least = _STILL * np.linalg.norm(velocity, axis=-1).max(initial=0.0)
+    crests = np.array([_crest(motion.tau, each, least) for each in speed.T]).reshape(-1, 3)
+    there = np.isfinite(crests[:, 0])
+    if not there.any():
+        raise ReadoutError(
+            f"{scene.name}: none of the {len(chosen)} recorded spheres at {direction:g} degrees has a crest: another "
+            "direction, a longer run, or more recorded spheres"
+        )
+    index, time = spheres[chosen][there], scene.scale.time
+    row, column = crystal.arrays["row"][index], crystal.arrays["column"][index]
+    arrival, error, height = crests[there].T * [[time], [time], [length_of(scene) / time]]
+    return Front(row, column, distance[chosen][there] * scene.sphere.radius, arrival, error, height)
+
+
+def _starts(scene: Scene, crystal: ase.Atoms, origin: tuple[int, int] | None) -> Integers:
+    """Return the indices of the spheres from which fronts start."""
+    if origin is not None:
+        for trouble in place_troubles((), [origin], scene.shape):
+            raise ReadoutError(f"origin: {trouble}")
+        return spheres_at((), [origin], crystal, "origin")
+    found = [spheres_at(each.rows, each.spheres, crystal, "origin") for each in (*scene.striker, *scene.source)]
+    if scene.form == "driven":
+        found.append(spheres_at((0, 0), (), crystal, "origin"))
+    if not found:
+        raise ReadoutError(f"{scene.name}: nothing strikes, pushes or drives it; say where the front starts, origin")
+    return np.unique(np.concatenate(found))
+
+
+def _room(crystal: ase.Atoms, way: Floats) -> float:
+    """Return how far a front runs before it meets itself across periodic sides, in radii."""
+    sides = zip(crystal.pbc, crystal.cell.lengths(), np.abs(way), strict=False)
+    return min((length / (2 * part) for periodic, length, part in sides if periodic and part > 1e-9), default=inf)
+
+
+def _distance(places: Floats, starts: Floats, way: Floats, room: float) -> Floats:
+    """Return the distance of spheres along the way from the nearest start, (n,); infinite beside all lines."""
+    distance = np.full(len(places), inf)
+    for start in starts:
+        along = (places - start) @ way
+        beside = np.linalg.norm(places - start - along[:, None] * way, axis=1)
+        on_line = (beside < _BESIDE) & (along > _BESIDE) & (along <= room)
+        distance = np.where(on_line, np.minimum(distance, along), distance)
+    return distance
+
+
+def _crest(tau: Floats, speed: Floats, least: float) -> tuple[float, float, float]:
+    """Return time, error of the time, and height of the first crest of a speed (T,); nan without one."""
+    high = max(least, _LEAST * speed.max(initial=0.0))
+    tops = np.flatnonzero((speed[1:-1] > high) & (speed[1:-1] >= speed[:-2]) & (speed[1:-1] > speed[2:])) + 1
+    if not len(tops):
+        return np.nan, np.nan, np.nan
+    top, apart = int(tops[0]), float(tau[1] - tau[0])
+    shift, height = _vertex(*speed[top - 1 : top + 2])
+    error = 1.0
+    if 2 <= top < len(speed) - 2:
+        coarse = 2 * _vertex(*speed[top - 2 : top + 3 : 2])[0]
+        error = abs(coarse - shift) if abs(coarse) <= 1 else 1.0
+    return float(tau[top] + shift * apart), error * apart, height
+
+
+def _vertex(before: float, here: float, after: float) -> tuple[float, float]:
+    """Return place and height of the vertex of a parabola through values at −1, 0 and 1."""
+    bend = before - 2 * here + after
+    shift = (before - after) / (2 * bend) if bend else inf
+    return float(shift), float(here - (before - after) * shift / 4)
+
+
+def _slowness(distance: Floats, arrival: Floats, error: Floats) -> tuple[float, float]:
+    """Return the slope of arrival over distance and its error, s/m; nan without two distances."""
+    if not len(distance) or np.ptp(distance) == 0:
+        return np.nan, np.nan
+    from_mean = distance - distance.mean()
+    weights = from_mean / np.sum(from_mean**2)
+    slope = float(weights @ arrival)
+    rest = arrival - arrival.mean() - slope * from_mean
+    free = len(distance) - 2
+    fit = np.sqrt(np.sum(rest**2) / free * np.sum(weights**2)) if free else 0.0
+    return slope, float(max(fit, np.linalg.norm(weights * error)))
