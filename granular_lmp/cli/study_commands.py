@@ -72,6 +72,13 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
         help="leave out what takes longest until this is met; that of one call, another call has its own",
     )
 
+    cost.add_argument(
+        "--accuracy",
+        type=_accuracy,
+        metavar="ERROR",
+        help="say the fastest setting with this relative error, for instance 0.01, and the options that give it",
+    )
+
     kick = add(commands, "kick", _kick, "kick a periodic sheet at random and record all its spheres: its dispersion")
     scene_arguments(kick)
     folder_arguments(kick, "run folder (default: runs/NAME)")
@@ -91,13 +98,21 @@ def _workers(text: str) -> int | str:
 
 
 def _seconds(text: str) -> float:
+    return _above_zero(text, "a number of seconds")
+
+
+def _accuracy(text: str) -> float:
+    return _above_zero(text, "a relative error")
+
+
+def _above_zero(text: str, what: str) -> float:
     try:
-        seconds = float(text)
+        number = float(text)
     except ValueError:
-        seconds = 0.0
-    if not seconds > 0:
-        raise argparse.ArgumentTypeError(f"{text!r} must be a number of seconds above 0")
-    return seconds
+        number = 0.0
+    if not number > 0:
+        raise argparse.ArgumentTypeError(f"{text!r} must be {what} above 0")
+    return number
 
 
 def _seed(text: str) -> int:
@@ -148,7 +163,7 @@ def _scatter(options: Options) -> int:
 
 def _cost(options: Options) -> int:
     from granular_lmp.studies.cost import measure, plan
-    from granular_lmp.studies.tally import failed, text
+    from granular_lmp.studies.tally import failed, recommended, text
 
     scene = scene_of(options)
     folder = options.output or f"costs/{scene.name}"
@@ -161,6 +176,8 @@ def _cost(options: Options) -> int:
         result = measure(planned, progress=bar and progress_of_runs)
     say(text(result))
     say(f"{folder}: cost.json, cost.csv")
+    if options.accuracy:
+        say(recommended(result, options.accuracy))
     return int(any(map(failed, result["points"])))
 
 

@@ -21,6 +21,7 @@ from granular_lmp.studies.output_variants import OUTPUTS
 from granular_lmp.studies.sweep_points import scene_hash
 
 REFERENCE = "reference"
+EFFECTS = "effects"
 HALVINGS = 5  # a single run halves the longest stable step at most five times
 COLUMN_COUNTS = (3, 4, 8, 20, 100)
 RANKS = (1, 2)
@@ -59,6 +60,26 @@ class Point:
 
     def __str__(self) -> str:
         return f"{self.knob}: {self.setting}"
+
+    def options(self, scene: Scene) -> str | None:
+        """Return the options of ``granular-lmp run`` that give this setting of a scene from `base`.
+
+        None if it is not one run of the same physics: a pair is what ``time.tolerance`` does by itself, another output
+        changes what is written, and an effect changes the model.
+        """
+        run, *others = self.runs
+        if others or run.output != "probe" or self.knob == EFFECTS:
+            return None
+        there, values = _flat(scene), _flat(run.scene)
+        step = {key: values[key] for key in ("time.timestep", "time.tolerance") if key in values}
+        changed = {key: value for key, value in values.items() if value != there.get(key)} | step
+        said = [f"--set {key}={value}" for key, value in changed.items()]
+        return " ".join(said + [f"--np {run.ranks}"] * (run.ranks > 1))
+
+
+def _flat(scene: Scene) -> dict[str, Any]:
+    tables = {name: table for name, table in scene.to_dict().items() if isinstance(table, dict)}
+    return {f"{name}.{key}": value for name, table in tables.items() for key, value in table.items()}
 
 
 def base(scene: Scene) -> Scene:
@@ -250,7 +271,7 @@ KNOBS: dict[str, Callable[[Scene], dict[str, Make]]] = {
     "columns": _columns,
     "ends": _ends,
     "output": _outputs,
-    "effects": _effects,
+    EFFECTS: _effects,
     "ranks": _ranks,
     "strip or sheet": _sheet,
 }

@@ -39,7 +39,7 @@ Row = dict[str, Any]
 def columns_of(scene: Scene) -> tuple[str, ...]:
     """Return the names of the columns of the table of a scene."""
     errors = (f"error_{name}" for name in COMPONENTS[scene.wave is None])
-    return (*_COLUMNS, *errors, "slope", "message")
+    return (*_COLUMNS, *errors, "slope", "options", "message")
 
 
 def place(folder: Path, run: Run, turn: int) -> Path:
@@ -81,6 +81,7 @@ def collect(folder: Path, points: list[Point], repeats: int) -> dict[str, Any]:
     rows: list[Row] = []
     for point in others:
         row = _row(folder, point, _rounds(folder, point, repeats), best)
+        row["options"] = point.options(first.runs[0].scene)
         before = next((other for other in reversed(rows) if other["repeats"]), None)
         if row["repeats"] and point.knob in ORDERED and before is not None and before["knob"] == point.knob:
             row["slope"] = _slope(before, row, left)
@@ -196,6 +197,24 @@ def largest(row: Row) -> tuple[float, str] | None:
     errors = {key.removeprefix("error_"): value for key, value in row.items() if key.startswith("error_")}
     known = [(value, name) for name, value in errors.items() if value is not None]
     return max(known, default=None)
+
+
+def recommended(result: dict[str, Any], accuracy: float) -> str:
+    """Return the fastest measured setting of an accuracy, in words and as options of ``granular-lmp run``.
+
+    The error of a setting is the largest of its signals, and no smaller than that of the reference.
+    """
+    best = (largest(result["reference"]) or (0.0, ""))[0] if result["reference"] else 0.0
+    known = [(row, largest(row)) for row in result["points"] if row["repeats"] and row["options"] is not None]
+    found = [(row, max(error[0], best), error[1]) for row, error in known if error is not None]
+    if not found:
+        return "no setting has been measured that could be recommended"
+    met = [each for each in found if each[1] <= accuracy]
+    row, error, name = min(met, key=lambda each: each[0]["seconds"]) if met else min(found, key=lambda each: each[1])
+    said = f"{row['knob']}, {row['setting']}: {row['seconds']:.3g} s, error {error:.1e} in {name}"
+    if not met:
+        return f"no measured setting has an error of at most {accuracy:g}; the best is {said}: {row['options']}"
+    return f"for an error of at most {accuracy:g} the fastest is {said}\n{row['options']}"
 
 
 def _slope(before: Row, row: Row, left: dict[str, float | None]) -> float | None:

@@ -29,11 +29,12 @@ from granular_lmp.errors import (
     ToleranceError,
 )
 from granular_lmp.runs.record import read_status, write_status
+from granular_lmp.scene.scene import assignment
 from granular_lmp.studies import cost as module
 from granular_lmp.studies.cost import measure, plan
 from granular_lmp.studies.cost_settings import KNOBS, Run, base, points, reference
 from granular_lmp.studies.output_variants import OUTPUTS, edited, keep_centre
-from granular_lmp.studies.tally import NOT_RUN, errors, failed, text, to_csv
+from granular_lmp.studies.tally import NOT_RUN, errors, failed, recommended, text, to_csv
 from tests.cli.test_cli import cli
 from tests.conftest import PAPER
 
@@ -144,6 +145,45 @@ def test_the_tables_say_the_same(study: tuple[Path, dict[str, Any]]) -> None:
     folder, result = study
     assert json.loads((folder / "cost.json").read_text()) == result
     assert (folder / "cost.csv").read_text() == to_csv(result["points"])
+
+
+def test_the_fastest_setting_of_an_accuracy_is_recommended(study: tuple[Path, dict[str, Any]]) -> None:
+    result = study[1]
+    single = [row for row in result["points"] if row["options"] is not None]
+    known = {
+        row["options"]: max(value for key, value in row.items() if key.startswith("error_") and value is not None)
+        for row in single
+        if row["repeats"]
+    }
+    middle = sorted(known.values())[len(known) // 2]
+    words, options = recommended(result, middle).splitlines()
+    assert words.startswith(f"for an error of at most {middle:g} the fastest is ")
+    assert known[options] <= middle
+    chosen = min(row["seconds"] for row in single if row["options"] == options)
+    met = [row for row in single if known.get(row["options"], np.inf) <= middle]
+    assert chosen == min(row["seconds"] for row in met)
+    assert recommended(result, 1e-15).startswith("no measured setting has an error of at most 1e-15; the best is ")
+    assert not any(
+        row["options"]
+        for knob in ("Richardson pair", "output")
+        for row in rows(result, knob).values()
+        if row["setting"] != "probe"
+    )
+
+
+def test_the_options_of_a_setting_give_its_run(small: Scene) -> None:
+    there = base(small.with_values({"time.tolerance": 1e-2}))
+    copied = [(point, point.options(there)) for point in points(there)[0]]
+    for point, options in copied:
+        if options is not None:
+            changes = dict(
+                assignment(each) for each in options.partition(" --np")[0].removeprefix("--set ").split(" --set ")
+            )
+            assert Run(there.with_values(changes), ranks=point.runs[0].ranks).name == point.runs[0].name
+            assert ("--np 2" in options) == (point.runs[0].ranks == 2)
+    assert {point.knob for point, options in copied if options is None} == {"Richardson pair", "output", "effects"} | {
+        "strip or sheet"
+    }
 
 
 # --- output ---
