@@ -1,7 +1,7 @@
 """Run a case: its runs, its script, and its numbers beside those that are expected.
 
     granular-analysis case NAME... [--runs DIR] [--figures DIR] [--workers N] [--measure]
-    granular-analysis cases
+    granular-analysis cases [NAME...]
 
 A case is a folder ``analysis/cases/NAME``. ``case.toml`` says what it is about, and holds the commands of its runs and
 of pictures that need no script; ``case.py`` measures the runs, prints a table and draws the figure; ``expected.json``
@@ -31,16 +31,52 @@ CONTINUED = ("sweep", "cost")  # commands that keep what is finished in a folder
 def simulate(case: Case, folder: Path, workers: int) -> None:
     """Run the commands of a case: single runs side by side, sweeps one after another with as many workers."""
     single, swept = [], []
-    for name, words in case.runs().items():
-        command = [*words, "-o", str(folder / name)]
-        if words[1] in CONTINUED:
-            swept.append(command + (["--workers", str(workers)] if words[1] == "sweep" else []))
+    for command in commands(case, folder):
+        if command[1] in CONTINUED:
+            swept.append(command + (["--workers", str(workers)] if command[1] == "sweep" else []))
         else:
             single.append([*command, "--force"])
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(launch, single))
     for command in swept:
         launch(command)
+
+
+def commands(case: Case, folder: Path) -> list[list[str]]:
+    """Return the words of the command of each run of a case, into folders of `folder`."""
+    return [[*words, "-o", str(folder / name)] for name, words in case.runs().items()]
+
+
+def drawing(case: Case, runs: Path, figures: Path) -> list[list[str]]:
+    """Return the words of the commands that draw a case: its pictures, and its script."""
+    folders = shlex.join(str(runs / name) for name in case.runs())
+    where = {"folders": folders, "runs": shlex.quote(str(runs)), "figures": shlex.quote(str(figures))}
+    drawn = [shlex.split(Template(picture).substitute(where)) for picture in case.pictures]
+    if case.figure is None:
+        return drawn
+    arguments = shlex.split(Template(case.arguments).substitute(where))
+    return [*drawn, ["granular-analysis", case.name, *arguments, "-o", str(figures / case.figure)]]
+
+
+def recipe(case: Case, most: int | None = None) -> list[str]:
+    """Return the commands that make a case, its runs and its figures, as lines to copy; at most so many of the runs."""
+    runs = [shlex.join(words) for words in commands(case, Path("runs", case.name))]
+    left = len(runs) - most if most is not None and len(runs) > most else 0
+    rest = [f"# {left} more like these: granular-analysis cases {case.name}"] if left else []
+    return [*runs[: len(runs) - left], *rest, *map(shlex.join, drawing(case, Path("runs", case.name), Path("figures")))]
+
+
+def page(most: int = 4) -> str:
+    """Return the cases as Markdown: a table, and of each the commands of its runs and its figure."""
+    cases = [Case.load(name) for name in names()]
+    head = ["| case | page | min | what it is about |", "|---|---|---|---|"]
+    rows = [
+        f"| [`{each.name}`](#{each.name}) | [{each.page.removesuffix('.md')}](../{each.page}) | {each.minutes:g} | "
+        f"{each.says} |"
+        for each in cases
+    ]
+    recipes = ["\n".join([f"## {each.name}\n", "```bash", *recipe(each, most), "```"]) for each in cases]
+    return "\n".join(head + rows) + "\n\n" + "\n\n".join(recipes)
 
 
 def launch(words: Sequence[str]) -> None:
@@ -52,15 +88,14 @@ def launch(words: Sequence[str]) -> None:
 
 def measure(case: Case, runs: Path, figures: Path) -> list[str]:
     """Measure the runs of a case and draw; returns the expected numbers that are missed."""
-    folders = shlex.join(str(runs / name) for name in case.runs())
-    where = {"folders": folders, "runs": shlex.quote(str(runs)), "figures": shlex.quote(str(figures))}
-    for picture in case.pictures:
-        launch(shlex.split(Template(picture).substitute(where)))
-    if case.figure is None:
+    drawn = drawing(case, runs, figures)
+    script = drawn.pop() if case.figure else None
+    for picture in drawn:
+        launch(picture)
+    if script is None:
         return []
-    words = shlex.split(Template(case.arguments).substitute(where))
     with redirect_stdout(io.StringIO()) as printed:
-        case.script().main([*words, "-o", str(figures / case.figure)])
+        case.script().main(script[2:])
     print(printed.getvalue(), end="")
     return [missed for number in case.expected() if (missed := number.missed(printed.getvalue()))]
 
@@ -75,19 +110,19 @@ def main(argv: list[str] | None = None) -> int:
     """Run the cases that the command line names; returns 1 if a number is not as expected."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("cases", nargs="*", metavar="NAME", help="cases; granular-analysis cases lists them")
-    parser.add_argument("--list", action="store_true", help="list the cases")
+    parser.add_argument("--list", action="store_true", help="list the cases; of those that are named, the commands")
     parser.add_argument("--runs", type=Path, metavar="DIR", help="folder of the runs (default: runs/NAME)")
     parser.add_argument("--figures", type=Path, default=Path("figures"), metavar="DIR", help="default: figures")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), metavar="N", help="default: all processors")
     parser.add_argument("--measure", action="store_true", help="make no runs: measure those that are there")
     chosen = parser.parse_args(argv)
-    if chosen.list:
-        print(listing())
-        return 0
     try:
         cases = [Case.load(name) for name in chosen.cases]
     except ValueError as error:
         parser.error(str(error))
+    if chosen.list:
+        print("\n".join(line for each in cases for line in recipe(each)) or listing())
+        return 0
     return max(map(partial(_play, chosen), cases), default=0)
 
 

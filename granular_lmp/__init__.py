@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from granular_lmp.lammps.deck import Deck as Deck
     from granular_lmp.plot.notebook import html as html
     from granular_lmp.problem import prepare as prepare
+    from granular_lmp.progress import ProgressBar as ProgressBar
     from granular_lmp.runs.export import export as export
     from granular_lmp.runs.front import front as front
     from granular_lmp.runs.record import Record as Record
@@ -49,6 +50,7 @@ _HOMES = {
     "load": "runs.record",
     "sweep": "studies.sweep",
     "Sweep": "studies.sweep",
+    "ProgressBar": "progress",
     "export": "runs.export",
     "front": "runs.front",
     "Record": "runs.record",
@@ -58,8 +60,8 @@ _HOMES = {
 }
 _ALIASES = {"ImpactRecord": "Record", "ImpactScene": "Scene"}  # names of release 0.1
 __all__ = [
-    *("Deck", "ImpactRecord", "ImpactScene", "Record", "Scene", "Sweep", "build", "export", "front", "html", "load"),
-    *("prepare", "resume", "run", "run_impact", "sweep"),
+    *("Deck", "ImpactRecord", "ImpactScene", "ProgressBar", "Record", "Scene", "Sweep"),
+    *("build", "export", "front", "html", "load", "prepare", "resume", "run", "run_impact", "sweep"),
 ]
 
 

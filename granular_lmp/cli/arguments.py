@@ -3,20 +3,27 @@
 import argparse
 import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from granular_lmp.cli.output import progress_of_rest, remark
 
 if TYPE_CHECKING:
     from granular_lmp.scene.scene import Scene
 
-Commands = argparse._SubParsersAction  # argparse has no public name for what add_subparsers() returns
 Options = argparse.Namespace
 
 
-def add(
-    commands: "Commands[argparse.ArgumentParser]", name: str, command: Callable[[Options], int], text: str
-) -> argparse.ArgumentParser:
+class Commands(Protocol):
+    """The return value of ``add_subparsers``, for which argparse has no public name."""
+
+    choices: Any
+
+    def add_parser(self, name: str, *, help: str, description: str) -> argparse.ArgumentParser:
+        """Add a command."""
+        ...
+
+
+def add(commands: Commands, name: str, command: Callable[[Options], int], text: str) -> argparse.ArgumentParser:
     """Add a command and return its parser; `text` is its line in the list of commands."""
     parser = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
     parser.set_defaults(command=command)

@@ -1,41 +1,54 @@
-"""A script for bash that completes commands, options, and the names of shipped scenes; made from the parser."""
+"""A script for a shell that completes commands, options, folders, files and names of scenes; made by shtab.
+
+`Parser` marks each argument by its metavar, so that a new command is completed without a word here.
+"""
 
 import argparse
 from collections.abc import Iterable, Mapping
+from typing import Any
 
-_SCRIPT = """\
-# For bash: source <(granular-lmp completion bash)
-_granular_lmp() {{
-    local word="${{COMP_WORDS[COMP_CWORD]}}" words
-    if [ "$COMP_CWORD" -eq 1 ]; then
-        words="{commands}"
-    else
-        case "${{COMP_WORDS[1]}}" in
-{cases}
-        esac
-    fi
-    COMPREPLY=($(compgen -W "$words" -- "$word"))
-}}
-complete -o default -F _granular_lmp granular-lmp"""
+# For each shell a function that offers names and files, and how an argument names that function
+_FUNCTIONS = {
+    "bash": '{function}() {{ compgen -W "{names}" -- "$1"; compgen -f -- "$1"; }}',
+    "zsh": "{function}() {{ compadd {names}; _files; }}",
+    "fish": "function {function}; printf '%s\\n' {names}; __fish_complete_path (commandline -ct); end",
+}
+_NAMED = {"bash": "{}", "zsh": "{}", "fish": "({})"}
+SHELLS = tuple(_FUNCTIONS)
 
 
-def bash(
-    commands: Mapping[str, argparse.ArgumentParser], names: Mapping[str, Iterable[str]], scenes: Iterable[str]
-) -> str:
-    """Return the script.
+class Parser(argparse.ArgumentParser):
+    """A parser whose arguments SCENE, DIR and FILE say what completes them."""
+
+    def add_argument(self, *names: Any, **how: Any) -> argparse.Action:
+        """Add an argument as argparse does."""
+        action = super().add_argument(*names, **how)
+        kind = how.get("metavar")
+        if kind in ("SCENE", "DIR", "FILE"):
+            function = _function(self.prog.split()[-1] if kind == "SCENE" else "file")
+            action.complete = {shell: _NAMED[shell].format(function) for shell in SHELLS}  # type: ignore[attr-defined]
+        return action
+
+
+def _function(name: str) -> str:
+    return f"_granular_lmp_offers_{name.replace('-', '_')}"
+
+
+def script(shell: str, parser: Parser, scenes: Mapping[str, Iterable[str]]) -> str:
+    """Return the script for a shell.
 
     Parameters
     ----------
-    commands : mapping of str to ArgumentParser
-    names : mapping of str to iterable of str
-        Command → what its SCENE may be, where that is not one of the scenes.
-    scenes : iterable of str
-        Names for the SCENE of the other commands.
+    shell : str
+        One of `SHELLS`.
+    parser : Parser
+    scenes : mapping of str to iterable of str
+        Command → names for its SCENE.
     """
-    cases = []
-    for name, parser in commands.items():
-        words = [option for action in parser._actions for option in action.option_strings]
-        for action in parser._actions:
-            words += action.choices or (names.get(name, scenes) if action.metavar == "SCENE" else ())
-        cases.append(f'        {name}) words="{" ".join(words)}" ;;')
-    return _SCRIPT.format(commands=" ".join(["--help", "--version", *commands]), cases="\n".join(cases))
+    import shtab
+
+    functions = [
+        _FUNCTIONS[shell].format(function=_function(name), names=" ".join(names))
+        for name, names in {**scenes, "file": ()}.items()
+    ]
+    return shtab.complete(parser, shell, preamble="\n".join(functions))

@@ -1,12 +1,11 @@
 """Commands about this machine: doctor, build-kernel, completion."""
 
-import argparse
-
 from granular_lmp.cli.arguments import Commands, Options, add, json_argument
+from granular_lmp.cli.completion import SHELLS
 from granular_lmp.cli.output import say, say_json
 
 
-def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
+def add_to(commands: Commands) -> None:
     """Add these commands to the parser."""
     text = "tell what was found: LAMMPS, its packages, MPI, cores; run a short self-test"
     json_argument(add(commands, "doctor", _doctor, text))
@@ -18,9 +17,9 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
         "compile what computes contacts faster, for run --kernel; needs a compiler",
     )
 
-    text = "print what completes commands, options and scenes in a shell: source <(granular-lmp completion bash)"
+    text = 'print what completes commands, options and scenes in a shell: eval "$(granular-lmp completion bash)"'
     completion = add(commands, "completion", _completion, text)
-    completion.add_argument("shell", choices=["bash"], help="for which shell")
+    completion.add_argument("shell", choices=SHELLS, help="for which shell")
     completion.set_defaults(parsers=commands.choices)
 
 
@@ -44,10 +43,11 @@ def _build_kernel(options: Options) -> int:
 
 
 def _completion(options: Options) -> int:
-    from granular_lmp.cli.completion import bash
+    from granular_lmp.cli.completion import script
     from granular_lmp.scene.shipped import shipped
 
     scenes, collisions, impacts = map(shipped, ("*/scene.toml", "collisions/*.toml", "impacts/*/scene.toml"))
-    names = {"collide": collisions} | dict.fromkeys(("run", "build", "check", "effects"), scenes | impacts | collisions)
-    say(bash(options.parsers, names, scenes))
+    names = dict.fromkeys(options.parsers, scenes) | {"collide": collisions}
+    names |= dict.fromkeys(("run", "build", "check", "effects"), scenes | impacts | collisions)
+    say(script(options.shell, options.parser, names))
     return 0

@@ -10,8 +10,6 @@ from granular_lmp.cli.output import say, say_json
 from granular_lmp.errors import OutputError
 
 if TYPE_CHECKING:
-    import argparse
-
     import numpy as np
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
@@ -21,7 +19,7 @@ if TYPE_CHECKING:
 Table = list[dict[str, Any]]  # a row is column → value
 
 
-def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
+def add_to(commands: Commands) -> None:
     """Add the command to the parser."""
     modes = add(commands, "modes", _modes, "frequencies and shapes of the Bloch modes at the scene's wave vector")
     scene_arguments(modes)

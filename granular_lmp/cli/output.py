@@ -4,13 +4,12 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any
 
 from granular_lmp.errors import OutputError
-
-_BAR = 30  # characters of the progress bar
+from granular_lmp.progress import ProgressBar
 
 
 def say(line: str) -> None:
@@ -48,35 +47,19 @@ def say_profile(seconds: Mapping[str, float], total: float) -> None:
 
 
 @contextmanager
-def interruptible() -> Iterator[Callable[[int, int], None] | None]:
+def interruptible() -> Iterator[ProgressBar | None]:
     """Let a batch system's SIGTERM interrupt like Ctrl-C; gives the progress display, if there is a terminal."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    terminal = sys.stderr.isatty()
+    bar = ProgressBar() if sys.stderr.isatty() else None
     try:
-        yield progress_of_steps if terminal else None
+        yield bar
     finally:
         signal.signal(signal.SIGTERM, before)
-        if terminal:
-            remark("\r\033[K", end="")  # wipe the bar
-
-
-def progress_of_steps(done: int, total: int) -> None:
-    """Draw the bar of a run."""
-    _draw(done, total, f"step {done} of {total}")
+        if bar is not None:
+            bar.close()
 
 
 def progress_of_rest(stage: str, steps: int, force: float, energy: float) -> None:
     """Say how far a crystal is from rest, where there is a terminal."""
     if sys.stderr.isatty():
         remark(f"\r\033[Kthe crystal comes to rest: {stage}, step {steps}, largest force {force:.1e} k1 Delta0", end="")
-
-
-def progress_of_runs(done: int, total: int, left: float) -> None:
-    """Draw the bar of a study, `left` seconds before its end."""
-    _draw(done, total, f"run {done} of {total}, {left:.0f} s left")
-
-
-def _draw(done: int, total: int, words: str) -> None:
-    """Draw the bar again on the same line of the terminal."""
-    filled = _BAR * done // max(total, 1)
-    remark(f"\r\033[K{'#' * filled + '.' * (_BAR - filled)} {words}", end="")

@@ -1,7 +1,5 @@
 """The parser of the command line: which commands there are, in the order of their list."""
 
-import argparse
-
 from granular_lmp import __version__
 from granular_lmp.cli import (
     machine_commands,
@@ -12,11 +10,12 @@ from granular_lmp.cli import (
     view_commands,
 )
 from granular_lmp.cli.arguments import Commands
+from granular_lmp.cli.completion import Parser
 
 
-def parsers() -> "tuple[argparse.ArgumentParser, Commands[argparse.ArgumentParser]]":
+def parsers() -> tuple[Parser, Commands]:
     """Return the parser, and its commands."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="granular-lmp",
         description="Waves in crystals of adhesive spheres, through LAMMPS.",
         epilog="SCENE is a TOML file, a folder that holds scene.toml, or the name of a folder of lammps_inputs.",
@@ -28,6 +27,7 @@ def parsers() -> "tuple[argparse.ArgumentParser, Commands[argparse.ArgumentParse
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for group in (scene_commands, modes_command, run_commands, study_commands, view_commands, machine_commands):
         group.add_to(commands)
+    parser.set_defaults(parser=parser)  # for the command that completes all others
     return parser, commands
 
 

@@ -1,6 +1,5 @@
 """Commands that do one run, or take what is there for one: run, resume, adopt, accept."""
 
-import argparse
 from typing import TYPE_CHECKING, Any
 
 from granular_lmp.cli.arguments import (
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from granular_lmp.runs.record import Record
 
 
-def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
+def add_to(commands: Commands) -> None:
     """Add these commands to the parser."""
     run = add(
         commands,

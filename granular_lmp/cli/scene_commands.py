@@ -1,6 +1,5 @@
 """Commands about a scene, before it is run: init, list, schema, check, build, effects."""
 
-import argparse
 import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 WORTH_RANKS = 10_000  # spheres from which several ranks were measured
 
 
-def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
+def add_to(commands: Commands) -> None:
     """Add these commands to the parser."""
     init = add(commands, "init", _init, "write a commented scene to begin with, or copy all that is shipped")
     what = init.add_mutually_exclusive_group(required=True)

@@ -16,10 +16,10 @@ from granular_lmp.cli.arguments import (
     scene_of,
     wave_scene_of,
 )
-from granular_lmp.cli.output import interruptible, progress_of_runs, remark, say
+from granular_lmp.cli.output import interruptible, remark, say
 
 
-def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
+def add_to(commands: Commands) -> None:
     """Add these commands to the parser."""
     sweep = add(
         commands,
@@ -130,8 +130,7 @@ def _sweep(options: Options) -> int:
     folder = options.output or f"sweeps/{scene.name}"
 
     with interruptible() as bar, mpi_workers() if options.workers == "mpi" else Workers(options.workers) as workers:
-        progress = bar and progress_of_runs
-        more = {"executor": workers, "force": options.force, "progress": progress, "kernel": options.kernel}
+        more = {"executor": workers, "force": options.force, "progress": bar, "kernel": options.kernel}
         done = sweep(scene, over, folder, remark=_note, **more)
     for row in {row["run"]: row for row in reversed(done.having("failed"))}.values():
         point = ", ".join(f"{key} = {row[key]!r}" for key in done.over)
@@ -173,7 +172,7 @@ def _cost(options: Options) -> int:
         remark(f"left out: {setting}: {reason}")
 
     with interruptible() as bar:
-        result = measure(planned, progress=bar and progress_of_runs)
+        result = measure(planned, progress=bar)
     say(text(result))
     say(f"{folder}: cost.json, cost.csv")
     if options.accuracy:

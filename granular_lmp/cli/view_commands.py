@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from granular_lmp.runs.snapshots import Snapshots
 
 
-def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
+def add_to(commands: Commands) -> None:
     """Add these commands to the parser."""
     view = add(commands, "view", _view, "draw a run, with its spheres if it holds snapshots of them, or a sweep")
     view.add_argument("folder", metavar="DIR", help="a run folder or a sweep folder; with --at-rest also a scene")

@@ -55,6 +55,9 @@ _BELOW = 300  # bytes of runs/HASH/N_per_sample/in.NAME.resume with the longest 
 def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator[int]:
     """Lock the folder for one run or sweep and yield the descriptor of the lock.
 
+    The lock is on the folder itself, and a LAMMPS that inherits the descriptor keeps it if this process is killed. The
+    package filelock locks a file of its own, and hands no descriptor on.
+
     Parameters
     ----------
     folder : Path

@@ -1,5 +1,6 @@
 """Cases: commands that the programs take, pages that show the figures, and numbers that are as expected."""
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -100,8 +101,19 @@ def test_the_listing_has_a_line_for_each_case(capsys: pytest.CaptureFixture[str]
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == names()
 
 
-@each_case
-def test_the_page_of_cases_lists_a_case(case: Case) -> None:
-    page = (ROOT / "docs/reference/cases.md").read_text("utf-8")
-    name = case.page.removesuffix(".md")
-    assert f"| `{case.name}` | [{name}](../{case.page}) | {case.minutes:g} | {case.says} |" in page
+def test_the_page_of_cases_has_a_line_and_the_commands_of_each() -> None:
+    page = door.page()
+    for case in map(Case.load, names()):
+        name = case.page.removesuffix(".md")
+        assert f"| [`{case.name}`](#{case.name}) | [{name}](../{case.page}) | {case.minutes:g} | {case.says} |" in page
+        assert f"## {case.name}\n\n```bash\ngranular-" in page
+    assert "runs/disorder/harmonic -o figures" not in page  # the script takes all folders
+    assert "--over disorder.seed=1:32:32 -o runs/disorder/harmonic\n" in page
+
+
+def test_the_recipe_of_a_case_is_its_runs_and_its_script(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cases", "fronts"]) == 0
+    smooth, rough, script = capsys.readouterr().out.splitlines()
+    assert shlex.split(smooth) == [*Case.load("fronts").runs()["smooth"], "-o", "runs/fronts/smooth"]
+    assert rough.endswith("--set effects.friction=0.3 -o runs/fronts/rough")
+    assert script == "granular-analysis fronts runs/fronts/smooth runs/fronts/rough -o figures/fronts.png"

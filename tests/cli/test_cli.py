@@ -85,7 +85,7 @@ def test_a_perfect_crystal_is_run_without_scipy(small_toml: Path, tmp_path: Path
         ),
         (["check", "tr_periodic", "--set", "packing.kagome=1"], "packing.kagome: not supported: a scene is"),
         (["check", "tr_periodic", "--set", "gravity.x=9.81"], "gravity.x: not supported: microspheres"),
-        (["completion", "fish"], "invalid choice: 'fish'"),
+        (["completion", "csh"], "invalid choice: 'csh'"),
         (["run", "tr_periodic", "-o", "{tmp}/file/run"], "file/run: cannot be written"),
         (["run", "tr_periodic", "--np", "0"], "'0' must be a whole number of at least 1"),
         (["run", "tr_periodic", "--np", "300", "-o", "{tmp}/run"], "ranks = 300: must be from 1 to"),
@@ -192,21 +192,36 @@ def test_effects_and_modes_in_json_say_what_the_table_says(capsys: pytest.Captur
 def completed(script: str, *words: str) -> list[str]:
     """Return what bash offers for the last of the words."""
     line = " ".join(f"'{word}'" for word in ("granular-lmp", *words))
-    ask = f"{script}\nCOMP_WORDS=({line}); COMP_CWORD={len(words)}; _granular_lmp; echo ${{COMPREPLY[@]}}"
+    ask = f"{script}\nCOMP_WORDS=({line}); COMP_CWORD={len(words)}; _shtab_granular_lmp; echo ${{COMPREPLY[@]}}"
     done = subprocess.run(["bash", "-c", ask], capture_output=True, text=True, check=True)
     return done.stdout.split()
 
 
 def test_bash_completes_commands_options_and_scenes(capsys: pytest.CaptureFixture[str]) -> None:
     script = cli(capsys, "completion", "bash")[1]
-    assert completed(script, "c") == ["check", "cost", "collide", "completion"]
+    assert sorted(completed(script, "c")) == ["check", "collide", "completion", "cost"]
     assert completed(script, "run", "--f") == ["--force"]
     assert completed(script, "run", "tr_p") == ["tr_periodic", "tr_pulse"]
     assert completed(script, "collide", "test1") == ["test1_glass", "test1_limestone"]
-    assert completed(script, "adopt", "tr_p") == ["tr_periodic", "tr_pulse"]  # once each: its DIR is no scene
+    assert completed(script, "adopt", "tr_p") == []  # its DIR is no scene
+    assert completed(script, "adopt", "here", "--scene", "tr_p") == ["tr_periodic", "tr_pulse"]
     assert completed(script, "completion", "b") == ["bash"]
+    assert completed(script, "view", "pyproj") == ["pyproject.toml"]
     assert completed(script, "run", "soli") == ["solitary_chain"]
     assert completed(script, "modes", "soli") == []
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_read_their_script(shell: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "script").write_text(cli(capsys, "completion", shell)[1])
+    assert "_granular_lmp_offers_run" in (tmp_path / "script").read_text()
+    if shutil.which(shell) is None:
+        pytest.skip(f"{shell} is not here")
+    subprocess.run([shell, "-n", tmp_path / "script"], check=True)
+    if shell == "fish":
+        ask = f"source {tmp_path / 'script'}; complete -C 'granular-lmp run tr_p'"
+        done = subprocess.run(["fish", "-c", ask], capture_output=True, text=True, check=True)
+        assert [line.split()[0] for line in done.stdout.splitlines()] == ["tr_periodic", "tr_pulse"]
 
 
 def test_build_writes_a_deck_that_is_a_scene_again(

@@ -228,7 +228,7 @@ def judge_package(words: list[str]) -> None:
 
 def judge_analysis(words: list[str]) -> None:
     """Refuse a script that is not there, and an option whose name is neither in the script nor in what all share."""
-    script, *rest = ["case", "--list"] if words == ["cases"] else words
+    script, *rest = ["case", "--list", *words[1:]] if words[0] == "cases" else words
     assert script in SCRIPTS, script
     file = f"{script}.py" if script in DOORS else f"cases/{script}/case.py"
     text = (ROOT / "analysis" / file).read_text("utf-8") + SHARED

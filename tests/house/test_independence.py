@@ -111,6 +111,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "card": set(),
     "units": set(),
+    "progress": set(),
     "crystal": {"errors"},
     "scene": {"errors", "card", "units", "crystal"},
     "step_rules": {"errors", "scene"},

@@ -1,0 +1,42 @@
+"""A bar that shows the progress of a run or a study, in a terminal or in a notebook, by tqdm."""
+
+from time import monotonic
+from typing import Any
+
+DELAY = 0.3  # s before a bar is drawn: what is faster needs none, and does not wait for tqdm to be imported
+
+
+class ProgressBar:
+    """A callback for `progress` of `run`, `resume`, `sweep` and the other studies, which draws a bar.
+
+    Examples
+    --------
+    >>> record = run(Scene.load("solitary_chain"), "runs/chain", progress=ProgressBar())
+    """
+
+    def __init__(self) -> None:
+        self._began = monotonic()
+        self._bar: Any = None
+
+    def __call__(self, done: int, total: int, left: float | None = None) -> None:
+        """Show how many steps or runs are done, and of a study its own estimate of the seconds that are left."""
+        if self._bar is None:
+            if monotonic() - self._began < DELAY:
+                return
+            from tqdm.auto import tqdm
+
+            form = "{percentage:3.0f}%|{bar:30}| {n_fmt} of {total_fmt} {unit}{postfix}"
+            unit = "steps" if left is None else "runs"
+            self._bar = tqdm(total=total, unit=unit, bar_format=form, leave=False)
+        self._bar.n, self._bar.total = done, total
+        if left is not None:
+            self._bar.set_postfix_str(f"{left:.0f} s left", refresh=False)
+        self._bar.refresh()
+        if done >= total:
+            self.close()
+
+    def close(self) -> None:
+        """Remove the bar; it is drawn again if more is to be done."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
