@@ -25,6 +25,8 @@ PYTHON ?= python3
 BIN = .venv/bin
 # Matrices are small here: threads of OpenBLAS take a quarter of the processor time and give nothing
 export OPENBLAS_NUM_THREADS ?= 1
+# Bytecode that is not kept is compiled again by each command, which takes half as long as its start
+unexport PYTHONDONTWRITEBYTECODE
 
 GROUPS = spectrum dispersion waves quiet scattering disorder impact published pull-off onset adhesion cost
 
@@ -133,6 +135,7 @@ rooms: .venv/ready
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or later is needed: make PYTHON=python3.12 ...") if sys.version_info < (3, 11) else None'
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	$(BIN)/python -m compileall -q granular_lmp analysis
 	$(BIN)/granular-lmp build-kernel || echo "without the kernel, which makes runs faster, all else works"
 	touch $@
 

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.balance import BALANCED, Progress, balance
 from granular_lmp.crystal.contacts import Contacts, contacts_between
-from granular_lmp.crystal.disorder import require_places
+from granular_lmp.crystal.disorder import BOXES, require_places
 from granular_lmp.crystal.friction import require_friction
 from granular_lmp.crystal.let_go import DRAG, SETTLED, let_go
 from granular_lmp.crystal.potential import Pairs, Potential, State, displaced, potential_of
@@ -45,7 +45,6 @@ from granular_lmp.crystal.walls import Face, on_wall
 from granular_lmp.errors import CrystalError
 
 Floats = NDArray[np.float64]
-BOXES = ("box", "fixed")
 
 
 @dataclass(frozen=True, eq=False)

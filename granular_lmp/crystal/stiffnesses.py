@@ -17,7 +17,6 @@ Both have the standard deviation σ. Contacts that share a sphere are alike in p
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +54,8 @@ class Pair:
 
 def deviates() -> Floats:
     """Return the deviates of the classes, (8,), ascending, of mean 0 and variance 1."""
+    from statistics import NormalDist  # kept out of start-up
+
     gaussian = NormalDist()
     edges = [gaussian.inv_cdf(number / CLASSES) for number in range(1, CLASSES)]
     density = np.array([0.0, *map(gaussian.pdf, edges), 0.0])

@@ -29,7 +29,7 @@ def spread(problem: Prepared) -> list[str]:
 
 def identifiers(row: NDArray[np.int64]) -> str:
     """Return ascending identifiers for ``group NAME id``: first, last and what they are apart, or one by one."""
-    apart = np.unique(np.diff(row))
+    apart = sorted(set(np.diff(row).tolist()))  # np.unique would import numpy.ma, a twentieth of a short command
     if len(apart) > 1:
         return " ".join(map(str, row))
     return f"{row[0]}:{row[-1]}" + "".join(f":{each}" for each in apart if each > 1)

@@ -5,7 +5,6 @@ A block begins with a line ``# --- NAME ...`` and ends before the next one; the 
 
 import re
 from collections.abc import Mapping
-from difflib import ndiff
 
 from granular_lmp.errors import DeckError
 from granular_lmp.scene.schema import allowed_names
@@ -44,4 +43,6 @@ def differing_lines(written: str, text: str) -> list[str]:
     """Return the lines by which a text differs from the one that was written: "+ ..." is new, "- ..." is gone."""
     if written == text:
         return []
+    from difflib import ndiff  # kept out of start-up
+
     return [line for line in ndiff(written.splitlines(), text.splitlines()) if line.startswith(("+ ", "- "))]

@@ -6,20 +6,17 @@ In a perfect lattice the two are the same. Otherwise `granular_lmp.crystal.disor
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.adhesion_laws import AdhesionLaw, chosen
-from granular_lmp.crystal.balance import Progress
 from granular_lmp.crystal.chain_bands import cell_of
 from granular_lmp.crystal.contacts import Contacts, find_contacts, law_between
 from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
-from granular_lmp.crystal.equilibrium import Equilibrium, relax
 from granular_lmp.crystal.lattices import CHAIN, HELD, PERIODIC, WALL, Shape, centre, packed
-from granular_lmp.crystal.potential import box_load
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.crystal.touching import contacts_of_neighbours, touching
@@ -28,6 +25,10 @@ from granular_lmp.errors import CrystalError
 from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from granular_lmp.crystal.balance import Progress
+    from granular_lmp.crystal.equilibrium import Equilibrium
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,7 @@ class CrystalAtRest:
     atoms: ase.Atoms
     materials: tuple[Sphere, ...]
     contacts: Contacts
-    equilibrium: Equilibrium | None = None
+    equilibrium: "Equilibrium | None" = None
 
     def remarks(self) -> list[str]:
         """Return a sentence for spheres that were left out, touch no other at rest, or were pushed off their wall."""
@@ -72,7 +73,7 @@ _BALANCED = 1e-6  # of the load: rounding of the normals is far below it
 _KEPT: dict[tuple[Any, ...], CrystalAtRest] = {}
 
 
-def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
+def crystal_of(scene: Scene, progress: "Progress | None" = None) -> CrystalAtRest:
     """Return the crystal of a scene at rest; `progress` is that of `granular_lmp.crystal.equilibrium.relax`.
 
     The last two are kept, so that a scene whose time or wave changes is not brought to rest again.
@@ -239,7 +240,11 @@ def _imperfect(
     return imperfect(lattice, sphere, disorder, inclusions, pairs, recorded=centre(lattice))
 
 
-def _relaxed(scene: Scene, progress: Progress | None) -> CrystalAtRest:
+def _relaxed(scene: Scene, progress: "Progress | None") -> CrystalAtRest:
+    # Kept out of start-up: most crystals are perfect
+    from granular_lmp.crystal.equilibrium import relax
+    from granular_lmp.crystal.potential import box_load
+
     sphere, shape, packing = scene.sphere, scene.shape, scene.packing
     crystal, materials = _imperfect(sphere, shape, scene.disorder, scene.inclusion, scene.pair)
     faces, box = _faces(scene), packing.relax
@@ -261,7 +266,7 @@ def _relaxed(scene: Scene, progress: Progress | None) -> CrystalAtRest:
     return CrystalAtRest(rest.crystal, materials, rest.contacts, rest)
 
 
-def _require_whole(rest: Equilibrium, shape: Shape) -> None:
+def _require_whole(rest: "Equilibrium", shape: Shape) -> None:
     """Raise a CrystalError if spheres of a chain that are next to each other do not touch at rest."""
     row = rest.lattice.arrays["row"]
     neighbours = int(np.count_nonzero(np.diff(row) == 1))

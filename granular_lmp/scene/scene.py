@@ -34,7 +34,6 @@ from granular_lmp.scene.bodies import (
     Contact,
     Substrate,
 )
-from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.derived import Derived, at_rest, physics_of, wave_lattice_of, wavenumbers_of
 from granular_lmp.scene.files import assignment as assignment
 from granular_lmp.scene.files import first_file
@@ -221,6 +220,8 @@ class Scene(HasCard, Derived):
     def from_dict(cls, tables: Mapping[str, Any], default: str | None = None) -> Self:
         """Return the scene of nested mappings, as `to_dict` gives them, or of those of a `Collision`."""
         if "collision" in tables:
+            from granular_lmp.scene.collision import Collision  # kept out of start-up
+
             return super().from_dict(Collision.from_dict(tables, default).scene_tables())
         return super().from_dict(tables, default)
 

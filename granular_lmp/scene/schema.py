@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import Field, dataclass, field, replace
 from decimal import Decimal
-from difflib import get_close_matches
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
@@ -318,6 +317,8 @@ def default_name(file: Path) -> str:
 
 def allowed_names(key: str, names: Iterable[str]) -> str:
     """Return the closest allowed name for an error message, or all allowed names if none is close."""
+    from difflib import get_close_matches  # kept out of start-up
+
     close = get_close_matches(key, list(names), n=1)
     return f"did you mean '{close[0]}'?" if close else f"allowed: {', '.join(names)}"
 

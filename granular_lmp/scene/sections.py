@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from math import ceil, floor, hypot, pi, sqrt
 from typing import Any
 
-from granular_lmp.crystal.equilibrium import BOXES
+from granular_lmp.crystal.disorder import BOXES
 from granular_lmp.crystal.lattices import (
     CHAIN,
     FREE,
