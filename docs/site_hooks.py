@@ -145,7 +145,7 @@ def on_page_content(html: str, **rest: Any) -> str:
     """Turn equations into MathML; keep numbers in one piece; in tables, let long names break between words."""
     html = _TEXT.sub(lambda text: _NUMBER.sub(r'<span class="number">\g<0></span>', text[0]), html)
     html = _CELL.sub(lambda cell: _NAME.sub(lambda name: name[0].replace("_", "_<wbr>"), cell[0]), html)
-    html = _DISPLAY.sub(lambda match: _mathml(match[1], "block"), html)
+    html = _DISPLAY.sub(lambda match: f'<div class="equation">{_mathml(match[1], "block")}</div>', html)
     return _INLINE.sub(lambda match: _mathml(match[1], "inline"), html)
 
 

@@ -237,7 +237,7 @@ def judge_analysis(words: list[str]) -> None:
 
 def judge_python(words: list[str]) -> None:
     """Refuse a module of `analysis` that is no script."""
-    if words[0] == "-m" and words[1].startswith("analysis."):
+    if words[0] == "-m" and words[1].startswith("granular_analysis."):
         judge_analysis([words[1].split(".")[-1], *words[2:]])
 
 

@@ -1,17 +1,27 @@
 """The documentation site: it builds without a warning, every link and picture is there, and the drawing is current."""
 
 import importlib.util
+import json
 import os
 import re
+import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
+from functools import partial
 from html import unescape
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from queue import Queue
+from threading import Thread
 from types import ModuleType
-from urllib.parse import unquote
+from typing import Any
+from urllib.parse import unquote, urlencode
 
+import numpy as np
 import pytest
 
+from granular_analysis import second_harmonic as theory
 from tests.house import test_independence
 
 ROOT = Path(__file__).parents[2]
@@ -101,6 +111,131 @@ def test_no_equation_is_left_as_its_source(site: Path) -> None:
         assert "arithmatex" not in html, path
         # What the converter does not know it writes as a letter: an ampersand of a table, or a command
         assert re.findall(r"<m[io]>(?:&|&amp;|\\\\[^<]*)</m[io]>", html) == [], path
+
+
+# ---------------------------------------------------------------- the site in a browser
+
+WIDTHS = (1280, 390)  # pixels of a window and of a telephone
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+VALUES = (
+    {"mode": "TR", "xi": 1.475, "nu": 0.17, "a": 0.2, "eta": 0},
+    {"mode": "RT", "xi": 2.5, "nu": -0.6, "a": 0.31, "eta": 2.5e-4},
+    {"mode": "L", "xi": 0.802, "nu": 0.34, "a": 0.05, "eta": 2.5e-4},
+)
+# Loads each page into a frame of its own, and posts what `SEEN` gives of it
+FRAMES = """<body><script>
+const seen = [];
+async function look(page) {
+  const frame = document.createElement("iframe");
+  frame.style.cssText = "width: WIDTHpx; height: 900px; border: 0";
+  frame.sandbox = "SANDBOX";
+  await new Promise(done => { frame.onload = done; frame.src = "/" + page; document.body.append(frame); });
+  const shown = frame.contentDocument;
+  seen.push(SEEN);
+  frame.remove();
+}
+(async () => {
+  for (const page of PAGES) await look(page);
+  await fetch("/", {method: "POST", body: JSON.stringify(seen)});
+})();
+</script></body>"""
+TOO_WIDE = "(e => e.scrollWidth - e.clientWidth)(shown.querySelector('main') || shown.body)"
+SLIDERS_MOVED = """(values => {
+  const form = shown.getElementById("live");
+  for (const name in values) form.elements[name].value = values[name];
+  form.dispatchEvent(new Event("input"));
+  return [shown.querySelectorAll("svg .curve").length, JSON.parse(form.dataset.motion)];
+})(VALUES)"""
+
+
+class Served(SimpleHTTPRequestHandler):
+    """Files of the site, and a place where a page leaves what it has seen."""
+
+    def log_message(self, *words: Any) -> None:
+        pass
+
+    def do_POST(self) -> None:
+        answers: Queue[Any] = self.server.answers  # type: ignore[attr-defined]
+        answers.put(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+        self.send_response(204)
+        self.end_headers()
+
+
+@pytest.fixture(scope="module")
+def server(site: Path) -> Iterator[ThreadingHTTPServer]:
+    """The site, served from this machine."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Served, directory=str(site))) as running:
+        running.answers = Queue()  # type: ignore[attr-defined]
+        Thread(target=running.serve_forever, daemon=True).start()
+        yield running
+        running.shutdown()
+
+
+def seen(
+    server: ThreadingHTTPServer, site: Path, pages: list[str], what: str, width: int = 1280, scripts: bool = True
+) -> list[Any]:
+    """Return what a script sees on each page of the site in a window of a width, with the pages' own scripts or not."""
+    if CHROMIUM is None:
+        pytest.skip("no Chromium")
+    frames = FRAMES.replace("WIDTH", str(width)).replace("PAGES", json.dumps(pages)).replace("SEEN", what)
+    frames = frames.replace("SANDBOX", "allow-same-origin allow-scripts" if scripts else "allow-same-origin")
+    (site / "frames.html").write_text(frames, encoding="utf-8")
+    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-port=0"]
+    command += [f"--window-size={width + 60},1000", f"http://127.0.0.1:{server.server_address[1]}/frames.html"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as browser:
+        try:
+            answer: list[Any] = server.answers.get(timeout=300)  # type: ignore[attr-defined]
+        finally:
+            browser.terminate()
+    return answer
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_no_page_is_wider_than_its_window(site: Path, server: ThreadingHTTPServer, width: int) -> None:
+    pages = [path.relative_to(site).as_posix() for path in sorted(site.rglob("index.html"))]
+    wider = dict(zip(pages, seen(server, site, pages, TOO_WIDE, width, scripts=False), strict=True))
+    assert {page: pixels for page, pixels in wider.items() if pixels > 0} == {}
+
+
+def test_a_page_that_is_too_wide_is_seen(site: Path, server: ThreadingHTTPServer) -> None:
+    (site / "wide.html").write_text('<div style="width: 500px">wide</div>', encoding="utf-8")
+    assert seen(server, site, ["wide.html", "live/index.html"], TOO_WIDE, 390)[0] > 100
+
+
+def test_sliders_of_the_live_page_draw_the_closed_form(site: Path, server: ThreadingHTTPServer) -> None:
+    """To 1e-12 of the amplitude: both do the same sums of some twenty terms in double precision."""
+    moved = SLIDERS_MOVED.replace("VALUES", f"{json.dumps(VALUES)}[seen.length]")
+    for values, (curves, shown) in zip(VALUES, seen(server, site, ["live/"] * len(VALUES), moved), strict=True):
+        compared_with_theory(values, shown)
+        assert curves >= 4
+
+
+def test_the_address_of_the_live_page_keeps_its_values(site: Path, server: ThreadingHTTPServer) -> None:
+    shown = 'JSON.parse(shown.getElementById("live").dataset.motion)'
+    for values, read in zip(VALUES, seen(server, site, [f"live/#{urlencode(v)}" for v in VALUES], shown), strict=True):
+        compared_with_theory(values, read)
+
+
+def compared_with_theory(values: dict[str, Any], shown: dict[str, Any]) -> None:
+    """Assert that the numbers of the page are those of `granular_analysis.second_harmonic`."""
+    ratios = theory.ratios(values["nu"], overlap_ratio=values["eta"])
+    mode = theory.mode(values["mode"], values["xi"], ratios)
+    expected = [mode.frequency, mode.p, mode.q, mode.f, theory.generated_amplitude(mode, ratios)]
+    read = [shown[name] for name in ("frequency", "p", "q", "f", "generated")]
+    np.testing.assert_allclose(read, expected, rtol=1e-11, atol=1e-12)
+    p, q, turn = theory.second_order(mode, ratios, values["a"], np.array([7.0, 60.0, 120.0]))
+    read = [[at[name] for at in shown["at"]] for name in ("p", "q", "φ")]
+    np.testing.assert_allclose(read, [p, q, turn], rtol=0, atol=1e-12)
+
+
+def test_a_wrong_number_of_the_live_page_is_seen() -> None:
+    mode = theory.mode("L", 0.8, theory.ratios(0.17))
+    shown = {"frequency": 0.5, "p": 1, "q": 0, "f": 0, "generated": 1, "at": [{"p": 0, "q": 0, "φ": 0}] * 3}
+    with pytest.raises(AssertionError):
+        compared_with_theory({"mode": "L", "xi": mode.wavenumber, "nu": 0.17, "a": 0.2, "eta": 0}, shown)
+
+
+# ---------------------------------------------------------------- hooks
 
 
 def test_a_broken_link_of_the_site_is_found(tmp_path: Path) -> None:

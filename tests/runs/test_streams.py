@@ -90,7 +90,7 @@ def test_bad_input_of_a_script_is_one_line_and_status_2(
 ) -> None:
     monkeypatch.setattr(sys, "argv", [name, str(tmp_path / "nowhere")])
     with pytest.raises(SystemExit) as refused:
-        start(import_module(f"analysis.{name}").main)
+        start(import_module(f"granular_analysis.{name}").main)
     assert refused.value.code == 2
     said = capsys.readouterr()
     assert said.out == ""

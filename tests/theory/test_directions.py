@@ -195,9 +195,9 @@ def test_two_derivations_agree_along_y(name, poisson_ratio):
 
 
 def imported_from(module, other: str) -> set[str]:
-    """Names that a module takes from another of `analysis`."""
-    tree = ast.parse(Path(module.__file__).read_text(encoding="utf-8"))
-    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module == f"analysis.{other}"]
+    """Names that a module takes from another of `granular_analysis`."""
+    tree, name = ast.parse(Path(module.__file__).read_text(encoding="utf-8")), f"granular_analysis.{other}"
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module == name]
     return {alias.name for node in nodes for alias in node.names}
 
 
