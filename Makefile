@@ -8,7 +8,7 @@
 # make GROUP runs those of the lines `GROUP: cases = ...` below, make figures those of README and of the theory pages.
 #
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
-# make processors (the tests that depend on last digits, as on other processors; make test does it too),
+# make processors (the tests that depend on last digits, as on other processors; make test runs them there only),
 # make stability (hard cases, a few minutes: docs/stability.md),
 # make guards (how often a guard is wrong, of 261 random scenes, ten minutes: docs/verification.md),
 # make ladders (how often a tolerance is missed, of 168 random scenes, and its cost, ten minutes: docs/verification.md),
@@ -73,7 +73,7 @@ test: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/pytest --numprocesses=auto --dist=loadfile
+	$(BIN)/pytest --numprocesses=auto --dist=loadfile -m "not rounding"
 	$(BIN)/python -m tests.processors
 
 processors: .venv/ready

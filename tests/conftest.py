@@ -1,5 +1,6 @@
 """Scenes and LAMMPS runs that several tests share."""
 
+import fcntl
 import os
 import shutil
 import signal
@@ -61,15 +62,41 @@ def kernel_lacks() -> str:
     return "" if shutil.which("c++") else "no C++ compiler"
 
 
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], object]], Path]:
+    """Folders that all workers share, made by the first that asks: ``shared(name, make)``, where make fills it."""
+    base = tmp_path_factory.getbasetemp()
+    place = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+    def folder(name: str, make: Callable[[Path], object]) -> Path:
+        done = place / name
+        with (place / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # until the file is closed
+            if not done.exists():
+                part = place / f"{name}.part"
+                shutil.rmtree(part, ignore_errors=True)  # of a worker that failed
+                part.mkdir()
+                make(part)
+                part.rename(done)
+        return done
+
+    return folder
+
+
 @pytest.fixture(scope="module")
-def kernel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The kernel, built into a cache of its own; a test that asks for it is left out where it cannot be built."""
+def kernel(shared: Callable[[str, Callable[[Path], object]], Path]) -> Iterator[Path]:
+    """The kernel, built once for all tests; a test that asks for it is left out where it cannot be built."""
     if lack := kernel_lacks():
         pytest.skip(lack)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
         patch.delenv("CXX", raising=False)
-        yield library.build()
+
+        def build(cache: Path) -> None:
+            patch.setenv("XDG_CACHE_HOME", str(cache))
+            library.build()
+
+        patch.setenv("XDG_CACHE_HOME", str(shared("kernel", build)))
+        yield library.built()
 
 
 @pytest.fixture

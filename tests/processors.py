@@ -1,7 +1,8 @@
 """Run the tests that depend on last digits as other processors would: ``python -m tests.processors``.
 
 OpenBLAS and NumPy choose their code by what the processor can do, and OpenBLAS sums in another order with another
-number of threads. Each setting takes another choice of all three; what this processor cannot run is named and left out.
+number of threads. Each setting takes another choice of all three; what this processor cannot run is named and left out,
+and where it can run none the tests run as it is. `make test` runs these tests here only.
 """
 
 import os
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 TESTS = Path(__file__).parent
+AS_IT_IS = "this processor"
 MANY = "4"  # threads, also where there are fewer cores: the order of the sums is what counts
 # The features that NumPy chooses between here; each of the two names is that of one generation of NumPy
 FOUND: list[str] = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])  # type: ignore[call-overload]
@@ -26,11 +28,13 @@ SETTINGS = [
     ("Zen", AVX2, WIDE, MANY),
     ("SkylakeX", AVX512, [], MANY),
 ]
+if not any(can_run for _, can_run, _, _ in SETTINGS):
+    SETTINGS.append((AS_IT_IS, True, [], MANY))
 
 
 def environment(core: str, left_out: list[str], threads: str) -> dict[str, str]:
     """Return the variables of this process with those of a setting."""
-    chosen = {"OPENBLAS_CORETYPE": core, "NPY_DISABLE_CPU_FEATURES": " ".join(left_out)}
+    chosen = {} if core == AS_IT_IS else {"OPENBLAS_CORETYPE": core, "NPY_DISABLE_CPU_FEATURES": " ".join(left_out)}
     return os.environ | chosen | {"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
 
 

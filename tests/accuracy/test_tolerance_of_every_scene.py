@@ -1,4 +1,5 @@
-"""A tolerance of 1e-2 is met by every shipped scene, shortened, and by forty random ones of all kinds."""
+"""A tolerance of 1e-2 is met by every shipped scene, shortened, and by a random one of
+each kind of waves and impacts; `make ladders` runs a hundred more."""
 
 from pathlib import Path
 from typing import Any
@@ -27,9 +28,9 @@ def errors_of(info: dict[str, Any]) -> dict[str, float]:
 @pytest.mark.parametrize("name", shipped("*/scene.toml"))
 def test_every_shipped_wave_meets_a_tolerance(name: str, tmp_path: Path) -> None:
     scene = Scene.load(name)
-    changes: dict[str, Any] = {"time.tolerance": TOLERANCE, "time.duration": 20.0}
+    changes: dict[str, Any] = {"time.tolerance": TOLERANCE, "time.duration": 5.0}
     if scene.wave is not None:
-        changes["output.particles"] = 0.0
+        changes |= {"time.duration": 20.0, "output.particles": 0.0}
     if name in NEAR:
         changes["monitor"] = [{"name": "near", "rows": [NEAR[name]] * 2}]
     info = run(scene.with_values(changes), tmp_path / "run").info
@@ -73,7 +74,7 @@ def wave(kind: int) -> dict[str, Any]:
     ][kind]  # fmt: skip
 
 
-WAVES = [wave(number % 10) for number in range(30)]
+WAVES = [wave(number % 10) for number in range(10)]
 
 
 @pytest.mark.parametrize("number", range(len(WAVES)))
@@ -101,7 +102,7 @@ def impact(kind: int) -> ImpactScene:
     ][kind]
 
 
-IMPACTS = [impact(number % 5).with_values({"time.tolerance": TOLERANCE}) for number in range(10)]
+IMPACTS = [impact(number % 5).with_values({"time.tolerance": TOLERANCE}) for number in range(5)]
 
 
 @pytest.mark.parametrize("number", range(len(IMPACTS)))

@@ -253,15 +253,14 @@ def test_the_reflection_in_lammps_is_that_of_the_layer_at_its_step(
     assert found > 0.004
 
 
-@pytest.mark.parametrize(
-    ("options", "rotation"), [({}, True), ({}, False), ({"launcher": "lmp"}, True), ({"ranks": 2}, True)]
-)
+# With rotation, in this process: tests/promises
+@pytest.mark.parametrize(("options", "rotation"), [({}, False), ({"ranks": 2}, True)])
 def test_a_stopped_run_continues_to_the_same_bytes(
     options: dict[str, Any], rotation: bool, tmp_path: Path, stop: Callable[..., None]
 ) -> None:
     # A force of drag would be set up with other velocities than those between two steps: 1e-5 D0
     scene = Scene.load("quiet_ends").with_values(
-        {"packing.rows": 29, "absorb.reflection": 0.1, "time.duration": 60.0, "time.sample": 2.0}
+        {"packing.rows": 29, "absorb.reflection": 0.1, "time.duration": 40.0, "time.sample": 2.0}
         | {"source.1.rows": [14, 14], "source.1.ramp": 5.0, "monitor.1.rows": [18, 18], "monitor.2.rows": [12, 16]}
         | {"effects.rotation": rotation, "output.particles": 2.0, "output.checkpoint": 1e-9}  # as often as they may be
     )

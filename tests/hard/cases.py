@@ -36,7 +36,7 @@ FAST: Mapping[str, Measure] = {
         for cycles, rows in ENDS
     },
     **{f"{mode} at {place} of the zone": partial(corner, place, mode) for mode in MODES for place in CORNERS},
-    "pulse": pulse,
+    "pulse": partial(pulse, 40.0),
     **{f"degenerate {mode}, nu = {nu}": partial(degenerate, mode, nu) for mode, nu in DEGENERATE},
     **{f"a = {a}": partial(kept, a) for a in (0.9, 2, 20)},
     **{f"order at a = {a}": partial(order, a) for a in (0.9, 5)},
@@ -58,7 +58,7 @@ FAST: Mapping[str, Measure] = {
     **{f"struck at {velocity} m/s": partial(velocities, velocity) for velocity in (1e-6, 1e-3, 1e2)},
     "energy of a struck chain": partial(energy, 1000.0),
     "sticking speed": sticking,
-    "parting velocity": parting,
+    "parting velocity": partial(parting, (400, 1600)),
     "a long chain": partial(long_chain, 10_000, 20.0),
     "a struck sheet": partial(struck_sheets.kept, {}, 100.0),
     "mirror of a struck sheet": partial(struck_sheets.mirrored, {}, 100.0),
@@ -75,7 +75,7 @@ FAST: Mapping[str, Measure] = {
     "order of a breather": order_of_breathers,
     **{name: partial(space.wave, name) for name in ("hcp next to a zone edge", "fcc under load")},
     "spheres that leave their substrate": space.leaving,
-    "a layer for long": partial(space.kept, 100_000),
+    "a layer for long": partial(space.kept, 10_000),
     "a layer that buckles": space.buckling,
 }
 
@@ -101,5 +101,7 @@ LONG: Mapping[str, Measure] = {
     "a chain of 1e5": partial(long_chain, 100_000, 20.0),
     "a breather, long": partial(breathes, 2000),
     "a plate": partial(space.wave, "plate of 12 layers on a substrate", duration=3.0),
+    "pulse, long": pulse,
+    "parting velocity, four steps": parting,
     "a layer for a million steps": partial(space.kept, 1_000_000),
 }

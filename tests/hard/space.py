@@ -82,9 +82,9 @@ def wave(name: str, edits: Edits = (), duration: float = 10.0) -> Cases:
     ]
 
 
-def leaving(edits: Edits = (), step: float = 0.005) -> Cases:
+def leaving(edits: Edits = (), step: float = 0.005, duration: float = 15.0) -> Cases:
     """A vertical wave so strong that spheres leave their substrate and come back."""
-    a, duration = 3.0, 15.0
+    a = 3.0
     times = {"time.timestep": step, "time.duration": duration, "output.particles": duration}
     scene = _LAYER.with_values({"wave.mode": "S2", "wave.amplitude": a, **times})
     record, sphere = _ran(scene, edits), scene.sphere

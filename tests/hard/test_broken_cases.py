@@ -70,7 +70,7 @@ BROKEN: dict[str, tuple[Measure, str]] = {
     "another law at all steps but the finest": (partial(order, 0.9, edits=ANOTHER_LAW), "order"),
     "another law with open contacts at all steps but the finest": (partial(order, 5, edits=ANOTHER_LAW), "order"),
     "weaker adhesion that sticks": (partial(sticking, WEAKER), ""),
-    "weaker adhesion that parts": (partial(parting, WEAKER), "pull-off"),
+    "weaker adhesion that parts": (partial(parting, (400, 800), WEAKER), "pull-off"),
     "another law next to pull-off at all steps but the finest": (
         partial(order, 2.1, edits=ANOTHER_LAW, law="jkr"),
         "order",
@@ -130,7 +130,7 @@ BROKEN: dict[str, tuple[Measure, str]] = {
     "TR in L": (partial(subspace, edits=SHEAR_IN_L), "q and φ"),
     "hcp on a fast clock": (partial(space.wave, "hcp next to a zone edge", FAST_CLOCK, 2.0), "hcp"),
     "pressed fcc on a fast clock": (partial(space.wave, "fcc under load", FAST_CLOCK, 2.0), "fcc"),
-    "spheres that leave a substrate on a fast clock": (partial(space.leaving, FAST_CLOCK), "error"),
+    "spheres that leave a substrate on a fast clock": (partial(space.leaving, FAST_CLOCK, duration=5.0), "error"),
     "a layer of lossy contacts": (partial(space.kept, 1_000, LOSSY_LAYER), "amplitude"),
     "a layer for long on a fast clock": (partial(space.kept, 1_000, FAST_CLOCK), "phase"),
     "a layer that buckles at another load": (

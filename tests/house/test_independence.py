@@ -2,7 +2,9 @@
 
 import ast
 import sys
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,16 +12,21 @@ ROOT = Path(__file__).parents[2]
 FROM_PACKAGE = {"granular_lmp.runs.record", "granular_lmp.crystal.sphere"}
 
 
-def imports(source: str) -> set[str]:
+@cache
+def imports(source: str) -> frozenset[str]:
     """Return the dotted names that a source imports, at any depth; `from a.b import c` counts as a.b.c."""
     names: set[str] = set()
-    for node in ast.walk(ast.parse(source)):
+    left: list[Any] = list(ast.parse(source).body)
+    while left:
+        node = left.pop()
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             module = "." * node.level + (node.module or "")
             names |= {f"{module}.{alias.name}" for alias in node.names}
-    return names
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):  # statements; no expression imports
+            left += getattr(node, part, [])
+    return frozenset(names)
 
 
 def roots(source: str) -> set[str]:

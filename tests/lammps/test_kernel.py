@@ -243,7 +243,7 @@ def test_a_program_that_does_not_load_it_fails_the_run(tmp_path: Path, monkeypat
 @pytest.mark.parametrize("name", ["contacts that slide", "unequal radii in JKR"])
 def test_a_checkpoint_is_that_of_lammps(name: str, stop: Callable[..., None], tmp_path: Path) -> None:
     """One that the kernel wrote is continued without it, to the same numbers."""
-    scene = SCENES[name].with_values({"time.duration": 200.0, "time.allow_echo": True})
+    scene = SCENES[name].with_values({"time.duration": 100.0, "time.allow_echo": True})
     plain = run(scene, tmp_path / "plain")
     stop(scene, tmp_path / "cut", kernel=True)
     status = read_status(tmp_path / "cut")
@@ -346,14 +346,18 @@ def test_a_user_without_a_home_is_told_so(monkeypatch: pytest.MonkeyPatch) -> No
         library.library()
 
 
-def test_a_kernel_that_is_built_is_for_its_user_alone_to_write(
-    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    compiler = tmp_path / "compiler"  # which takes no time
+@pytest.fixture
+def fast_compiler(built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A compiler that takes no time, as it has the kernel already, and an empty cache."""
+    compiler = tmp_path / "compiler"
     compiler.write_text(f'#!/bin/sh\nfor place; do :; done\ncp "{built}" "$place"\n')
     compiler.chmod(0o755)
     monkeypatch.setenv("CXX", str(compiler))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+@pytest.mark.usefixtures("fast_compiler")
+def test_a_kernel_that_is_built_is_for_its_user_alone_to_write() -> None:
     before = os.umask(0)
     try:
         place = library.build()
@@ -379,6 +383,7 @@ library.start(lammps_module(), Path(sys.argv[1]), ["-log", "none", "-screen", "n
     assert "LammpsMissingError: LAMMPS does not load the kernel" in done.stderr
 
 
+@pytest.mark.usefixtures("fast_compiler")
 def test_the_commands_build_it_and_take_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["build-kernel"]) == 0
     assert str(library.built()) in capsys.readouterr().out
