@@ -6,6 +6,7 @@ installed does not look there.
 """
 
 import argparse
+import gc
 import os
 import sys
 from collections.abc import Callable
@@ -24,7 +25,6 @@ DOORS = {
     "resonances": "all resonances and antiresonances of second order of a scene's crystal",
     "saw": "surface waves of an elastic substrate that couple to the contact resonances of a layer",
 }
-SCRIPTS = DOORS | {case.name: case.says for case in map(Case.load, names()) if case.figure}
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -34,32 +34,40 @@ def main(argv: list[str] | None = None) -> int:
 
 def program() -> NoReturn:
     """Run one script as a program, whose errors are one line (`granular_analysis.plotting.start`)."""
+    gc.set_threshold(100_000)  # imports make no garbage
     script = _script(None)
     from granular_analysis.plotting import start  # matplotlib would slow --help down
 
     start(script)
 
 
+def scripts() -> dict[str, str]:
+    """Return what each script does, those of the cases among them, whose files are then read."""
+    return DOORS | {case.name: case.says for case in map(Case.load, names()) if case.figure}
+
+
 def _script(argv: list[str] | None) -> Callable[[], int | None]:
     """Return the script that the arguments name, with its own arguments."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small; threads would only wait for each other
     os.environ["MPLBACKEND"] = "agg"  # pictures go to files; matplotlib is not imported where it knows not the backend
+    words = sys.argv[1:] if argv is None else argv
+    known = DOORS if words and words[0] in DOORS else scripts()
     parser = argparse.ArgumentParser(
         prog="granular-analysis",
         description="Theory that shares no code with LAMMPS, beside runs of granular-lmp.",
-        epilog="scripts:\n" + "\n".join(f"  {name:13} {says}" for name, says in SCRIPTS.items()),
+        epilog="scripts:\n" + "\n".join(f"  {name:13} {says}" for name, says in known.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "script",
-        choices=[*SCRIPTS, "cases"],
+        choices=[*known, "cases"],
         metavar="SCRIPT",
         help="which; each has --help; cases lists those with runs and figures",
     )
     parser.add_argument("arguments", nargs=argparse.REMAINDER, metavar="...", help="for the script")
-    chosen = parser.parse_args(argv)
+    chosen = parser.parse_args(words)
     if chosen.script == "cases":
         chosen.script, chosen.arguments = "case", ["--list", *chosen.arguments]
     sys.argv[0] = f"granular-analysis {chosen.script}"  # the name by which the script speaks of itself
-    module = f"analysis.{chosen.script}" if chosen.script in DOORS else f"granular_analysis.cases.{chosen.script}.case"
-    return partial(import_module(module).main, chosen.arguments)
+    module = chosen.script if chosen.script in DOORS else f"cases.{chosen.script}.case"
+    return partial(import_module(f"granular_analysis.{module}").main, chosen.arguments)

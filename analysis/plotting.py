@@ -1,6 +1,7 @@
 """Shared parts of the scripts: their colours, options, start and end, and how a figure or text file is written."""
 
 import argparse
+import gc
 import os
 import signal
 import sys
@@ -64,6 +65,7 @@ def start(main: Callable[[], int | None]) -> NoReturn:
             stream.flush()
         except OSError:  # the interpreter would try again at its end, and complain
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    gc.freeze()  # what is alive is not searched for garbage once more, a sixth of the time of a comparison
     sys.exit(status)
 
 

@@ -53,6 +53,14 @@ def tableau() -> Tableau:
     return Tableau(**{name: np.array(rows) for name, rows in table.items()})
 
 
+@cache
+def terms() -> Array:
+    """Return the weights (7, 16) of the slopes in the factors of x, x(1−x), x²(1−x), … of the interpolation."""
+    table = tableau()
+    first, last, rise = np.eye(ROWS)[0], np.eye(ROWS)[STAGES], np.pad(table.stages[STAGES], (0, 1))[:ROWS]
+    return np.stack([rise, first - rise, 2 * rise - first - last, *table.dense])
+
+
 class Step:
     """A state and the slopes of its step, one array, so that a stage is one sum over the rows before it."""
 
@@ -92,12 +100,10 @@ class Step:
     def between(self, length: float, places: Floats) -> Array:
         """Return the states at the places x in (0, 1] of the step, by the interpolation of order 7."""
         self.stages(STAGES + 1, ROWS - 1, length)
-        table = tableau()
-        first, last, rise = np.eye(ROWS)[0], np.eye(ROWS)[STAGES], np.pad(table.stages[STAGES], (0, 1))[:ROWS]
-        terms = np.stack([rise, first - rise, 2 * rise - first - last, *table.dense])
-        # x, x(1−x), x²(1−x), …
-        factors = np.stack([places, 1 - places] * len(terms), axis=-1)[:, : len(terms)]
-        weights = np.pad(length * (np.cumprod(factors, axis=-1) @ terms), ((0, 0), (1, 0)), constant_values=1.0)
+        factors = np.empty((len(places), len(terms())))
+        factors[:, ::2], factors[:, 1::2] = places[:, None], 1 - places[:, None]
+        weights = np.empty((len(places), 1 + ROWS))
+        weights[:, 0], weights[:, 1:] = 1.0, length * (np.cumprod(factors, axis=1) @ terms())
         states = np.empty((len(places), *self.begin.shape), dtype=self.begin.dtype)
         for each, state in zip(weights, _real(states), strict=True):
             loops.weighted(each, self.numbers, state)

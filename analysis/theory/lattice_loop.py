@@ -1,7 +1,7 @@
 """The slope of `granular_analysis.theory.lattice` on the phase torus in one call of `granular_analysis.theory.loops`.
 
 The formulas are those of `lattice.rhs`, which is the reference: some forty calls of NumPy, of a microsecond each, for
-a few hundred numbers. Waves that are complex, contacts by the law of JKR, and rings of rows are left to it.
+a few hundred numbers. Contacts by the law of JKR and rings of rows are left to it.
 """
 
 import ctypes
@@ -32,7 +32,7 @@ class _Torus(ctypes.Structure):
 def torus_slope(state: Floats, contact: Contact, neighbours: Neighbours) -> loops.Slope | None:
     """Return the slope of states like `state`, (..., 6 or 9, K), or None where the loop does not hold it."""
     loop, torus, points = loops.library(), neighbours.torus, state.shape[-1]
-    if loop is None or torus is None or state.dtype != float or contact.adhesion_law != "dmt" or points > MOST:
+    if loop is None or torus is None or contact.adhesion_law != "dmt" or points > MOST:
         return None
     arrays = np.ascontiguousarray(torus.shifts), np.ascontiguousarray(torus.shifts.T)
     sizes = state.size // points // (9 if contact.has_history else 6), points, contact.has_history
@@ -49,4 +49,4 @@ def torus_slope(state: Floats, contact: Contact, neighbours: Neighbours) -> loop
         contact.restitution is not None,
         triple(*contact.mobility.ravel()),
     )
-    return loops.Slope(loop.torus, data, arrays)
+    return loops.Slope(loop.torus if state.dtype == float else loop.torus_complex, data, arrays)

@@ -3,6 +3,8 @@
    What each computes stands in Python beside its caller, with NumPy: integrator.py and network_state.py. Here it is
    one pass in place of dozens, with the same formulas. Sums that NumPy takes in another order round otherwise. */
 
+#ifndef NUMBER
+#include <complex.h>
 #include <math.h>
 #include <stddef.h>
 
@@ -167,8 +169,8 @@ VECTORS void plane(const Pairs *p, const double *motion, const double *slip, dou
   }
 }
 
-/* A wave on the phase torus of K points, as of lattice.py: a state has the rows p, q, φ, their rates, and with
-   `history` the shear of the contacts ahead, (6 or 9, K) a wave. */
+/* Waves on the phase torus of K points, real or complex, as of lattice.py: a state has the rows p, q, φ, their rates,
+   and with `history` the shear of the contacts ahead, (6 or 9, K) a wave. */
 enum { BONDS = 3, MOST = 128 };
 typedef struct {
   whole waves, points, history, incremental, potential;
@@ -179,85 +181,31 @@ typedef struct {
   double mobility[3];
 } Torus;
 
-/* out = values of K points @ matrix (K, n) */
-INLINE void shifted(whole K, whole n, const double *values, const double *matrix, double *out)
+INLINE double root_of(double x) { return sqrt(x); }
+INLINE double ratio(double x, double y) { return x / y; }
+
+/* Of a number whose real part is not negative, as those of contacts that stay closed */
+INLINE double complex root_of_complex(double complex z)
 {
-  for (whole i = 0; i < n; i++) out[i] = 0;
-  for (whole k = 0; k < K; k++)
-    for (whole i = 0; i < n; i++) out[i] += values[k] * matrix[k * n + i];
+  const double x = creal(z), y = cimag(z), half = sqrt((sqrt(x * x + y * y) + x) / 2);
+  return half != 0 ? half + I * (y / (2 * half)) : 0;
 }
 
-/* n·d, t·d, σ (3, 3K) of the contacts ahead, from p, q, φ (3, K) */
-INLINE void deformed(const Torus *t, const double *places, double apart[3][BONDS * MOST])
+INLINE double complex ratio_complex(double complex z, double complex w)
 {
-  const whole K = t->points;
-  for (int row = 0; row < 3; row++) {
-    const double sign = row < 2 ? -1 : 1, *here = places + row * K;
-    shifted(K, BONDS * K, here, t->shifts, apart[row]);
-    for (int bond = 0; bond < BONDS; bond++)
-      for (whole k = 0; k < K; k++) apart[row][bond * K + k] += sign * here[k];
-  }
-  for (int bond = 0; bond < BONDS; bond++)
-    for (whole k = bond * K; k < (bond + 1) * K; k++) {
-      const double p = apart[0][k], q = apart[1][k];
-      apart[0][k] = t->along[bond] * p + t->across[bond] * q;
-      apart[1][k] = t->along[bond] * q - t->across[bond] * p;
-    }
+  const double u = creal(w), v = cimag(w);
+  return z * conj(w) / (u * u + v * v);
 }
 
-/* rate = the time derivative of a state, `lattice.rhs` */
-VECTORS void torus(const Torus *t, const double *states, double *rates)
-{
-  const whole K = t->points, M = BONDS * K, size = (t->history ? 9 : 6) * K;
-  for (whole wave = 0; wave < t->waves; wave++) {
-    const double *state = states + wave * size, *memory = state + 6 * K;
-    double *rate = rates + wave * size;
-    double apart[3][BONDS * MOST], moving[3][BONDS * MOST], pull[3][BONDS * MOST], behind[MOST];
-    deformed(t, state, apart);
-    if (t->history || t->dashpot != 0)
-      deformed(t, state + 3 * K, moving);
-    else
-      for (int row = 0; row < 3; row++)
-        for (whole m = 0; m < M; m++) moving[row][m] = 0;
-#pragma GCC ivdep
-    for (whole m = 0; m < M; m++) {
-      const double n = apart[0][m], s = apart[1][m], ahead = t->length + n, excess = (t->length + ahead) * n + s * s;
-      const double distance = t->length != 0 ? sqrt(t->length * t->length + excess) : 1;
-      const double cosine = t->length != 0 ? ahead / distance : 1, sine = t->length != 0 ? s / distance : 0;
-      const double stretch = t->length != 0 ? excess / (distance + t->length) : n;
-      const double overlap = stretch < 1 ? 1 - stretch : 0, root = sqrt(overlap);
-      const double opening = cosine * moving[0][m] + sine * moving[1][m];
-      const double slipping = cosine * moving[1][m] - sine * moving[0][m] - moving[2][m];
-      const double slip = t->history ? memory[m] : cosine * s - sine * n - apart[2][m];
-      const double spring = t->history && t->incremental ? slip : t->shear * root * slip;
-      const double pushed = t->potential && overlap > 0 ? spring * slip / (4 * overlap) : 0;
-      const double resists = t->dashpot * (t->softens != 0 ? sqrt(root) : overlap > 0 ? 1.0 : 0.0);
-      const double N = t->F - t->A * overlap * root - pushed + resists * opening;
-      const double S = spring + (t->shear != 0 ? resists * slipping : 0);
-      pull[0][m] = cosine * N - sine * S;
-      pull[1][m] = sine * N + cosine * S;
-      pull[2][m] = S * (1 - t->overlap_ratio * overlap);
-      moving[2][m] = t->incremental ? t->shear * root * slipping : slipping;
-    }
-    for (whole k = 0; k < 3 * K; k++) rate[k] = state[3 * K + k];
-    if (t->history)
-      for (whole m = 0; m < M; m++) rate[6 * K + m] = moving[2][m];
-    for (int bond = 0; bond < BONDS; bond++)
-      for (whole m = bond * K; m < (bond + 1) * K; m++) {
-        const double n = pull[0][m], s = pull[1][m];
-        pull[0][m] = t->along[bond] * n - t->across[bond] * s;
-        pull[1][m] = t->across[bond] * n + t->along[bond] * s;
-      }
-    for (int row = 0; row < 3; row++) {
-      double *force = rate + (3 + row) * K;
-      shifted(M, K, pull[row], t->back, behind);
-      for (whole k = 0; k < K; k++) {
-        const double ahead = pull[row][k] + pull[row][K + k] + pull[row][2 * K + k];
-        force[k] = t->mobility[row] * (row < 2 ? ahead - behind[k] : ahead + behind[k]);
-      }
-    }
-  }
-}
+/* This file reads its last part twice, once for each kind of number. */
+#define NUMBER double
+#define OF(name) name
+#include "loops.c"
+#undef NUMBER
+#undef OF
+#define NUMBER double complex
+#define OF(name) name##_complex
+#include "loops.c"
 
 /* The slopes first to last of a step of a Runge-Kutta method: each of the sum of the rows before it, with the weights of
    its row of 17. stack: the state, then the slopes, n numbers a row; trial: where the last was taken. */
@@ -286,3 +234,89 @@ void stepped(const Torus *t, double *state, double *rate, double step, whole cou
     for (whole i = speeds; i < memory; i++) state[i] += step / 2 * rate[i];
   }
 }
+
+#else
+
+/* out = values of K points @ matrix (K, n) */
+INLINE void OF(shifted)(whole K, whole n, const NUMBER *values, const double *matrix, NUMBER *out)
+{
+  for (whole i = 0; i < n; i++) out[i] = 0;
+  for (whole k = 0; k < K; k++)
+    for (whole i = 0; i < n; i++) out[i] += values[k] * matrix[k * n + i];
+}
+
+/* n·d, t·d, σ (3, 3K) of the contacts ahead, from p, q, φ (3, K) */
+INLINE void OF(deformed)(const Torus *t, const NUMBER *places, NUMBER apart[3][BONDS * MOST])
+{
+  const whole K = t->points;
+  for (int row = 0; row < 3; row++) {
+    const double sign = row < 2 ? -1 : 1;
+    const NUMBER *here = places + row * K;
+    OF(shifted)(K, BONDS * K, here, t->shifts, apart[row]);
+    for (int bond = 0; bond < BONDS; bond++)
+      for (whole k = 0; k < K; k++) apart[row][bond * K + k] += sign * here[k];
+  }
+  for (int bond = 0; bond < BONDS; bond++)
+    for (whole k = bond * K; k < (bond + 1) * K; k++) {
+      const NUMBER p = apart[0][k], q = apart[1][k];
+      apart[0][k] = t->along[bond] * p + t->across[bond] * q;
+      apart[1][k] = t->along[bond] * q - t->across[bond] * p;
+    }
+}
+
+/* rate = the time derivative of a state, `lattice.rhs` */
+VECTORS void OF(torus)(const Torus *t, const NUMBER *states, NUMBER *rates)
+{
+  const whole K = t->points, M = BONDS * K, size = (t->history ? 9 : 6) * K;
+  for (whole wave = 0; wave < t->waves; wave++) {
+    const NUMBER *state = states + wave * size, *memory = state + 6 * K;
+    NUMBER *rate = rates + wave * size;
+    NUMBER apart[3][BONDS * MOST], moving[3][BONDS * MOST], pull[3][BONDS * MOST], behind[MOST];
+    OF(deformed)(t, state, apart);
+    if (t->history || t->dashpot != 0)
+      OF(deformed)(t, state + 3 * K, moving);
+    else
+      for (int row = 0; row < 3; row++)
+        for (whole m = 0; m < M; m++) moving[row][m] = 0;
+#pragma GCC ivdep
+    for (whole m = 0; m < M; m++) {
+      const NUMBER n = apart[0][m], s = apart[1][m], ahead = t->length + n, excess = (t->length + ahead) * n + s * s;
+      const NUMBER distance = t->length != 0 ? OF(root_of)(t->length * t->length + excess) : 1;
+      const NUMBER cosine = t->length != 0 ? OF(ratio)(ahead, distance) : 1;
+      const NUMBER sine = t->length != 0 ? OF(ratio)(s, distance) : 0;
+      const NUMBER stretch = t->length != 0 ? OF(ratio)(excess, distance + t->length) : n;
+      const NUMBER overlap = creal(stretch) < 1 ? 1 - stretch : 0, root = OF(root_of)(overlap);
+      const NUMBER opening = cosine * moving[0][m] + sine * moving[1][m];
+      const NUMBER slipping = cosine * moving[1][m] - sine * moving[0][m] - moving[2][m];
+      const NUMBER slip = t->history ? memory[m] : cosine * s - sine * n - apart[2][m];
+      const NUMBER spring = t->history && t->incremental ? slip : t->shear * root * slip;
+      const NUMBER pushed = t->potential && creal(overlap) > 0 ? OF(ratio)(spring * slip, 4 * overlap) : 0;
+      const NUMBER resists = t->dashpot * (t->softens != 0 ? OF(root_of)(root) : creal(overlap) > 0 ? 1.0 : 0.0);
+      const NUMBER N = t->F - t->A * overlap * root - pushed + resists * opening;
+      const NUMBER S = spring + (t->shear != 0 ? resists * slipping : 0);
+      pull[0][m] = cosine * N - sine * S;
+      pull[1][m] = sine * N + cosine * S;
+      pull[2][m] = S * (1 - t->overlap_ratio * overlap);
+      moving[2][m] = t->incremental ? t->shear * root * slipping : slipping;
+    }
+    for (whole k = 0; k < 3 * K; k++) rate[k] = state[3 * K + k];
+    if (t->history)
+      for (whole m = 0; m < M; m++) rate[6 * K + m] = moving[2][m];
+    for (int bond = 0; bond < BONDS; bond++)
+      for (whole m = bond * K; m < (bond + 1) * K; m++) {
+        const NUMBER n = pull[0][m], s = pull[1][m];
+        pull[0][m] = t->along[bond] * n - t->across[bond] * s;
+        pull[1][m] = t->across[bond] * n + t->along[bond] * s;
+      }
+    for (int row = 0; row < 3; row++) {
+      NUMBER *force = rate + (3 + row) * K;
+      OF(shifted)(M, K, pull[row], t->back, behind);
+      for (whole k = 0; k < K; k++) {
+        const NUMBER ahead = pull[row][k] + pull[row][K + k] + pull[row][2 * K + k];
+        force[k] = t->mobility[row] * (row < 2 ? ahead - behind[k] : ahead + behind[k]);
+      }
+    }
+  }
+}
+
+#endif

@@ -49,11 +49,11 @@ def library() -> ctypes.CDLL | None:
     found.weighted.argtypes = [size, size, pointer, pointer, size, pointer]
     found.errors.argtypes = [size, size, *[pointer] * 5, size, number, pointer]
     found.plane.argtypes = [pointer] * 6
-    found.torus.argtypes = [pointer] * 3
+    found.torus.argtypes = found.torus_complex.argtypes = [pointer] * 3
     found.stepped.argtypes = [*[pointer] * 3, number, size]
     found.stages.argtypes = [*[size] * 4, *[pointer] * 5]
-    for function in (found.weighted, found.errors, found.plane, found.torus, found.stages, found.stepped):
-        function.restype = None
+    for name in ("weighted", "errors", "plane", "torus", "torus_complex", "stages", "stepped"):
+        getattr(found, name).restype = None
     return found
 
 
@@ -99,7 +99,7 @@ class Slope:
         """Fill the slopes `first` to `last` in the rows of a stack behind its state; see `integrator.Step`."""
         loop = library()
         assert loop is not None
-        sizes = trial.size, first, last, weights.shape[1]
+        sizes = trial.view(np.float64).size, first, last, weights.shape[1]
         loop.stages(*sizes, *map(address, (weights, stack, trial)), self.function, ctypes.addressof(self.data))
 
     def stepped(self, state: Floats, step: float, count: int) -> None:

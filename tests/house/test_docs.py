@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from granular_analysis import second_harmonic as sh
-from granular_analysis.cli import DOORS, SCRIPTS
+from granular_analysis.cli import DOORS, scripts
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.theory import choice, hierarchy, lattice, resonance
 from granular_analysis.theory.contact import Contact
@@ -229,7 +229,7 @@ def judge_package(words: list[str]) -> None:
 def judge_analysis(words: list[str]) -> None:
     """Refuse a script that is not there, and an option whose name is neither in the script nor in what all share."""
     script, *rest = ["case", "--list", *words[1:]] if words[0] == "cases" else words
-    assert script in SCRIPTS, script
+    assert script in scripts(), script
     file = f"{script}.py" if script in DOORS else f"cases/{script}/case.py"
     text = (ROOT / "analysis" / file).read_text("utf-8") + SHARED
     assert [word for word in rest if word.startswith("-") and f'"{word}"' not in text] == []

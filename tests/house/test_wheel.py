@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from granular_analysis.cli import SCRIPTS
+from granular_analysis.cli import scripts
 from granular_lmp.scene.shipped import SHIPPED
 from tests.house.test_python_of_docs import PYTHON, ROOT
 
@@ -130,9 +130,9 @@ def test_the_short_name_is_the_same_package_and_may_be_that_of_a_script(programs
 
 
 def test_every_script_of_analysis_has_its_name_in_the_command() -> None:
-    scripts = [path for path in (ROOT / "analysis").rglob("*.py") if "\ndef main(" in path.read_text("utf-8")]
-    names = {path.parent.name if path.parents[1].stem == "cases" else path.stem for path in scripts}
-    assert set(SCRIPTS) == names - {"cli"}
+    files = [path for path in (ROOT / "analysis").rglob("*.py") if "\ndef main(" in path.read_text("utf-8")]
+    names = {path.parent.name if path.parents[1].stem == "cases" else path.stem for path in files}
+    assert set(scripts()) == names - {"cli"}
 
 
 def test_every_command_of_the_project_is_installed(programs: Path) -> None:
