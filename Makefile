@@ -19,7 +19,8 @@
 # make notebook (the tutorials, executed, into docs/tutorial.ipynb and tutorial-fit.ipynb; half a minute),
 # make versioned-docs (the site of this version beside those of others, onto the branch gh-pages: RELEASING.md),
 # make engines (sweeps that are cancelled, preempted and killed on a Slurm of this machine, where one can be started),
-# make wheel (what pip installs, into dist/), make decks (rewrites the committed decks of lammps_inputs), make clean.
+# make wheel (what pip installs, into dist/), make packages, floors, readers, tested-docs (of continuous integration: the
+# packages installed alone, the oldest versions of what they need, programs that a run is exported for, the site), make decks (rewrites the committed decks of lammps_inputs), make clean.
 
 PYTHON ?= python3
 BIN = .venv/bin
@@ -31,7 +32,7 @@ unexport PYTHONDONTWRITEBYTECODE
 GROUPS = spectrum dispersion waves quiet scattering disorder impact published pull-off onset adhesion cost
 
 .PHONY: $(GROUPS) paper figures gallery test processors stability guards ladders witness bench scale decks docs \
-    versioned-docs notebook rooms engines wheel clean
+    tested-docs versioned-docs notebook rooms engines wheel packages floors readers clean
 
 spectrum: cases = spectrum
 dispersion: cases = dispersion
@@ -103,6 +104,9 @@ decks: .venv/ready
 docs: .venv/docs-ready
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
+tested-docs: docs
+	$(BIN)/pytest tests/house/test_site.py tests/house/test_tutorial.py tests/house/test_release.py
+
 # Each version keeps its folder; SITE=dev is that of the default branch; PUSH=--push sends gh-pages to its origin. The front
 # door leads to the latest release
 VERSION := $(shell sed -n 's/^__version__ = "\(.*\)"/\1/p' granular_lmp/__init__.py)
@@ -123,6 +127,25 @@ engines: .venv/ready
 wheel: .venv/ready
 	$(BIN)/python -m hatchling build -d dist -t wheel
 
+# Installed alone, in an empty folder, all that the pages say; twine reads the packages as an index will
+KIND ?= whl
+packages:
+	$(PYTHON) -m venv .venv-packages
+	.venv-packages/bin/python -m pip install --quiet build twine
+	PATH="$(CURDIR)/.venv-packages/bin:$$PATH" .ci/wheel $(KIND)
+	.venv-packages/bin/python -m build --outdir dist && .venv-packages/bin/twine check --strict dist/*
+
+FLOORS = cli/test_cli.py lammps/test_datafile.py lammps/test_deck.py runs/test_export.py house/test_floors.py runs/test_launch.py crystal/test_modes.py crystal/test_packing.py \
+    runs/test_particles.py scene/test_scene.py theory/test_sheets.py measure/test_spectrum.py studies/test_sweep.py plot/test_view.py crystal/test_wave.py house/test_wheel.py
+floors:
+	$(PYTHON) -m venv .venv-floors
+	.venv-floors/bin/python -m pip install --quiet --constraint .ci/floors.txt --editable '.[test]'
+	.venv-floors/bin/pytest --numprocesses=auto --dist=loadfile $(FLOORS:%=tests/%)
+
+readers: .venv/ready
+	$(BIN)/python -m pip install --quiet MDAnalysis
+	$(BIN)/pytest tests/runs/test_export.py
+
 rooms: .venv/ready
 	$(BIN)/python docs/rooms.py
 
@@ -140,4 +163,4 @@ rooms: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper $(patsubst analysis/cases/%/case.toml,runs/%,$(wildcard analysis/cases/*/case.toml)) build dist site .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper $(patsubst analysis/cases/%/case.toml,runs/%,$(wildcard analysis/cases/*/case.toml)) build dist site .venv .venv-packages .venv-floors .pytest_cache .mypy_cache .ruff_cache

@@ -1,15 +1,16 @@
 """Hooks of the documentation site: figures beside the sources, links out of ``docs``, equations, generated pages.
 
 The pages are written so that they read on a repository's own web page too: links go by relative paths, equations stand
-between dollars. Here figures and a few pages of the repository become files of the site, links to other files of the
-repository lose their target (they are shown as code), and equations become MathML, which browsers draw without a script
-or a connection.
+between dollars. Here figures and a few pages of the repository become files of the site, links to its other files lead
+to its address or, without one, are shown as code, and equations become MathML, which browsers draw without a script or
+a connection.
 """
 
 import csv
 import json
 import posixpath
 import re
+import tomllib
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,9 @@ from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+# The repository's own; without one, links to its files become code
+ADDRESS = PROJECT["tool"]["hatch"]["metadata"]["hooks"]["custom"]["repository"].rstrip("/")
 # Pages of the repository → their place among the sources of the site
 PAGES = {
     "CONTRIBUTING.md": "contributing.md",
@@ -135,7 +139,8 @@ def moved_links(text: str, source: str, place: str) -> str:
         elif target.startswith("docs/"):
             target = target.removeprefix("docs/")
         elif not target.startswith("figures/"):
-            return label if label.startswith("`") else f"`{target}`"
+            words = label if label.startswith("`") else f"`{target}`"
+            return f"[{label}]({ADDRESS}/blob/main/{target}{part})" if ADDRESS else words
         return f"{image}[{label}]({posixpath.relpath(target, posixpath.dirname(place))}{part})"
 
     return _LINK.sub(moved, text)

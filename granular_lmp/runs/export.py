@@ -1,6 +1,6 @@
 """A run for other programs: SI units as CSV, netCDF for xarray, its snapshots as extended XYZ or as HDF5.
 
-What a monitor recorded is written as CSV in SI units.
+What a monitor recorded is written as CSV in SI units, and a whole run folder as a Process Run Crate.
 """
 
 from collections.abc import Callable
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import writable
 from granular_lmp.runs.components import NAMES, in_space
+from granular_lmp.runs.crate import write_crate
 from granular_lmp.runs.h5md import write_h5md
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
@@ -86,11 +87,15 @@ FORMATS: dict[str, Callable[[Record, Path], None]] = {
     ".extxyz": _write_snapshots,
     ".h5md": write_h5md,
     ".h5": write_h5md,
+    "crate": write_crate,
+    ".zip": write_crate,
 }
 
 
 def export(record: Record, path: str | Path, monitor: str | None = None) -> None:
     """Write a run in the format of the file's ending; its folder is made, a file that is there is replaced.
+
+    A path that ends in ``crate`` or ``.zip`` gets the whole run folder as a Process Run Crate.
 
     Parameters
     ----------
@@ -104,11 +109,11 @@ def export(record: Record, path: str | Path, monitor: str | None = None) -> None
     RunFolderError
         For another ending, a run without snapshots or without the monitor, or a file that cannot be written.
     PackageMissingError
-        For netCDF without xarray, HDF5 without h5py.
+        For netCDF without xarray, HDF5 without h5py, a crate without rocrate.
     """
     path = Path(path)
     formats = FORMATS if monitor is None else {".csv": partial(_write_monitor, name=monitor)}
-    write = formats.get(path.suffix.lower())
+    write = formats.get("crate" if path.name.endswith("crate") else path.suffix.lower())
     if write is None:
         of = "" if monitor is None else " for a monitor"
         raise RunFolderError(f"{path}: must end in one of {', '.join(formats)}{of}")

@@ -12,9 +12,11 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 
 from granular_lmp import __version__
+from hatch_build import PLACES, Links, readable
 
 ROOT = Path(__file__).parents[2]
-PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+TOML: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+PROJECT, TOOLS = TOML["project"], TOML["tool"]
 RECIPE = (ROOT / "recipe" / "meta.yaml").read_text("utf-8")
 # Names that conda-forge gives to packages of PyPI; its lammps carries the date of the release alone
 CONDA = {"matplotlib": "matplotlib-base"}
@@ -45,6 +47,25 @@ def test_the_metadata_of_the_software_are_those_of_the_package() -> None:
     assert said["keywords"] == PROJECT["keywords"]
     assert said["license"].endswith(PROJECT["license"])
     assert set(said["softwareRequirements"]) <= {Requirement(each).name for each in PROJECT["dependencies"]}
+
+
+@pytest.mark.parametrize("address", ["", "https://example.org/owner/name"])
+def test_the_readme_of_a_package_has_links_that_lead_somewhere(address: str) -> None:
+    text = "[LAMMPS](https://www.lammps.org), [here](#install), [errata](docs/errata.md).\n![A wave](figures/a.png)\n"
+    there = f"[errata]({address}/blob/main/docs/errata.md).\n![A wave]({address}/raw/main/figures/a.png)"
+    expected = there if address else "errata.\n"
+    assert readable(text, address) == text.partition("[errata]")[0] + expected + "\n"
+    links = Links(str(ROOT), {"repository": address})
+    metadata: dict[str, Any] = {}
+    links.update(metadata)
+    assert "](docs/" not in metadata["readme"]["text"]
+    assert set(metadata["urls"]) == (set(PLACES) if address else set())
+
+
+def test_the_address_of_the_repository_stands_in_one_place() -> None:
+    address = TOOLS["hatch"]["metadata"]["hooks"]["custom"]["repository"] or None
+    assert field(cited(), "repository-code") == address
+    assert json.loads((ROOT / "codemeta.json").read_text("utf-8")).get("codeRepository") == address
 
 
 def test_a_doi_comes_with_its_date_and_both_are_well_formed() -> None:
@@ -163,8 +184,11 @@ def test_a_command_that_is_not_there_is_found() -> None:
 
 def test_what_continuous_integration_makes_is_a_target() -> None:
     workflow = (ROOT / ".github" / "workflows" / "ci.yml").read_text("utf-8")
-    commands = re.findall(r"run: ((?:make|\.ci/).*)$", workflow, re.MULTILINE)
+    commands = re.findall(r"run: (.+)$", workflow, re.MULTILINE)
+    assert all(re.match(r"make|\.ci/", command) for command in commands)
     assert "make versioned-docs PUSH=--push" in commands
     assert unknown_commands("\n".join(f"$ {command}" for command in commands)) == []
-    for path in re.findall(r"tests/test_\w+\.py", workflow):
-        assert (ROOT / path).is_file(), path
+    named = re.findall(r"\b(\w+/test_\w+\.py)", (ROOT / "Makefile").read_text("utf-8"))
+    assert len(named) > 10
+    for path in named:
+        assert (ROOT / "tests" / path).is_file(), path

@@ -1,9 +1,11 @@
 """A run for other programs, read back by the program that each format is for."""
 
 import csv
+import json
 import re
 import sys
 import weakref
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -191,10 +193,77 @@ def test_without_h5py_the_package_is_named(record: Record, tmp_path: Path, monke
         export(record, tmp_path / "run.h5")
 
 
+def graph_of(metadata: str) -> dict[str, dict[str, Any]]:
+    """Return the entities of a crate by their @id."""
+    return {entity["@id"]: entity for entity in json.loads(metadata)["@graph"]}
+
+
+def missing(graph: dict[str, dict[str, Any]]) -> list[str]:
+    """Return what a Process Run Crate 0.5 must or should say, and this one does not; a licence and an agent are not
+    known to a run."""
+    profile = "https://w3id.org/ro/wfrun/process/0.5"
+    found = []
+    if graph["./"].get("conformsTo") != {"@id": profile} or graph.get(profile, {}).get("@type") != "CreativeWork":
+        found.append("conformsTo")
+    actions = [entity for entity in graph.values() if entity["@type"] == "CreateAction"]
+    mentioned = [each["@id"] for each in graph["./"].get("mentions", [])]
+    for action in actions:
+        if action["@id"] not in mentioned:
+            found.append("mentions")
+        tool = graph.get(action["instrument"]["@id"], {})
+        if tool.get("@type") != "SoftwareApplication":
+            found.append("instrument")
+        found += [key for key in ("name", "softwareVersion") if not tool.get(key)]
+        found += [key for key in ("name", "description", "endTime", "object", "result") if not action.get(key)]
+        for file in (*action["object"], *action["result"]):
+            found += [] if graph.get(file["@id"], {}).get("@type") == "File" else [file["@id"]]
+    return found if actions else ["CreateAction"]
+
+
+def test_a_crate_says_which_program_made_which_file(record: Record, tmp_path: Path) -> None:
+    pytest.importorskip("rocrate")
+    export(record, tmp_path / "crate")
+    graph = graph_of((tmp_path / "crate" / "ro-crate-metadata.json").read_text())
+    assert missing(graph) == []
+    assert graph["ro-crate-metadata.json"]["conformsTo"] == {"@id": "https://w3id.org/ro/crate/1.1"}
+    assert {each["@id"] for each in graph["./"]["hasPart"]} == {*record.info["files"], "run.json"}
+    made = {
+        graph[entity["instrument"]["@id"]]["name"]: {each["@id"] for each in entity["result"]}
+        for entity in graph.values()
+        if entity["@type"] == "CreateAction"
+    }
+    assert made["LAMMPS"] == {"dump.centre", "dump.particles", "log.lammps"}
+    assert made["granular-lmp"] == {"data.tr_periodic", "in.tr_periodic", "run.json", "trajectory.csv"}
+    assert Record.load(tmp_path / "crate").p.tolist() == record.p.tolist()  # it is a run folder too
+    graph["./"]["mentions"].pop()
+    del graph["#granular-lmp"]["softwareVersion"]
+    assert missing(graph) == ["softwareVersion", "mentions"]
+
+
+def test_a_crate_is_an_archive_too_and_replaces_no_folder(record: Record, tmp_path: Path) -> None:
+    pytest.importorskip("rocrate")
+    export(record, tmp_path / "run.zip")
+    with zipfile.ZipFile(tmp_path / "run.zip") as archive:
+        assert missing(graph_of(archive.read("ro-crate-metadata.json").decode())) == []
+    (tmp_path / "crate").mkdir()
+    (tmp_path / "crate" / "mine").touch()
+    with pytest.raises(RunFolderError, match="crate: is there already, and not empty; choose another folder"):
+        export(record, tmp_path / "crate")
+
+
+def test_without_rocrate_the_package_is_named(record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rocrate", None)
+    monkeypatch.delitem(sys.modules, "rocrate.rocrate", raising=False)
+    with pytest.raises(PackageMissingError, match="rocrate is not installed; pip install rocrate"):
+        export(record, tmp_path / "crate")
+
+
 def test_what_cannot_be_exported_is_one_line(
     record: Record, small: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(RunFolderError, match=r"run.hdf: must end in one of .csv, .nc, .xyz, .extxyz, .h5md, .h5$"):
+    with pytest.raises(
+        RunFolderError, match=r"run.hdf: must end in one of .csv, .nc, .xyz, .extxyz, .h5md, .h5, crate, .zip$"
+    ):
         export(record, tmp_path / "run.hdf")
     run(small, tmp_path / "small")
     assert main(["export", str(tmp_path / "small"), "-o", str(tmp_path / "a.xyz")]) == 2
