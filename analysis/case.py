@@ -71,8 +71,7 @@ def page(most: int = 4) -> str:
     cases = [Case.load(name) for name in names()]
     head = ["| case | page | min | what it is about |", "|---|---|---|---|"]
     rows = [
-        f"| [`{each.name}`](#{each.name}) | [{each.page.removesuffix('.md')}](../{each.page}) | {each.minutes:g} | "
-        f"{each.says} |"
+        f"| [`{each.name}`](#{each.name}) | [{each.title}](../{each.page}) | {each.minutes:g} | {each.says} |"
         for each in cases
     ]
     recipes = ["\n".join([f"## {each.name}\n", "```bash", *recipe(each, most), "```"]) for each in cases]
@@ -103,7 +102,7 @@ def measure(case: Case, runs: Path, figures: Path) -> list[str]:
 def listing() -> str:
     """Return a line for each case: name, minutes of processor time, page, what it is about."""
     cases = map(Case.load, names())
-    return "\n".join(f"{each.name:14} {each.minutes:5g} min  {each.page:24} {each.says}" for each in cases)
+    return "\n".join(f"{each.name:14} {each.minutes:5g} min  {each.title:24} {each.says}" for each in cases)
 
 
 def main(argv: list[str] | None = None) -> int:

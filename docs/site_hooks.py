@@ -30,6 +30,10 @@ PAGES = {
     "CHANGELOG.md": "changelog.md",
     "benchmarks/RESULTS.md": "benchmarks.md",
     "README.md": "index.md",
+    **{
+        readme.relative_to(ROOT).as_posix(): f"studies/{readme.parent.name}.md"
+        for readme in sorted((ROOT / "analysis" / "cases").glob("*/README.md"))
+    },
 }
 EXECUTED = {  # notebooks as pages, and their titles
     "tutorial": "The tutorial, executed",

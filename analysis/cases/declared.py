@@ -57,6 +57,7 @@ class Run:
 class Case:
     """The subject of a case, its page, its commands, and the arguments of its script behind the run folders.
 
+    page : the page that shows it, from the folder of the docs; without one it is the case's own README.md.
     figure : file of the figure; None where all that is drawn are `pictures`, commands that draw runs.
     minutes : processor time of all of it.
     """
@@ -78,7 +79,14 @@ class Case:
             table = tomllib.loads((CASES / name / "case.toml").read_text("utf-8"))
         except OSError:
             raise ValueError(f"{name}: is no case; granular-analysis cases lists them") from None
+        table.setdefault("page", f"../analysis/cases/{name}/README.md")
         return cls(name, **table | {"run": [Run(**run) for run in table.get("run", ())]})
+
+    @property
+    def title(self) -> str:
+        """Name of the page: its file's, or its folder's where it is the README of a case."""
+        path = Path(self.page)
+        return path.parent.name if path.name == "README.md" else path.stem
 
     def runs(self) -> dict[str, list[str]]:
         """Return the words of the command of each run, by folder."""

@@ -1,5 +1,6 @@
 """Cases: commands that the programs take, pages that show the figures, and numbers that are as expected."""
 
+import os
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -28,9 +29,10 @@ def test_the_runs_of_a_case_are_commands_that_the_program_takes(case: Case) -> N
 
 @each_case
 def test_the_page_of_a_case_shows_its_figures(case: Case) -> None:
-    page = (ROOT / "docs" / case.page).read_text("utf-8")
+    file = (ROOT / "docs" / case.page).resolve()
+    page, figures = file.read_text("utf-8"), os.path.relpath(ROOT / "figures", file.parent)
     drawn = [case.figure] if case.figure else [Path(words.split(" -o ")[1].split()[0]).name for words in case.pictures]
-    assert all(f"(../figures/{figure})" in page for figure in drawn)
+    assert all(f"({figures}/{figure})" in page for figure in drawn)
 
 
 @each_drawn
@@ -104,8 +106,10 @@ def test_the_listing_has_a_line_for_each_case(capsys: pytest.CaptureFixture[str]
 def test_the_page_of_cases_has_a_line_and_the_commands_of_each() -> None:
     page = door.page()
     for case in map(Case.load, names()):
-        name = case.page.removesuffix(".md")
-        assert f"| [`{case.name}`](#{case.name}) | [{name}](../{case.page}) | {case.minutes:g} | {case.says} |" in page
+        assert (
+            f"| [`{case.name}`](#{case.name}) | [{case.title}](../{case.page}) | {case.minutes:g} | {case.says} |"
+            in page
+        )
         assert f"## {case.name}\n\n```bash\ngranular-" in page
     assert "runs/disorder/harmonic -o figures" not in page  # the script takes all folders
     assert "--over disorder.seed=1:32:32 -o runs/disorder/harmonic\n" in page

@@ -149,7 +149,7 @@ Shown = Callable[[float], tuple[Record, compare.Comparison, compare.Comparison]]
 
 @pytest.fixture(scope="module")
 def shown(paper_run: Callable[..., Record]) -> Shown:
-    """A run of docs/results.md by its wave number, compared with the best theory and with the paper's order."""
+    """A run of the paper by its wave number, compared with the best theory and with the paper's order."""
 
     @cache
     def make(xi: float) -> tuple[Record, compare.Comparison, compare.Comparison]:
@@ -357,10 +357,10 @@ def test_scripts_say_in_one_line_what_is_wrong(
     assert message in f"{caught.value} {capsys.readouterr().err}"
 
 
-# --- docs/results.md ---
+# --- the page of the paper's three cases ---
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "analysis" / "cases" / "figure3" / "README.md").read_text(encoding="utf-8")
 
 
 def shown_row(label: str) -> list[list[float]]:

@@ -17,7 +17,11 @@ import granular_lmp
 ROOT = Path(__file__).parents[2]
 NAMES = Path(__file__).with_name("names.txt")
 CHANGELOG = ROOT / "CHANGELOG.md"
-PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+PAGES = (
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted((ROOT / "analysis/cases").glob("*/README.md")),
+)
 
 
 def public_names() -> set[str]:

@@ -98,7 +98,7 @@ def test_what_has_no_answer_is_refused(call: Callable[[], object], message: str)
         call()
 
 
-PAGE = (Path(__file__).parents[2] / "docs/published-impacts.md").read_text("utf-8")
+PAGE = (Path(__file__).parents[2] / "analysis/cases/refraction/README.md").read_text("utf-8")
 
 
 def numbers(row: str) -> list[float]:
