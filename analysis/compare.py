@@ -47,7 +47,8 @@ from granular_analysis.measure.swept import Swept
 from granular_analysis.plotting import save, start, write
 from granular_analysis.second_harmonic import ALONG_Y
 from granular_analysis.theory.catalogue import CRYSTAL, NETWORK, REFERENCES, script_for
-from granular_analysis.theory.choice import TheoryError, Trajectory, beyond, holding, traits, trajectory, wave_of
+from granular_analysis.theory.choice import Trajectory, beyond, holding, traits, trajectory, wave_of
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from granular_analysis.measure.stiffnesses import CLASSES, deviates, kinds_of, scaled, spread
 from granular_analysis.theory import green
-from granular_analysis.theory.choice import TheoryError
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.lattices import LATTICES
 from granular_analysis.theory.network import RIGID, Material, Network, Wall
 from granular_analysis.theory.network_outside import Drive, Function
@@ -79,7 +79,7 @@ def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
     known = [name for (name, _), each in LATTICES.items() if len(each.vectors) < 3 and len(each.basis) == 1]
     if packing.lattice not in known:
         raise TheoryError(f"packing.lattice = {packing.lattice!r}: rows with vacancies are known in {known} only")
-    lattice, (x, y) = LATTICES[packing.lattice, ""], position.T
+    lattice, (x, y) = LATTICES[packing.lattice, ""], position.T[:2]
     spacing = (y.max() - y.min()) / (int(packing.rows) - 1)
     row = np.rint((y - y.min()) / spacing).astype(np.intp)
     whole = np.flatnonzero(np.bincount(row) == columns)

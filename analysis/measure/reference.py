@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.theory.catalogue import CRYSTAL, NETWORK, OPENING, REFERENCES, SLIDING, missing
 from granular_analysis.theory.choice import (
-    TheoryError,
     Trajectory,
     best,
     holding,
@@ -34,6 +33,7 @@ from granular_analysis.theory.choice import (
     traits,
     trajectory,
 )
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.wave import Wave
@@ -111,7 +111,7 @@ def _against(record: Record, wave: Wave | None) -> list[str]:
     found = [f"the network leaves out {', '.join(lacks)}"] if lacks else []
     try:
         first_snapshot(record)
-    except (ValueError, OSError, GranularError) as error:
+    except (TheoryError, OSError, GranularError) as error:
         found.append(str(error))
     too_long = _too_long(record, wave)
     return [*found, too_long] if too_long else found
@@ -140,7 +140,7 @@ def _network(record: Record, wave: Wave | None) -> tuple[Floats, ...]:
         spheres = None if record.scene.wave is None else [first.recorded]
         times = record.tau * first.time
         run = integrate(first.network, first.state, times, rtol=RTOL, spheres=spheres, longest_step=longest)
-    except (ValueError, RuntimeError, OSError, GranularError) as error:
+    except (TheoryError, RuntimeError, OSError, GranularError) as error:
         raise TheoryError(f"theory = 'network': {error}") from error
     return first.fields(run) if record.scene.wave is None else first.signals(run)
 
@@ -150,7 +150,7 @@ def _crystal(record: Record, wave: Wave) -> Trajectory:
     refuse_less(CRYSTAL, traits(wave))
     try:
         first, second = Setting(record.scene).signals(record.tau)
-    except ValueError as error:
+    except TheoryError as error:
         raise TheoryError(f"theory = {CRYSTAL!r}: {error}") from error
     p, q, phi = (one + two for one, two in zip(first, second, strict=True))
     return p, q, phi

@@ -23,6 +23,7 @@ from granular_analysis.measure.strikes import scale_of_strike
 from granular_analysis.second_harmonic import ALONG_Y
 from granular_analysis.theory.bloch import frame
 from granular_analysis.theory.choice import switched
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network import Law, Material, Network
 from granular_analysis.theory.network_laws import Adhesion
 from granular_analysis.theory.network_motion import Trajectory
@@ -149,7 +150,7 @@ def _snapshots(record: Record) -> Path:
         return record.snapshots().path
     path = Path(record.folder or ".") / SNAPSHOTS
     if record.scene.output.rows or record.scene.output.spheres:
-        raise ValueError("output.rows and output.spheres: must be left out, as the network starts from all spheres")
+        raise TheoryError("output.rows and output.spheres: must be left out, as the network starts from all spheres")
     return path
 
 
@@ -208,7 +209,7 @@ def read_network(
     with Path(path).open(encoding="utf-8") as stream:
         head = _head(stream)
         if head[1] != ["0"]:
-            raise ValueError(
+            raise TheoryError(
                 f"{path}: begins at step {head[1][0]}, must be 0: the slip of later contacts is not dumped"
             )
         names, count = head[8][2:], int(head[3][0])
@@ -220,12 +221,12 @@ def read_network(
         needed = ["id", "type", *places, "radius", *ways, *rates, *turning]
         missing = [name for name in needed if name not in names]
         if missing:
-            raise ValueError(f"{path}: has no column {', '.join(missing)}")
+            raise TheoryError(f"{path}: has no column {', '.join(missing)}")
         if ("mass" in names) == (density is not None):
-            raise ValueError(f"density = {density}: must be given for a dump without the column mass, and for no other")
+            raise TheoryError(f"density = {density}: must be given for a dump without the column mass, for no other")
         rows = [stream.readline().split() for _ in range(count)]
     if any(len(row) != len(names) for row in rows):
-        raise ValueError(f"{path}: its first snapshot is cut off")
+        raise TheoryError(f"{path}: its first snapshot is cut off")
     table = dict.fromkeys(spins + turns, np.zeros(count)) | dict(zip(names, np.array(rows, dtype=float).T, strict=True))
     order = np.argsort(table["id"])
 
@@ -235,7 +236,7 @@ def read_network(
     radius, types, displacement = table["radius"][order], table["type"][order].astype(np.intp), columns(ways)
     last = types.max()
     if last > 2 * len(materials):
-        raise ValueError(
+        raise TheoryError(
             f"{path}: has type {last}, which is of material {(last + 1) // 2}; materials has {len(materials)}"
         )
     volume = 4 / 3 * np.pi * radius**3
@@ -270,7 +271,7 @@ def _head(stream: TextIO) -> list[list[str]]:
     """Return the words of the nine lines before the spheres."""
     head = [stream.readline().split() for _ in range(9)]
     if [head[number][:2] for number in _TITLES] != [["ITEM:", title] for title in _TITLES.values()]:
-        raise ValueError(f"{stream.name}: is no text dump of LAMMPS")
+        raise TheoryError(f"{stream.name}: is no text dump of LAMMPS")
     return head
 
 

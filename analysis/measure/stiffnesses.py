@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis.theory.bonds import Law, dmt, jkr
-from granular_analysis.theory.choice import TheoryError
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network import Material, mixed
 from granular_analysis.theory.network_laws import Adhesion
 from granular_lmp.runs.record import Scene

@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.lattices import LATTICES
 from granular_analysis.theory.network import Material, mixed
 from granular_lmp.runs.record import Record, Scene
@@ -36,10 +37,10 @@ def require(record: Record, *held: str) -> None:
         "inclusion": bool(scene.inclusion),
     }
     if unknown := {*held} - {*there}:
-        raise ValueError(f"held = {sorted(unknown)}: must be among {', '.join(there)}")
+        raise TheoryError(f"held = {sorted(unknown)}: must be among {', '.join(there)}")
     for name, given in there.items():
         if given and name not in held:
-            raise ValueError(f"{scene.name}: {name}: must be left out; what is measured or set beside it lacks it")
+            raise TheoryError(f"{scene.name}: {name}: must be left out; what is measured or set beside it lacks it")
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +66,9 @@ class Sites:
         packing = scene.packing
         known = [name for (name, _), each in LATTICES.items() if len(each.vectors) < 3 and len(each.basis) == 1]
         if packing.lattice not in known:
-            raise ValueError(f"packing.lattice = {packing.lattice!r}: must be one of {', '.join(known)}")
+            raise TheoryError(f"packing.lattice = {packing.lattice!r}: must be one of {', '.join(known)}")
         if scene.disorder.vacancies or any(each.vacancy for each in scene.inclusion):
-            raise ValueError(f"{scene.name}: must be without vacancies, which shift the numbers of its spheres")
+            raise TheoryError(f"{scene.name}: must be without vacancies, which shift the numbers of its spheres")
         lattice = LATTICES[packing.lattice, ""]
         row, column = np.divmod(np.arange(int(packing.rows) * int(packing.columns)), int(packing.columns))
         aside = lattice.shift * (
@@ -95,11 +96,11 @@ def densities(scene: Scene) -> Floats:
     """
     found = np.full(int(scene.packing.rows), scene.sphere.density)
     if scene.disorder.radius or scene.disorder.density:
-        raise ValueError(f"{scene.name}: must be without disorder")
+        raise TheoryError(f"{scene.name}: must be without disorder")
     for number, each in enumerate(scene.inclusion, 1):
         differs = {name for name, value in vars(each).items() if value != getattr(type(each)(), name)}
         if other := sorted(differs - {"rows", "every", "density"}):
-            raise ValueError(f"{scene.name}: inclusion {number} has {', '.join(other)}; allowed: rows, every, density")
+            raise TheoryError(f"{scene.name}: inclusion {number} has {', '.join(other)}; allowed: rows, every, density")
         found[each.rows[0] : each.rows[-1] + 1 : each.every] = each.density
     return found
 

@@ -21,6 +21,7 @@ from granular_analysis.second_harmonic import Mode, ModeName
 from granular_analysis.theory.bonds import Bonds, Law
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.crystal import PLANE, Crystal, padded
+from granular_analysis.theory.errors import TheoryError
 
 Floats = NDArray[np.float64]
 Field = TypeVar("Field", bound=NDArray[Any])
@@ -80,7 +81,7 @@ def branch_among(name: str, shapes: NDArray[Any], wavevector: ArrayLike) -> NDAr
     """Return which of the modes (..., J, 3), in the plane, is L, TR or RT (...); see `branch_index`."""
     names = ("L", "TR", "RT")[: shapes.shape[-2]]
     if name not in names:
-        raise ValueError(f"name is {name!r}; allowed: {', '.join(names)}")
+        raise TheoryError(f"name is {name!r}; allowed: {', '.join(names)}")
     along = np.einsum("...jc,...c->...j", shapes[..., :2], unit(np.asarray(wavevector)[..., :2]))
     longitudinal = np.argmax(np.abs(along), axis=-1)
     lower, upper = np.where(longitudinal == 0, 1, 0), np.where(longitudinal == 2, 1, 2)
@@ -122,9 +123,9 @@ def wavevector_of(wavenumber: float, direction: float) -> Floats:
     Raises ValueError unless ξ is positive and both are finite.
     """
     if not 0.0 < wavenumber < np.inf:
-        raise ValueError(f"wavenumber is {wavenumber!r}; allowed: above 0, finite")
+        raise TheoryError(f"wavenumber is {wavenumber!r}; allowed: above 0, finite")
     if not np.isfinite(direction):
-        raise ValueError(f"direction is {direction!r}; allowed: degrees, finite")
+        raise TheoryError(f"direction is {direction!r}; allowed: degrees, finite")
     return 2.0 / np.sqrt(3.0) * wavenumber * frame(direction)[0]
 
 

@@ -38,6 +38,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network_laws import Jkr
 
 Floats = NDArray[np.float64]
@@ -90,7 +91,7 @@ def jkr(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLik
     """
     delta, A, B, F = np.broadcast_arrays(*np.atleast_1d(overlap, hertz, mindlin, pull))
     if not np.all(F > 0):
-        raise ValueError(f"pull = {np.min(F)}: must be positive, as contacts of the JKR law adhere")
+        raise TheoryError(f"pull = {np.min(F)}: must be positive, as contacts of the JKR law adhere")
     law = Jkr(A, F)
     depth, widest = law.depth, np.sqrt(3 * law.depth)
     r = law.radius(delta, np.ones(delta.shape, dtype=bool)) / widest

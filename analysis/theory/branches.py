@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular_analysis.theory.crystal import Crystal, padded
+from granular_analysis.theory.errors import TheoryError
 
 NAMES = ("L", "TR", "RT")
 
@@ -23,7 +24,7 @@ def named_branch(crystal: Crystal, wavevector: ArrayLike, name: str) -> int:
     known = names_of(crystal, wavevector)
     if name in known:
         return known[name]
-    raise ValueError(f"mode = {name!r} is none of this crystal; allowed: {', '.join(known)}")
+    raise TheoryError(f"mode = {name!r} is none of this crystal; allowed: {', '.join(known)}")
 
 
 def names_of(crystal: Crystal, wavevector: ArrayLike) -> dict[str, int]:

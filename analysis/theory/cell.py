@@ -38,6 +38,7 @@ from scipy.sparse import csr_array
 
 from granular_analysis.theory.bonds import Bonds, Strain, dmt, jkr
 from granular_analysis.theory.crystal import PLANE, padded
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_state import search
 from granular_analysis.theory.validity import Reached, reached
@@ -73,11 +74,11 @@ class Cell:
         Raises ValueError for a network in space, with dashpots, or on which something acts from outside.
         """
         if network.viscosity or network.restitution is not None:
-            raise ValueError("viscosity and restitution are not in the second order of a cell; use the network")
+            raise TheoryError("viscosity and restitution are not in the second order of a cell; use the network")
         if network.dimension == 3:
-            raise ValueError("spheres in space are not in the second order of a cell; use the network")
+            raise TheoryError("spheres in space are not in the second order of a cell; use the network")
         if network.walls or network.drives or network.drag is not None:
-            raise ValueError("walls, drives and drag are not in the second order of a cell; use the network")
+            raise TheoryError("walls, drives and drag are not in the second order of a cell; use the network")
         pairs = search(network, np.zeros((2, len(network.position))))
         touch = np.flatnonzero(pairs.overlap > pairs.normal.end)
         overlap, length, radii = pairs.overlap[touch], pairs.length[touch], pairs.radii[:, touch].T
@@ -169,9 +170,9 @@ def fields(
     """
     times, shapes = np.asarray(time, dtype=float), (np.shape(displacement), np.shape(velocity))
     if set(shapes) != {(cell.inverse_mass.size,)}:
-        raise ValueError(f"displacement and velocity are {shapes}; both must be ({cell.inverse_mass.size},)")
+        raise TheoryError(f"displacement and velocity are {shapes}; both must be ({cell.inverse_mass.size},)")
     if times.ndim != 1 or not len(times) or times.min() < 0:
-        raise ValueError(f"time = {times} must be one or more times since the start, none negative")
+        raise TheoryError(f"time = {times} must be one or more times since the start, none negative")
     start = np.array([displacement, velocity], dtype=float)
     course = Course.of(times, float(np.sqrt(cell.highest)), timestep)
     moved = course.polynomials(cell.matrix, start)
@@ -219,7 +220,7 @@ class Course:
     def of(cls, times: Floats, highest: float, timestep: float = 0.0) -> "Course":
         """Return the course of a network whose frequencies are below a bound."""
         if not highest * timestep < 2:
-            raise ValueError(f"timestep = {timestep}: must be below 2/Omega_max, for which {2 / highest:.4g} is sure")
+            raise TheoryError(f"timestep = {timestep}: must be below 2/Omega_max, for which {2 / highest:.4g} is sure")
         whole = max(float(times.max()), 1e-3 / highest)
         turns = highest * whole / 2
         fastest = whole / timestep * np.arcsin(highest * timestep / 2) if timestep else turns

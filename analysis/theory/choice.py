@@ -32,6 +32,7 @@ from granular_analysis.second_harmonic import ALONG_Y, ModeName
 from granular_analysis.theory import catalogue
 from granular_analysis.theory.bloch import mode
 from granular_analysis.theory.contact import LAWS, Contact
+from granular_analysis.theory.errors import TheoryError as TheoryError
 from granular_analysis.theory.hierarchy import hierarchy, hierarchy_orders
 from granular_analysis.theory.lattice import torus
 from granular_analysis.theory.resonance import three_mode
@@ -41,10 +42,6 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 Trajectory = tuple[Floats, Floats, Floats]
-
-
-class TheoryError(ValueError):
-    """A theory whose name is unknown, or that leaves out what the run has."""
 
 
 # `contact_of` or `others_of` say more of these effects than that they are on

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from granular_analysis.second_harmonic import SOLID_SPHERE, Ratios, ratios
 from granular_analysis.theory.adhesion import Adhesion, AtRest
+from granular_analysis.theory.errors import TheoryError
 
 Law = Literal["secant", "incremental", "potential"]
 LAWS: tuple[Law, ...] = get_args(Law)
@@ -59,27 +60,27 @@ class Contact:
 
     def __post_init__(self) -> None:
         if self.adhesion_law not in get_args(Adhesion):
-            raise ValueError(f"adhesion_law = {self.adhesion_law!r} is none of {get_args(Adhesion)}")
+            raise TheoryError(f"adhesion_law = {self.adhesion_law!r} is none of {get_args(Adhesion)}")
         if self.adhesion_law == "jkr" and not 0.0 <= self.prestress < 1.0:
-            raise ValueError(f"adhesion_law = 'jkr' needs prestress in [0, 1), not {self.prestress}: it adheres")
+            raise TheoryError(f"adhesion_law = 'jkr' needs prestress in [0, 1), not {self.prestress}: it adheres")
         if self.adhesion_law == "jkr" and self.law == "potential":
-            raise ValueError("law = 'potential' needs adhesion_law = 'dmt', not 'jkr': it is derived for that")
+            raise TheoryError("law = 'potential' needs adhesion_law = 'dmt', not 'jkr': it is derived for that")
         if not 0.0 <= self.prestress <= 1.0:
-            raise ValueError(f"prestress = {self.prestress} is outside [0, 1]")
+            raise TheoryError(f"prestress = {self.prestress} is outside [0, 1]")
         ratios(self.poisson_ratio, self.inertia, self.overlap_ratio)  # checks their ranges
         if self.law not in LAWS:
-            raise ValueError(f"law = {self.law!r} is none of {LAWS}")
+            raise TheoryError(f"law = {self.law!r} is none of {LAWS}")
         if self.law == "potential" and self.overlap_ratio > 0:
-            raise ValueError(f"law = 'potential' needs overlap_ratio = 0, not {self.overlap_ratio}: slip has a history")
+            raise TheoryError(f"law = 'potential' needs overlap_ratio = 0, not {self.overlap_ratio}; slip has history")
         if not 0.0 <= self.viscosity < np.inf:
-            raise ValueError(f"viscosity = {self.viscosity} must be finite and not negative")
+            raise TheoryError(f"viscosity = {self.viscosity} must be finite and not negative")
         if self.restitution is None:
             return
         said = f"restitution = {self.restitution}"
         if self.viscosity:
-            raise ValueError(f"{said} and viscosity = {self.viscosity}: a contact has one dashpot")
+            raise TheoryError(f"{said} and viscosity = {self.viscosity}: a contact has one dashpot")
         if self.prestress != 1:
-            raise ValueError(f"{said} needs prestress = 1, not {self.prestress}: it knows no adhesion")
+            raise TheoryError(f"{said} needs prestress = 1, not {self.prestress}: it knows no adhesion")
         restitution_viscosity(self.restitution, self.kappa)  # checks its range
 
     @classmethod
@@ -152,7 +153,7 @@ class Contact:
     def refuse_dashpots(self) -> None:
         """Raise ValueError for a contact with a dashpot, in a theory whose waves do not decay."""
         if self.dashpot:
-            raise ValueError(f"dashpot of the contact is {self.dashpot:g}; allowed: 0, waves here do not decay")
+            raise TheoryError(f"dashpot of the contact is {self.dashpot:g}; allowed: 0, waves here do not decay")
 
     @property
     def departures(self) -> tuple[str, ...]:
@@ -166,7 +167,7 @@ class Contact:
     def closed(self) -> Ratios:
         """Constants of `granular_analysis.second_harmonic`; raises ValueError for a contact that it does not hold."""
         if self.departures:
-            raise ValueError(f"the closed form does not hold {', '.join(self.departures)}")
+            raise TheoryError(f"the closed form does not hold {', '.join(self.departures)}")
         return ratios(self.poisson_ratio, self.inertia, self.overlap_ratio)
 
 
@@ -187,6 +188,6 @@ def restitution_viscosity(restitution: float, kappa: float) -> float:
     Source: LAMMPS's `GranSubModDampingCoeffRestitution`, whose product of constants √(3/2)·2√(5/6) is √5; m_eff = m/2.
     """
     if not 0.0 < restitution <= 1.0:
-        raise ValueError(f"restitution = {restitution} is outside (0, 1]")
+        raise TheoryError(f"restitution = {restitution} is outside (0, 1]")
     loss = -np.log(restitution)
     return float(np.sqrt(5) * loss / np.hypot(np.pi, loss) / np.sqrt(6 * (kappa + 3)))

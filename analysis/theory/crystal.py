@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.bonds import Bonds, Measured, ShearLaw, dmt, jkr
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.mirror import Mirror, images, mirrored
 from granular_analysis.theory.network import Material, ShearMixing, mixed
 from granular_analysis.theory.network_laws import Adhesion
@@ -207,10 +208,10 @@ class Crystal:
                 shapes, duals = (np.take_along_axis(each, order[..., None, None], axis=-3) for each in (shapes, duals))
         else:
             if np.any(np.abs(values.imag) > _SLOW * self.highest**2):
-                raise ValueError("modes grow or decay: torques with unequal arms are not conservative here")
+                raise TheoryError("modes grow or decay: torques with unequal arms are not conservative here")
             squares = np.sort(values.real, axis=-1)
         if np.any(squares < -((_SLOW * self.highest) ** 2)):
-            raise ValueError(f"the crystal is unstable: a squared frequency is {squares.min():.3g}; compress it less")
+            raise TheoryError(f"the crystal is unstable: a squared frequency is {squares.min():.3g}; compress it less")
         scale = np.sqrt(np.sum(np.abs(shapes) ** 2, axis=(-2, -1)) / len(self)) * _phase(shapes, k)
         shapes, duals = shapes / scale[..., None, None], duals * scale[..., None, None]
         return Modes(np.sqrt(np.maximum(squares, 0.0)), shapes, duals)
@@ -260,7 +261,7 @@ class Crystal:
         """
         place, cell = padded(position), padded(vectors)
         if len(place) == 0 or place.shape[1:] != (3,):
-            raise ValueError(f"position must be of shape (B, 2) or (B, 3), not {np.shape(position)}")
+            raise TheoryError(f"position must be of shape (B, 2) or (B, 3), not {np.shape(position)}")
         R, rho = (np.broadcast_to(np.asarray(each) + 0.0, len(place)) for each in (radius, density))
         kinds = np.broadcast_to(np.asarray(kind, dtype=np.intp), len(place))
         first, second, steps = find_contacts(cell.real, place.real, R.real)
@@ -274,7 +275,7 @@ class Crystal:
         parts += [_touching(wall, place, R, kinds, materials) for wall in walls]
         first, second, apart, normal, curving, overlap, A, B, F, _ = map(np.concatenate, zip(*parts, strict=True))
         if not len(first):
-            raise ValueError("no two spheres touch, and none touches a wall: radii add up to less than every distance")
+            raise TheoryError("no two spheres touch, and none touches a wall: radii add up to less than every distance")
         law = dmt(overlap, A, B, F) if adhesion == "dmt" else jkr(overlap, A, B, F)
         law = law if measured is None else measured.scale(law, second < 0, np.stack([kinds[first], kinds[second]]))
         if not shear:
@@ -320,7 +321,7 @@ class Crystal:
         left = np.abs(self.bonds.gather(ends, np.zeros(3), len(self))[:, list(self.freedoms)]).max()
         allowed = _AT_REST * float(np.max(np.abs(self.bonds.law.stiffness * overlap)))
         if left > allowed:
-            raise ValueError(
+            raise TheoryError(
                 f"the crystal is not at rest: a force of {left:.3g} is left on a sphere, allowed {allowed:.3g}"
             )
 

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.errors import TheoryError
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -56,7 +57,7 @@ class Load:
     def __post_init__(self) -> None:
         allowed = ("x", "y", "rotation" if self.moves else "torque")
         if self.axis not in allowed:
-            raise ValueError(f"axis = {self.axis!r}: must be one of {', '.join(allowed)}")
+            raise TheoryError(f"axis = {self.axis!r}: must be one of {', '.join(allowed)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +79,9 @@ class Crystal:
 
     def __post_init__(self) -> None:
         if not self.contact.rotation:
-            raise ValueError("contact.rotation = False: must be True, as sources turn spheres")
+            raise TheoryError("contact.rotation = False: must be True, as sources turn spheres")
         if self.contact.viscosity or self.contact.restitution is not None:
-            raise ValueError("contact: must be without dashpots")
+            raise TheoryError("contact: must be without dashpots")
 
     @cached_property
     def mass(self) -> Floats:
@@ -141,13 +142,13 @@ def response(crystal: Crystal, loads: Sequence[Load], times: ArrayLike) -> tuple
     """
     tau = np.asarray(times, dtype=float)
     if tau.ndim != 1 or not len(tau) or tau[0] < 0 or np.any(np.diff(tau) <= 0):
-        raise ValueError("times must be one-dimensional, ascending and not negative")
+        raise TheoryError("times must be one-dimensional, ascending and not negative")
     count = len(crystal.position)
     still = np.repeat(crystal.held, 3)
     moved: list[Integers] = [np.asarray(load.spheres, dtype=np.intp) for load in loads if load.moves]
     every = np.concatenate([*moved, np.empty(0, dtype=np.intp)])
     if len(np.unique(every)) < len(every):
-        raise ValueError("loads: a sphere is moved twice")
+        raise TheoryError("loads: a sphere is moved twice")
     still[(3 * every[:, None] + np.arange(3)).ravel()] = True
     free = np.flatnonzero(~still)
     root = np.sqrt(crystal.mass[free])

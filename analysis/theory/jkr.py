@@ -32,6 +32,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from granular_analysis.theory.errors import TheoryError
+
 Floats = NDArray[np.float64]
 Parting = Literal["load", "distance"]
 TOUCH = 2 / 3  # y where δ = 0
@@ -60,7 +62,7 @@ class Contact:
 
     def __post_init__(self) -> None:
         if not (min(self.radius, self.modulus, self.work) > 0 and np.isfinite(self.radius * self.modulus * self.work)):
-            raise ValueError(
+            raise TheoryError(
                 f"radius = {self.radius}, modulus = {self.modulus} and work = {self.work} must be positive and finite"
             )
 
@@ -110,7 +112,7 @@ class Contact:
         least = 3 * PARTS["distance"] ** (4 / 3) - 2 * PARTS["distance"] ** (1 / 3)
         if not np.all(ratio >= least):
             end = least * self.rest_overlap
-            raise ValueError(f"overlap must be at least {end}, where the contact ends, not {wanted}")
+            raise TheoryError(f"overlap must be at least {end}, where the contact ends, not {wanted}")
         s = np.maximum(np.sqrt(np.sqrt(np.maximum(ratio, 0.0))), 1.0) + 0.5
         for _ in range(60):  # near the end, a double root, each step halves the distance to it
             s = s - (3 * s**4 - 2 * s - ratio) / np.maximum(12 * s**3 - 2, 1e-12)
@@ -130,20 +132,20 @@ class Contact:
     def sticking_speed(self, mass: float, parting: Parting = "distance") -> float:
         """Return v_s = √(2W/m) of the relative velocity, below which bodies of the reduced mass m stay together."""
         if not mass > 0:
-            raise ValueError(f"mass must be positive, not {mass}")
+            raise TheoryError(f"mass must be positive, not {mass}")
         return sqrt(2 * self.loss(parting) / mass)
 
     def restitution(self, speed: ArrayLike, mass: float, parting: Parting = "distance") -> Floats:
         """Return e = √(1 − v_s²/v²) at relative velocities v > 0; 0 below v_s."""
         v = np.asarray(speed, dtype=float)
         if not np.all(v > 0):
-            raise ValueError(f"speed must be positive, not {v}")
+            raise TheoryError(f"speed must be positive, not {v}")
         return np.sqrt(np.maximum(1 - (self.sticking_speed(mass, parting) / v) ** 2, 0.0))
 
     def _y(self, contact_radius: ArrayLike) -> Floats:
         a = np.asarray(contact_radius, dtype=float)
         if not np.all(a >= 0):
-            raise ValueError(f"contact_radius must not be negative, not {a}")
+            raise TheoryError(f"contact_radius must not be negative, not {a}")
         return np.asarray((a / self.rest_radius) ** 1.5)
 
     def _radius_at(self, y: float) -> float:
@@ -152,5 +154,5 @@ class Contact:
 
 def _known(parting: Parting) -> float:
     if parting not in PARTS:
-        raise ValueError(f"parting must be one of {', '.join(get_args(Parting))}, not {parting!r}")
+        raise TheoryError(f"parting must be one of {', '.join(get_args(Parting))}, not {parting!r}")
     return PARTS[parting]

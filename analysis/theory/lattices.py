@@ -19,6 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from granular_analysis.theory.errors import TheoryError
+
 Floats = NDArray[np.float64]
 _ROOT = {n: float(np.sqrt(n)) for n in (2, 3, 6)}
 
@@ -55,7 +57,7 @@ class Lattice(NamedTuple):
         risen = int(np.rint(step[1] / self.row))
         beside = (self.basis[:, 1] / self.row) % 1 if len(self.vectors) == 3 else np.zeros(1)
         if max(np.abs(up - counts).max(), beside.max()) > 1e-9 or period % risen:
-            raise ValueError(f"a pattern of {period} rows: not in this lattice, whose layers have other rows")
+            raise TheoryError(f"a pattern of {period} rows: not in this lattice, whose layers have other rows")
         level = self.vectors - np.multiply.outer(counts / risen, step)
         inside = level[np.linalg.norm(level, axis=1) > 1e-9]
         places = (step * np.arange(period // risen)[:, None, None] + self.basis).reshape(-1, 3)

@@ -54,6 +54,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network_laws import Adhesion
 from granular_analysis.theory.network_outside import Drive
 
@@ -78,11 +79,11 @@ class Material:
 
     def __post_init__(self) -> None:
         if not 0 < self.youngs_modulus < np.inf:
-            raise ValueError(f"youngs_modulus = {self.youngs_modulus} must be positive and finite")
+            raise TheoryError(f"youngs_modulus = {self.youngs_modulus} must be positive and finite")
         if not -1 < self.poisson_ratio <= 0.5:
-            raise ValueError(f"poisson_ratio = {self.poisson_ratio} is outside (-1, 0.5]")
+            raise TheoryError(f"poisson_ratio = {self.poisson_ratio} is outside (-1, 0.5]")
         if not 0 <= self.work_of_adhesion < np.inf:
-            raise ValueError(f"work_of_adhesion = {self.work_of_adhesion} must be finite and not negative")
+            raise TheoryError(f"work_of_adhesion = {self.work_of_adhesion} must be finite and not negative")
 
 
 RIGID = Material(1e300, 0.0)  # 1/E is below the rounding of any other
@@ -156,42 +157,42 @@ class Network:
             object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
         count = len(self.position)
         if self.position.shape not in ((count, 2), (count, 3)) or not count or not np.all(np.isfinite(self.position)):
-            raise ValueError(f"position must be finite and of shape (N, 2) or (N, 3), not {self.position.shape}")
+            raise TheoryError(f"position must be finite and of shape (N, 2) or (N, 3), not {self.position.shape}")
         object.__setattr__(self, "cell", self.cell or (np.inf,) * self.dimension)
         for name in ("radius", "density"):
             values = getattr(self, name)
             if values.shape != (count,) or not np.all(np.isfinite(values) & (values > 0)):
-                raise ValueError(f"{name} must be positive, finite and of shape ({count},)")
+                raise TheoryError(f"{name} must be positive, finite and of shape ({count},)")
         for name in ("kind", "held", "drag"):
             if getattr(self, name) is not None and np.shape(getattr(self, name)) != (count,):
-                raise ValueError(f"{name} must be of shape ({count},), not {np.shape(getattr(self, name))}")
+                raise TheoryError(f"{name} must be of shape ({count},), not {np.shape(getattr(self, name))}")
         if not np.all((self.kinds >= 0) & (self.kinds < len(self.materials))):
-            raise ValueError(f"kind must be from 0 to {len(self.materials) - 1}, an index into materials")
+            raise TheoryError(f"kind must be from 0 to {len(self.materials) - 1}, an index into materials")
         for name, allowed in (
             ("law", get_args(Law)),
             ("shear_mixing", get_args(ShearMixing)),
             ("adhesion", get_args(Adhesion)),
         ):
             if getattr(self, name) not in allowed:
-                raise ValueError(f"{name} = {getattr(self, name)!r} is none of {allowed}")
+                raise TheoryError(f"{name} = {getattr(self, name)!r} is none of {allowed}")
         if self.adhesion == "jkr" and not all(each.work_of_adhesion > 0 for each in self.materials):
-            raise ValueError("adhesion = 'jkr' needs materials with work_of_adhesion above 0")
+            raise TheoryError("adhesion = 'jkr' needs materials with work_of_adhesion above 0")
         if not self.friction >= 0:
-            raise ValueError(f"friction = {self.friction} must not be negative; inf is without sliding")
+            raise TheoryError(f"friction = {self.friction} must not be negative; inf is without sliding")
         if not 0 <= self.viscosity < np.inf:
-            raise ValueError(f"viscosity = {self.viscosity} must be finite and not negative")
+            raise TheoryError(f"viscosity = {self.viscosity} must be finite and not negative")
         if self.restitution is not None and (not 0 < self.restitution <= 1 or self.viscosity or self.adheres):
-            raise ValueError(
+            raise TheoryError(
                 f"restitution = {self.restitution} must be in (0, 1], beside no viscosity and no work_of_adhesion"
             )
         if len(self.cell) != self.dimension or not min(self.cell) > 2 * self.reach:
             number = "two" if self.dimension == 2 else "three"
-            raise ValueError(f"cell = {self.cell} must be {number} periods of more than {2 * self.reach}, or inf")
+            raise TheoryError(f"cell = {self.cell} must be {number} periods of more than {2 * self.reach}, or inf")
         for each in self.walls:
-            if {len(each.point), len(each.normal)} != {self.dimension} or abs(
-                np.dot(each.normal, each.normal) - 1
-            ) > _UNIT:
-                raise ValueError(f"{each}: point and normal must have {self.dimension} components, normal the length 1")
+            sizes, length = {len(each.point), len(each.normal)}, np.dot(each.normal, each.normal)
+            if sizes != {self.dimension} or abs(length - 1) > _UNIT:
+                d = self.dimension
+                raise TheoryError(f"{each}: point and normal must have {d} components, normal the length 1")
 
     @cached_property
     def dimension(self) -> int:

@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.integrator import Solver
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_closed import closed_pairs
@@ -120,7 +121,7 @@ def scales(network: Network, state: State) -> tuple[float, float]:
         repulsion = network.coefficients(every, every)[0]
         length = max(length, float(np.max((network.mass * speed**2 / repulsion) ** 0.4)))
     if not (length > 0 and speed > 0):
-        raise ValueError("the network is at rest and no force acts: give it a displacement, a velocity or a spin")
+        raise TheoryError("the network is at rest and no force acts: give it a displacement, a velocity or a spin")
     return length, speed
 
 
@@ -149,7 +150,7 @@ def integrate(
     """
     times = np.asarray(times, dtype=float)
     if times.ndim != 1 or times.size == 0 or times[0] < 0 or np.any(np.diff(times) <= 0):
-        raise ValueError("times must be one-dimensional, not empty, not negative and ascending")
+        raise TheoryError("times must be one-dimensional, not empty, not negative and ascending")
     chosen = np.arange(len(network.position)) if spheres is None else np.asarray(spheres, dtype=np.intp)
     length, speed = scales(network, state)
     # A collision lasts three times the depth over the speed. Spheres in free flight give no error to shorten a step by.

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network import Network, Wall
 from granular_analysis.theory.network_laws import LAWS, Dmt, Jkr
 from granular_analysis.theory.network_tangents import (
@@ -274,7 +275,7 @@ def start(
         part[:dimension] = np.broadcast_to(np.asarray(ways, float), (count, dimension)).T
         part[dimension:] = np.broadcast_to(np.asarray(turns, float), (count, 3) if dimension == 3 else (count,)).T
     if not np.all(np.isfinite(motion)):
-        raise ValueError("displacement, velocity, rotation and spin must be finite")
+        raise TheoryError("displacement, velocity, rotation and spin must be finite")
     return loaded(network, motion.reshape(-1, count))
 
 

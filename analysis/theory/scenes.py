@@ -21,6 +21,7 @@ from granular_analysis.theory.bloch import frame
 from granular_analysis.theory.bonds import Measured
 from granular_analysis.theory.branches import named_branch
 from granular_analysis.theory.crystal import PLANE, Crystal, Wall
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.lattices import LATTICES, Lattice
 from granular_analysis.theory.network import mixed
 from granular_analysis.theory.second_order import Mixed, Wave, second_order, started, wave
@@ -83,7 +84,7 @@ def declared(key: str, value: Any) -> str:
 def need_wave(scene: Scene) -> None:
     """Raise ValueError for a scene of strikers or a state alone."""
     if scene.wave is None:
-        raise ValueError("wave: missing table; this theory is of scenes with a wave")
+        raise TheoryError("wave: missing table; this theory is of scenes with a wave")
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +109,7 @@ class Setting:
         departs = {key for key, value in self.scene.departures().items() if value is not False}
         if other := sorted(departs - allowed):
             values = ", ".join(declared(key, self.scene.departures()[key]) for key in other)
-            raise ValueError(f"the theory of a crystal leaves out {values}")
+            raise TheoryError(f"the theory of a crystal leaves out {values}")
 
     def number(self, key: str) -> Any:
         """Return the value of a key that is a number, as varied or as the scene has it."""
@@ -139,7 +140,7 @@ class Setting:
         if rows > 1 and not self.stacked:
             return self.lattice.rows(rows)
         if rows > 1:
-            raise ValueError("inclusion: rows of other densities are known in one layer, and in crystals without faces")
+            raise TheoryError("inclusion: rows of other densities are known in one layer, or in crystals without faces")
         layers = self.scene.packing.layers
         film = self.lattice.film(1 if layers == "auto" else int(layers)) if self.stacked else self.lattice[:2]
         return *film, np.zeros(len(film[1]), dtype=np.intp)
@@ -182,7 +183,7 @@ class Setting:
         for number, each in enumerate(scene.inclusion, 1):
             differs = {name for name, value in vars(each).items() if value != getattr(type(each)(), name)}
             if other := sorted(differs - {"rows", "every", "density"}):
-                raise ValueError(f"inclusion {number} has {', '.join(other)}; allowed: rows, every, density")
+                raise TheoryError(f"inclusion {number} has {', '.join(other)}; allowed: rows, every, density")
             varied = self.numbers.get(f"inclusion.{number}.density")
             first, last = each.rows
             chosen = slice(first, last + 1, each.every)
@@ -200,7 +201,7 @@ class Setting:
             fits = (n for n in range(shift, LONGEST + 1, shift) if np.all(kinds[n:] == kinds[:-n]))
         length = next(fits, 0)
         if not length:
-            raise ValueError(f"the densities of {len(rows)} rows do not repeat after {LONGEST} rows or fewer")
+            raise TheoryError(f"the densities of {len(rows)} rows do not repeat after {LONGEST} rows or fewer")
         if np.ptp(kinds) == 0:
             length = 1
         of_row = np.maximum(-kinds, 0).astype(np.intp)
@@ -223,7 +224,7 @@ class Setting:
             return sphere.static_overlap
         if sphere.adhesion_law != "dmt":
             varied = ", ".join(sorted(self.numbers.keys() & CONTACT))
-            raise ValueError(f"sphere.adhesion_law = {sphere.adhesion_law!r} allows to vary no {varied}; 'dmt' does")
+            raise TheoryError(f"sphere.adhesion_law = {sphere.adhesion_law!r} allows to vary no {varied}; 'dmt' does")
         radius, modulus, ratio, adhesion, pressed = (self.number(key) for key in CONTACT)
         pull = np.pi * adhesion * radius  # 2πw Rc, Rc = R/2
         return ((pull + pressed) / (2 / 3 * modulus / (1 - ratio**2) * np.sqrt(radius / 2))) ** (2 / 3)
@@ -311,7 +312,7 @@ class Setting:
         """
         self.refuse(CRYSTAL_KEYS - MOTION)
         if self.scene.wave.form not in FORMS:
-            raise ValueError(f"wave.form = {self.scene.wave.form!r}; allowed: {', '.join(FORMS)}")
+            raise TheoryError(f"wave.form = {self.scene.wave.form!r}; allowed: {', '.join(FORMS)}")
         scene, crystal, mode = self.scene, self.crystal(), self.mode()
         size = scene.displacement_amplitude * np.exp(1j * scene.wave.phase)
         field = np.tile(size * mode.shape, (len(crystal) // len(mode.shape), 1))

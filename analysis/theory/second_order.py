@@ -33,6 +33,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.bonds import Quadratic, Strain
 from granular_analysis.theory.crystal import Crystal, Modes, padded
+from granular_analysis.theory.errors import TheoryError
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -75,7 +76,7 @@ def chosen(modes: Modes, wavevector: ArrayLike, branch: ArrayLike) -> Wave:
     count = modes.frequencies.shape[-1]
     index = np.broadcast_to(np.asarray(branch), k.shape[:-1])
     if not np.isin(index, range(count)).all():
-        raise ValueError(f"branch is {branch!r}; allowed: {', '.join(map(str, range(count)))} in ascending frequency")
+        raise TheoryError(f"branch is {branch!r}; allowed: {', '.join(map(str, range(count)))} in ascending frequency")
     frequency = np.take_along_axis(modes.frequencies, index[..., None], axis=-1)[..., 0]
     return Wave(k, frequency, np.take_along_axis(modes.shapes, index[..., None, None, None], axis=-3)[..., 0, :, :])
 
@@ -99,14 +100,14 @@ def wave(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike, *, along: A
     if along is None:
         alike = crystal.parity(modes.shapes, padded(wavevector)) == crystal.parity(plain.shape, wavevector)[..., None]
         if np.any((same & alike).sum(axis=-1) > 1):
-            raise ValueError(f"branch {branch!r} has the frequency of another one here: give `along`, its polarisation")
+            raise TheoryError(f"branch {branch!r} has the frequency of another one: give `along`, its polarisation")
         return plain
     wanted = np.broadcast_to(np.asarray(along, dtype=complex), (len(crystal), 6))
     shares = np.where(same, np.sum(modes.duals * wanted, axis=(-2, -1)), 0.0)
     shape = np.einsum("...j,...jbc->...bc", shares, modes.shapes)
     norm = np.sqrt(np.sum(np.abs(shape) ** 2, axis=(-2, -1)) / len(crystal))
     if not np.all(norm > RIGID * np.linalg.norm(wanted)):
-        raise ValueError(f"along = {along!r} has no share in branch {branch!r}")
+        raise TheoryError(f"along = {along!r} has no share in branch {branch!r}")
     return plain._replace(shape=shape / norm[..., None, None])
 
 
@@ -126,7 +127,7 @@ def started(crystal: Crystal, wavevector: ArrayLike, displacement: Complexes, ve
     for j, frequency in enumerate(modes.frequencies):
         if frequency < RIGID * crystal.highest:
             if abs(rate[j]) > least * crystal.highest:
-                raise ValueError(f"branch {j} at wave vector {k} does not oscillate, and the start moves it")
+                raise TheoryError(f"branch {j} at wave vector {k} does not oscillate, and the start moves it")
             parts = [(0.0, place[j])]
         else:
             turned = 1j * rate[j] / frequency
@@ -253,7 +254,7 @@ class Mixed:
         Raises ValueError where contacts wind up.
         """
         if np.any(self.winds):
-            raise ValueError("slip winds up: two waves of one frequency are out of phase in a contact; use `signal`")
+            raise TheoryError("slip winds up: two waves of one frequency are out of phase in a contact; use `signal`")
         running, _, winding = self.shares
         still = np.abs(self.frequency)[..., None] < RIGID * self.crystal.highest
         return running + np.where(still, 0.0, 1j * winding / np.where(still, 1.0, self.frequency[..., None]))

@@ -45,6 +45,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.bonds import Bonds, Quadratic, Strain, crossed
 from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.second_order import Mixed, Wave
 
 Floats = NDArray[np.float64]
@@ -69,7 +70,7 @@ class Shift(NamedTuple):
         """Return δω (...), what the wave is out of tune for t ≫ 1/δ₊; ValueError exactly on resonance."""
         twice = self.twice[..., None]
         if np.any((np.abs(self.natural - np.abs(twice)) < _MET * np.abs(twice)) & (self.through != 0)):
-            raise ValueError("the wave is on resonance, where the frequency shift is infinite")
+            raise TheoryError("the wave is on resonance, where the frequency shift is infinite")
         return np.asarray(self.springs + np.sum(self.through / ((self.natural - twice) * (self.natural + twice)), -1))
 
     def phase(self, time: ArrayLike) -> Complexes:
@@ -134,7 +135,7 @@ def cubic(bonds: Bonds, strain: Strain) -> tuple[Complexes, Complexes]:
     Raises ValueError for the potential law.
     """
     if bonds.shear_law == "potential":
-        raise ValueError(f"law = {bonds.shear_law!r} is not in the cubic forces; allowed: 'secant', 'incremental'")
+        raise TheoryError(f"law = {bonds.shear_law!r} is not in the cubic forces; allowed: 'secant', 'incremental'")
     phases = np.exp(1j * _ANGLES).reshape(-1, *(1,) * strain.slip.ndim)
     path = _path(bonds, strain, phases)
     law, n, normals, (x, longer, _) = bonds.law, bonds.normal, path.normals, path.lengths

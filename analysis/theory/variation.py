@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.bonds import Bonds, Strain
 from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.second_order import Mixed, Wave
 
 Floats = NDArray[np.float64]
@@ -191,7 +192,7 @@ class Modes:
         same = self._gaps(branch)[1] & (np.arange(len(self.frequencies)) != branch)
         others = np.abs(self.changes[:, same, branch]), np.abs(self.changes[:, branch, same])
         if np.any(np.maximum(*others) > _MIXED * np.abs(self.changes).max(axis=(1, 2))[:, None]):
-            raise ValueError(f"branch {branch} has the frequency of another one here, and mixes with it")
+            raise TheoryError(f"branch {branch} has the frequency of another one here, and mixes with it")
 
     def _gaps(self, branch: int) -> tuple[Floats, NDArray[np.bool_]]:
         """Return λ_j − λ_l of a branch, and where it is 0."""
@@ -240,7 +241,7 @@ def resonance(place: Place, values: ArrayLike, branch: int, target: int, near: f
                 Value(growth.value, growth.gradient[:-1] + growth.gradient[-1] * moves),
             )
         x += step
-    raise ValueError(f"branches {branch} and {target} have no resonance near the wave number {near:.6g}")
+    raise TheoryError(f"branches {branch} and {target} have no resonance near the wave number {near:.6g}")
 
 
 def _linear(crystal: Crystal, k: NDArray[Any], field: Pair) -> Pair:

@@ -21,6 +21,7 @@ from granular_analysis.theory import bloch, second_order
 from granular_analysis.theory.bloch import branch_among, frame, hexagonal, in_plane, wavevector_of
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.crystal import Crystal, padded
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.second_order import Mixed
 from granular_analysis.theory.third_order import Shift
 from granular_analysis.theory.third_order import shift as shift_of
@@ -62,7 +63,7 @@ class Wave:
     def __post_init__(self) -> None:
         left = residual(self.mode, self.contact)
         if not left < RESIDUAL:
-            raise ValueError(
+            raise TheoryError(
                 f"mode {self.mode.name} at wavenumber = {self.mode.wavenumber} is no wave of this contact: it leaves "
                 f"{left:.1e} of the forces, allowed is {RESIDUAL:.0e}; make the mode with the constants of the contact"
             )

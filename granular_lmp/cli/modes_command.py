@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
+    from granular_lmp.crystal.wavevector import WaveVector
     from granular_lmp.scene.scene import Scene
 
 Table = list[dict[str, Any]]  # a row is column → value
@@ -49,7 +50,7 @@ def _modes(options: Options) -> int:
     if options.path is not None or options.dos is not None:
         figure = _branches_of(scene, options)
     else:
-        figure = _bands_of(scene, options) if scene.wave is None else _modes_of(scene, options)
+        figure = _bands_of(scene, options) if scene.loose else _modes_of(scene, options)
     if options.plot:
         from granular_lmp.plot.signals import save
 
@@ -63,10 +64,7 @@ def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     """Say in which bands of frequencies waves run along a chain that is pressed together, and where none does."""
     from granular_lmp.cli.bands import as_json, as_text, ranges
     from granular_lmp.problem import prepare
-    from granular_lmp.scene.refusals import require_wave
 
-    if not scene.loose:
-        require_wave(scene)
     problem = prepare(scene)
     assert problem.mode is None
     t0 = problem.scale.time
@@ -88,16 +86,17 @@ def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
 
 
 def _modes_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
-    """Say the Bloch modes at the scene's wave vector, and of a chain its bands."""
+    """Say the Bloch modes at the scene's wave vector, without a wave at Γ, and of a chain its bands."""
     from granular_lmp.cli.bands import as_json, as_text, ranges
     from granular_lmp.scene.at_rest import chain_cell
 
+    vector = _vector_of(scene)
     cell, t0 = chain_cell(scene), scene.sphere.time_scale
     bands, table = ranges(cell) if cell else [], _at_wavevector(scene)
     _write(table, options)
     if options.json:
         say_json(
-            {"wavenumber": scene.wavenumber, "direction": scene.direction, "t0_s": t0}
+            {"wavenumber": vector.wavenumber, "direction": vector.direction, "t0_s": t0}
             | ({"left_out": scene.left_out} if scene.left_out else {})
             | (as_json(bands, t0) if bands else {})
             | {"modes": {row["mode"]: {key: row[key] for key in row if key != "mode"} for row in table}}
@@ -117,6 +116,11 @@ def _modes_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     return figure
 
 
+def _vector_of(scene: "Scene") -> "WaveVector":
+    """Return the wave vector of a scene's wave, without one Γ."""
+    return scene.lattice.vector(0.0) if scene.wave is None else scene.vector
+
+
 def _at_wavevector(scene: "Scene") -> Table:
     """Return a row for each mode at the scene's wave vector."""
     import numpy as np
@@ -127,11 +131,12 @@ def _at_wavevector(scene: "Scene") -> Table:
     from granular_lmp.scene.linear import physics_of, wave_contacts
 
     crystal, sphere, physics = wave_contacts(scene), scene.sphere, physics_of(scene)
-    k = np.array(scene.vector.components) / lattice_constant(sphere)
-    if physics.space:
-        found = _in_space(scene, k)
+    vector = _vector_of(scene)
+    k = np.array(vector.components) / lattice_constant(sphere)
+    if physics.space or not vector.wavenumber:
+        found = _of_crystal(scene, vector, k)
     else:
-        modes = modes_at(crystal, sphere, scene.vector, physics)
+        modes = modes_at(crystal, sphere, vector, physics)
         found = [(m.frequency, {"mode": m.name, "p": m.p, "q": m.q, "f": m.f}) for m in modes]
     velocities = group_velocities(crystal, sphere, k, physics) * sphere.radius / sphere.time_scale
     velocities = velocities[len(velocities) - len(found) :]  # motions that no contact resists are the lowest
@@ -139,12 +144,14 @@ def _at_wavevector(scene: "Scene") -> Table:
     hertz = 1 / sphere.time_scale / (2 * pi)
     return [
         row
-        | {"frequency": frequency, "frequency_Hz": frequency * hertz, "group_velocity_m_s": velocities[place].tolist()}
+        | {"frequency": frequency, "frequency_Hz": frequency * hertz}
+        # At Γ that of sound is no derivative: it depends on the direction
+        | ({"group_velocity_m_s": velocities[place].tolist()} if vector.wavenumber else {})
         for (frequency, row), place in zip(found, order, strict=True)
     ]
 
 
-def _in_space(scene: "Scene", k: "NDArray[np.float64]") -> list[tuple[float, dict[str, Any]]]:
+def _of_crystal(scene: "Scene", vector: "WaveVector", k: "NDArray[np.float64]") -> list[tuple[float, dict[str, Any]]]:
     """Return frequency and number, names and shares of each mode, lowest first.
 
     Where mirrors part the modes in sagittal and shear-horizontal ones, modes of one frequency have the shapes of both.
@@ -155,7 +162,7 @@ def _in_space(scene: "Scene", k: "NDArray[np.float64]") -> list[tuple[float, dic
     from granular_lmp.scene.linear import physics_of, wave_contacts
 
     crystal, sphere, physics = wave_contacts(scene), scene.sphere, physics_of(scene)
-    named = dict(named_in_space(crystal, sphere, scene.vector, physics))
+    named = dict(named_in_space(crystal, sphere, vector, physics)) if physics.space else {}
     plane = {name: named.pop(name)[0] for name in MODES if name in named}
     if named:
         modes = sorted(((*mode, name) for name, mode in named.items()), key=lambda mode: mode[0])
@@ -174,19 +181,23 @@ def _in_space(scene: "Scene", k: "NDArray[np.float64]") -> list[tuple[float, dic
 
 def _say_modes(scene: "Scene", table: Table) -> None:
     """Print the modes at the scene's wave vector."""
-    along = "" if scene.along == "y" else f" along {scene.along}"
     shapes = "shapes with p2 + q2 + f2 = 1"
     if scene.wave_lattice.cell_size > 1:
         shapes += ", roots of sums over the cell"
-    if scene.space == 3:
+    by_share = "name" in table[0]
+    if by_share:
         shapes = "shares of the kinetic energy"
-    say(f"xi = {scene.wavenumber!r} rad per row{along}; t0 = {scene.sphere.time_scale:.6g} s; {shapes}")
+    where = "xi = 0, as there is no [wave] (--path has all wave vectors)"
+    if scene.wave is not None:
+        where = f"xi = {scene.wavenumber!r} rad per row" + ("" if scene.along == "y" else f" along {scene.along}")
+    say(f"{where}; t0 = {scene.sphere.time_scale:.6g} s; {shapes}")
     if scene.left_out:
-        say(f"of the perfect lattice, as which the wave starts; left out: {scene.left_out}")
+        start = "" if scene.wave is None else ", as which the wave starts"
+        say(f"of the perfect lattice{start}; left out: {scene.left_out}")
     columns = [key for key, value in table[0].items() if isinstance(value, float) and "frequency" not in key]
-    width = 10 if scene.space == 3 else 12
+    width = 10 if by_share else 12
     head = "".join(f"{column:>{width}}" for column in columns)
-    named = f"{'name':8}" if scene.space == 3 else ""
+    named = f"{'name':8}" if by_share else ""
     say(f"{'mode':5}{named}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{head}")
     for row in table:
         shape = "".join(f"{row[column] + 0.0:{width}.{width - 4}f}" for column in columns)
@@ -200,8 +211,11 @@ def _branches_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     from granular_lmp.errors import SceneError
     from granular_lmp.scene.linear import physics_of, wave_contacts
 
-    if scene.wave is None:
-        raise SceneError("modes --path and --dos: need a scene with [wave], whose spheres are held together at rest")
+    if scene.loose:
+        raise SceneError(
+            f"modes --path and --dos: {scene.name} must have spheres that adhere, or a sheet that is pressed together; "
+            "loose spheres have no modes"
+        )
     crystal, sphere, physics = wave_contacts(scene), scene.sphere, physics_of(scene)
     hertz = 1 / sphere.time_scale / (2 * pi)
     if options.path is None:

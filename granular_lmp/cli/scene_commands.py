@@ -132,6 +132,10 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
     """Yield the lines of check, each with the word that it begins with."""
     scene, scale = problem.scene, problem.scale
     yield "spheres", f"{found.spheres}"
+    under = {"below": "on a substrate", "both": "between two substrates"}
+    lies = [under[scene.substrate.sides]] if scene.substrate else []
+    if differs := [*lies, *([scene.imperfections] if scene.imperfections else [])]:
+        yield "crystal", "; ".join(differs)
     runs = f" in {found.runs} runs, or more if their errors ask for it" if found.runs > 1 else ""
     of = f" of {len(problem.recorded)} spheres" if problem.mode is None else f", {found.snapshots} snapshots"
     yield "steps", f"{found.steps}{runs}; {found.records} records{of}"

@@ -20,10 +20,17 @@ def add_to(commands: Commands) -> None:
         "-o", "--output", metavar="FILE", required=True, help="PNG, PDF or SVG; of a run also a movie, GIF or MP4"
     )
     view.add_argument("--tau", type=float, help="of a run: which snapshot (default: the last)")
-    view.add_argument("--colour", help="of a run: rotation, energy, p or q (default: rotation, where spheres turn)")
+    view.add_argument(
+        "--colour",
+        help="of a run: rotation, energy, speed, displacement (its magnitude), p, q, x, y or z (default: rotation, "
+        "where spheres turn, and speed without a wave)",
+    )
     view.add_argument("--magnify", type=float, metavar="X", help="of a run: displacements and angles X times as large")
     view.add_argument(
-        "--rows", type=positive, metavar="N", help="of a run: rows to draw around the centre (default: 25)"
+        "--rows",
+        type=positive,
+        metavar="N",
+        help="of a run: rows around the centre (default: 25, without a wave all)",
     )
     view.add_argument(
         "--fronts",
@@ -33,13 +40,15 @@ def add_to(commands: Commands) -> None:
     view.add_argument(
         "--side",
         metavar="SIDE",
-        help="of a run in space: seen from the top, or from the end of an axis: top, x or y (default: x)",
+        help="of a run in space: seen from the top, or from the end of an axis: top, x or y (default: x of a wave)",
     )
     view.add_argument(
         "--at-rest",
         action="store_true",
         help="of a scene whose spheres differ: the crystal at rest, with the forces of its contacts",
     )
+    view.add_argument("--fps", type=float, metavar="N", help="of a movie: frames a second (default: 10)")
+    view.add_argument("--size", type=_size, metavar="WIDTHxHEIGHT", help="pixels of the picture, as 1280x720")
     view.add_argument("--monitor", metavar="NAME", help="of a run: what this monitor recorded, over time")
     view.add_argument("--column", help="of a sweep: a column of sweep.csv (default: largest_p, of impacts far_speed)")
 
@@ -92,10 +101,18 @@ def _distances(text: str) -> tuple[float, float]:
     return near, far
 
 
+def _size(text: str) -> tuple[int, int]:
+    """Return width and height of "1280x720"."""
+    width, _, height = text.partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
+        raise argparse.ArgumentTypeError(f"{text!r}: must be width and height in pixels, as 1280x720")
+    return int(width), int(height)
+
+
 def _view(options: Options) -> int:
     from granular_lmp.plot.view import view
 
-    names = ("tau", "colour", "magnify", "rows", "fronts", "side", "column", "monitor", "at_rest")
+    names = ("tau", "colour", "magnify", "rows", "fronts", "side", "column", "monitor", "at_rest", "fps", "size")
     wanted = {name: getattr(options, name) for name in names}
     for note in view(options.folder, options.output, **wanted):
         remark(f"note: {note}")

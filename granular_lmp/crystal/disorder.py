@@ -174,7 +174,7 @@ def imperfect(
     kinds, named = [(sphere, 0)], {kind for pair in pairs for kind in pair.of}
     for number, inclusion in enumerate(inclusions):
         _check(inclusion, number)
-        chosen = _chosen(lattice, inclusion, number, disorder.seed)
+        chosen = chosen_of(lattice, inclusion, number, disorder.seed)
         if inclusion.vacancy and held[chosen].any():
             raise CrystalError(f"inclusion {number + 1}: leaves out a held sphere; only free ones can be vacancies")
         if inclusion.vacancy and recorded in chosen:
@@ -244,8 +244,8 @@ def _check(inclusion: Inclusion, number: int) -> None:
             raise CrystalError(f"{name}: {key} = {value!r}: must be between {low!r} and {high!r}")
 
 
-def _chosen(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) -> Integers:
-    """Return the indices of the spheres of an inclusion."""
+def chosen_of(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) -> Integers:
+    """Return the indices of the spheres of an inclusion, the `number`-th of its scene from 0, in a lattice."""
     within = _of_layers(lattice, inclusion, number)
     if inclusion.share:
         free = within & ~np.asarray(lattice.arrays["fixed"], dtype=bool)

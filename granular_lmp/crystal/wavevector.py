@@ -77,8 +77,10 @@ class WaveVector:
 
     @property
     def unit(self) -> tuple[float, float]:
-        """Unit vector k/|k|."""
+        """Unit vector k/|k|; at Γ, where all directions are alike, that of y."""
         size = self.wavenumber
+        if size == 0:
+            return 0.0, 1.0
         return self.row_spacing * self.per_column / size, self.per_row / size
 
     def along(self, ux: Value, uy: Value) -> Value:

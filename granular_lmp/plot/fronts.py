@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 from granular_lmp.crystal.group_velocity import fronts
 from granular_lmp.crystal.lattices import HEXAGONAL
 from granular_lmp.errors import ViewError
-from granular_lmp.plot.signals import BRANCH_STYLES
+from granular_lmp.plot.signals import BRANCH_STYLES, LEGEND
 from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.scene.linear import physics_of, unit_contacts, usual_frequency
 
 MOST_SPHERES = 4  # a source may have; each has fronts of its own
 
@@ -36,7 +36,7 @@ class Fronts:
                 f'--fronts: sources of {scene.name} must have signal = "burst", which has a middle, and spheres = 1 to '
                 f"{MOST_SPHERES} of them"
             )
-        usual, lattice, physics = mode_of(scene).frequency, unit_contacts(scene), physics_of(scene)
+        usual, lattice, physics = usual_frequency(scene), unit_contacts(scene), physics_of(scene)
         row, column = snapshots.crystal.arrays["row"], snapshots.crystal.arrays["column"]
         self.lines = []
         labelled: set[str] = set()
@@ -53,7 +53,7 @@ class Fronts:
                     (line,) = axes.plot([], [], label=label, zorder=4, **style)  # type: ignore[arg-type]
                     self.lines.append((line, start, closed, middle))
         if labelled:
-            axes.legend(loc="upper left", fontsize="x-small", framealpha=0.8)
+            axes.legend(loc="upper left", fontsize=LEGEND, framealpha=0.8)
 
     def show(self, tau: float) -> None:
         """Move the lines to a time; before the middle of its burst has left there is none."""

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from granular_lmp.errors import ViewError
-from granular_lmp.plot.signals import Picture
+from granular_lmp.plot.signals import LEGEND, Picture
 from granular_lmp.runs.monitors import MonitorRecord
 
 MOST_LINES = 8  # Of more, their mean is drawn between the least and the largest of them
@@ -49,7 +49,7 @@ def monitor_figure(monitor: MonitorRecord) -> Picture:
         panel.margins(x=0)
     panels[-1].set(xlabel=r"$\tau$ ($t_0$)")
     if 1 < len(labels) <= MOST_LINES:
-        panels[0].legend(fontsize="x-small", ncols=2)
+        panels[0].legend(fontsize=LEGEND, ncols=2)
     panels[0].set_title(f"{monitor.scene.name}: monitor {monitor.monitor.name}", fontsize="medium")
     return figure
 

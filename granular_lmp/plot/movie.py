@@ -12,12 +12,13 @@ from matplotlib.colors import LinearSegmentedColormap
 from PIL import Image
 
 from granular_lmp.errors import RunFolderError, ViewError, one_line
-from granular_lmp.plot.signals import Picture
+from granular_lmp.plot.signals import Picture, resized
 
 FRAMES_PER_SECOND = 10
 MOVIES = (".gif", ".mp4")
 MARK = "tab:red"
-_DPI = 80
+FASTEST = 50  # frames a second, which is what a GIF can have
+_WIDTH, _NARROWEST = 640, 8.0  # pixels, and inches of a figure with signals: 80 dots an inch
 
 
 def refuse_movie(path: Path) -> None:
@@ -26,8 +27,18 @@ def refuse_movie(path: Path) -> None:
         raise ViewError(f"{path}: needs the program ffmpeg, which was not found; a .gif does without")
 
 
-def write_movie(figure: Picture, show: Callable[[int], None], count: int, path: Path, colours: str) -> None:
+def write_movie(
+    figure: Picture,
+    show: Callable[[int], None],
+    count: int,
+    path: Path,
+    colours: str,
+    fps: float = FRAMES_PER_SECOND,
+    size: tuple[int, int] | None = None,
+) -> None:
     """Write a movie of a figure, whose frames `show` makes by their number; `colours` is its colour map.
+
+    It has `fps` frames a second, and `size` pixels along width and height (`resized`).
 
     Raises
     ------
@@ -43,13 +54,16 @@ def write_movie(figure: Picture, show: Callable[[int], None], count: int, path: 
             yield figure
             figure.set_layout_engine("none")  # all frames keep the layout of the first, which takes most of its time
 
+    if not 0 < fps <= FASTEST:
+        raise ViewError(f"fps = {fps!r}: must be above 0, and at most {FASTEST}")
+    figure.set_dpi(resized(figure, size) if size else _WIDTH / max(figure.get_figwidth(), _NARROWEST))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.suffix.lower() == ".gif":
-            _write_gif(frames(), path, colours)
+            _write_gif(frames(), path, colours, fps)
         else:
-            writer = FFMpegWriter(fps=FRAMES_PER_SECOND)
-            with writer.saving(figure, str(path), dpi=_DPI):
+            writer = FFMpegWriter(fps=fps)  # type: ignore[arg-type]  # ffmpeg takes fractions
+            with writer.saving(figure, str(path), dpi=figure.dpi):
                 for _ in frames():
                     writer.grab_frame()
     except OSError as error:
@@ -58,7 +72,7 @@ def write_movie(figure: Picture, show: Callable[[int], None], count: int, path: 
         raise ViewError(f"{path}: ffmpeg failed with exit status {error.returncode}") from error
 
 
-def _write_gif(frames: Iterable[Picture], path: Path, colours: str) -> None:
+def _write_gif(frames: Iterable[Picture], path: Path, colours: str, fps: float) -> None:
     """Write a GIF with one palette, without dither, for all frames.
 
     The file is half as large as that of matplotlib's writer and does not flicker.
@@ -69,9 +83,8 @@ def _write_gif(frames: Iterable[Picture], path: Path, colours: str) -> None:
     palette.putpalette((255 * np.vstack(shades)[:, :3]).round().astype(np.uint8).tobytes())
     images: list[Image.Image] = []
     for figure in frames:
-        figure.set_dpi(_DPI)
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
         images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
-    images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // FRAMES_PER_SECOND, loop=0)
+    images[0].save(path, save_all=True, append_images=images[1:], duration=round(1000 / fps), loop=0)

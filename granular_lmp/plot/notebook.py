@@ -8,9 +8,11 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.errors import ViewError
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.plot.motion import motion_figure
+from granular_lmp.plot.crystal import run_figure
+from granular_lmp.plot.motion import chain_figure
 from granular_lmp.plot.signals import dispersion_figure, png
 from granular_lmp.plot.view import sweep_figure
 from granular_lmp.runs.record import Record
@@ -52,7 +54,16 @@ def _(record: Record) -> str:
         "guards": ", ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]) or "quiet",
         "folder": str(record.folder or "none"),
     }
-    return _card(repr(record), facts, motion_figure(record) if record.scene.wave is None else record.plot())
+    return _card(repr(record), facts, _picture(record))
+
+
+def _picture(record: Record) -> Figure | None:
+    """Return the signals of a wave, a chain without one over time, and a sheet without one at the end of its run."""
+    if record.scene.wave is not None:
+        return record.plot()
+    if record.scene.lattice == CHAIN:
+        return chain_figure(record)
+    return None if record.folder is None else run_figure(record, record.snapshots())
 
 
 @html.register

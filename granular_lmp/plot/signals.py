@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from io import BytesIO
+from math import pi
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.accuracy.rounding import moving
 from granular_lmp.crystal.modes import modes_at
-from granular_lmp.errors import RunFolderError, one_line
+from granular_lmp.errors import RunFolderError, ViewError, one_line
 from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
 from granular_lmp.scene.scene import Scene
 
@@ -29,6 +30,10 @@ OBLIQUE = {"p": r"$p$, along $k$ ($D_0$)", "q": r"$q$, across $k$ ($D_0$)"} | RO
 SPACE = {f"u{axis}": rf"$u_{axis}$ ($D_0$)" for axis in "xyz"} | {f"phi{axis}": rf"$\varphi_{axis}$" for axis in "xyz"}
 
 
+FEWEST_PIXELS, MOST_PIXELS = 100, 4000
+LEGEND = 8  # points: the smallest letters of a legend
+
+
 class Picture(Figure):
     """A figure that a notebook shows without pyplot."""
 
@@ -44,11 +49,11 @@ def png(figure: Figure, dpi: int) -> bytes:
 
 
 def signals_to_draw(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
-    """Return the names of the signals to draw: those that are not zero by symmetry, and p.
+    """Return the names of the signals to draw: those that are not zero by symmetry, p if all are.
 
     In space displacements and angles by their axes, which hold p, q and φ.
     """
-    worth = {*moving(signals)} & SPACE.keys() or {"p", *moving(signals)}
+    worth = {*moving(signals)} & SPACE.keys() or {*moving(signals)} or {"p"}
     return [name for name in signals if name in worth]
 
 
@@ -70,12 +75,14 @@ def draw_signals(
 
 
 def title(scene: Scene) -> str:
-    """Return a title: name, mode and kind of the wave, ξ and direction that are used, and amplitude."""
-    wave = scene.wave
+    """Return a title: name, and of a wave its mode and kind, ξ and direction that are used, and amplitude."""
+    wave, name = scene.wave, scene.name.replace("_", " ")
+    if wave is None:
+        return f"{name}: {scene.moved_words}"
     kind = "" if scene.envelope.kind == "wave" else f" {scene.envelope.kind}"
     along = "" if scene.along == "y" else f" along {scene.along}"
     return (
-        rf"{scene.name}: {scene.shaken}{wave.words}{kind}, $\xi$ = {scene.wavenumber:.4g} rad per row{along}, "
+        rf"{name}: {scene.shaken}{wave.words}{kind or ' wave'}, $\xi$ = {scene.wavenumber:.4g} rad per row{along}, "
         rf"$D_0$ = {wave.amplitude:g} $\Delta_0$"
     )
 
@@ -93,10 +100,13 @@ def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np
 def dispersion_figure(scene: Scene) -> Figure:
     """Return a figure of Ω(ξ) in the scene's lattice and direction with its wave marked, and an axis in Hz to GHz.
 
+    Without a wave the direction is y.
+
     Along y and x the branches have the names of the modes. In other directions branches exchange their names, so all
     are drawn alike, and so are those of several spheres a cell.
     """
-    lattice, vector, physics = wave_contacts(scene), scene.vector, physics_of(scene)
+    lattice, physics = wave_contacts(scene), physics_of(scene)
+    vector = scene.lattice.vector(pi / 2) if scene.wave is None else scene.vector
     edge = scene.lattice.zone_edge(vector.direction)
     wavenumbers = np.linspace(0.01, edge, 200)
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")
@@ -109,14 +119,27 @@ def dispersion_figure(scene: Scene) -> Figure:
         else:
             branch = [sorted(mode.frequency for mode in all_of)[index] for all_of in modes]
             axes.plot(wavenumbers, branch, color="black", label="_" * (index > 0) + "all branches")
-    wave = mode_of(scene, physics)
-    axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{wave.name}, $\\xi$ = {wave.wavenumber:.4g}")
+    if scene.wave is not None:
+        wave = mode_of(scene, physics)
+        axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{wave.name}, $\\xi$ = {wave.wavenumber:.4g}")
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, edge))
     axes.set_ylim(bottom=0)
     frequency_axis(axes, 2 * np.pi * scene.sphere.time_scale)
-    where = "" if scene.along == "y" else f", along {scene.along}"
+    where = "" if vector.axis == "y" else f", along {scene.along}"
     axes.legend(title=scene.name + where)
     return figure
+
+
+def in_si(value: float, unit: str) -> str:
+    """Return a value in SI units in words: "12.5 µm"."""
+    prefixes = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "µ", 1e-9: "n", 1e-12: "p"}
+    size = next((size for size in prefixes if abs(value) >= size * (1 - 1e-9)), 1e-12 if value else 1.0)
+    return f"{value / size:.3g} {prefixes[size]}{unit}"
+
+
+def clock(tau: float, scene: Scene) -> str:
+    """Return a time as a title has it, in t0 and in SI units."""
+    return rf"$\tau$ = {tau:.4g} ({in_si(tau * scene.scale.time, 's')})"
 
 
 def frequency_axis(axes: Axes, per_hertz: float) -> None:
@@ -136,8 +159,21 @@ def _unit_of_frequency(largest: float) -> tuple[float, str]:
     return size, sizes[size]
 
 
-def save(figure: Figure, path: str | Path) -> None:
-    """Write the figure in the format of the file's suffix; its folder is created.
+def resized(figure: Figure, size: tuple[int, int]) -> float:
+    """Give a figure the shape of a size in pixels, and return the dots per inch with which it has that size.
+
+    Its width in inches stays, so that letters grow with the picture.
+    """
+    width, height = size
+    if not all(FEWEST_PIXELS <= each <= MOST_PIXELS for each in size):
+        raise ViewError(f"size = {width}x{height}: must be from {FEWEST_PIXELS} to {MOST_PIXELS} pixels each")
+    wide = figure.get_figwidth()
+    figure.set_size_inches(wide, wide * height / width)
+    return width / wide
+
+
+def save(figure: Figure, path: str | Path, size: tuple[int, int] | None = None) -> None:
+    """Write the figure in the format of the file's suffix, with a size in pixels (`resized`); its folder is created.
 
     Raises
     ------
@@ -150,6 +186,6 @@ def save(figure: Figure, path: str | Path) -> None:
         raise RunFolderError(f"{path}: must end in one of {', '.join(sorted(known))}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=150)
+        figure.savefig(path, dpi=resized(figure, size) if size else 150)
     except OSError as error:
         raise RunFolderError(f"{path}: cannot be written: {one_line(error)}") from error

@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 
+from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.errors import RunFolderError, ViewError
 from granular_lmp.lammps.outputs import SWEEP
 from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.crystal import run_figure, run_movie
 from granular_lmp.plot.monitors import monitor_figure
-from granular_lmp.plot.motion import motion_figure, motion_movie
+from granular_lmp.plot.motion import chain_figure
 from granular_lmp.plot.movie import MOVIES
 from granular_lmp.plot.signals import Picture, save
 from granular_lmp.runs.record import Record
@@ -49,10 +50,12 @@ def view(
     column: str | None = None,
     monitor: str | None = None,
     at_rest: bool = False,
+    fps: float | None = None,
+    size: tuple[int, int] | None = None,
 ) -> list[str]:
     """Draw a run folder or a sweep folder into a picture, a run folder into a movie, or the crystal of a scene at rest.
 
-    Of a run without a wave a chain is drawn over time and a sheet at `tau`.
+    Of a run without a wave a chain is drawn over time, and a sheet at `tau`.
 
     Parameters
     ----------
@@ -68,6 +71,10 @@ def view(
         Name of a monitor of a run, whose signals are drawn, as in `monitor_figure`.
     at_rest : bool
         True for the crystal at rest, as in `at_rest_figure`.
+    fps : float, optional
+        Frames a second of a movie, by default 10.
+    size : (int, int), optional
+        Width and height in pixels. Letters grow with the width.
 
     Returns
     -------
@@ -84,19 +91,19 @@ def view(
     folder, path = Path(folder), Path(path)
     movie = path.suffix.lower() in MOVIES
     of_a_run: dict[str, Any] = {"tau": tau, "colour": colour, "magnify": magnify, "rows": rows}
-    of_a_run |= {"fronts": fronts or None, "side": side, "monitor": monitor}
+    of_a_run |= {"fronts": fronts or None, "side": side, "monitor": monitor, "fps": fps}
     if at_rest:
         _refuse(folder, "a crystal at rest", of_a_run | {"column": column})
         if movie:
             raise ViewError(f"{path}: a crystal at rest is drawn in a picture; not in a movie")
-        save(at_rest_figure(Scene.load(folder)), path)
+        save(at_rest_figure(Scene.load(folder)), path, size)
         return []
     if (folder / SWEEP).is_file():
         _refuse(folder, "a sweep", of_a_run)
         if movie:
             raise ViewError(f"{path}: a sweep is drawn as a curve, in a picture; not in a movie")
         swept = Sweep.load(folder)
-        save(sweep_figure(swept, column), path)
+        save(sweep_figure(swept, column), path, size)
         return swept.notes
     record = Record.load(folder, unfinished=True)
     if not len(record.tau):
@@ -107,29 +114,29 @@ def view(
         _refuse(folder, "a monitor", of_a_run | {"monitor": None, "column": column})
         if movie:
             raise ViewError(f"{path}: a monitor is drawn over time, in a picture; not in a movie")
-        save(monitor_figure(record.monitor(monitor)), path)
+        save(monitor_figure(record.monitor(monitor)), path, size)
         return lacks
-    what = "an impact" if record.scene.wave is None else "a run"
-    _refuse(folder, what, {"column": column} | ({"tau": tau} if movie else {}))
-    if record.scene.wave is None:
-        _refuse(folder, what, of_a_run | {"tau": None})
+    chain = record.scene.wave is None and record.scene.lattice == CHAIN
+    what = "a chain over time" if chain else "a run"
+    _refuse(folder, what, {"column": column} | ({"tau": tau} if movie else {"fps": fps}))
+    if chain:
+        _refuse(folder, what, of_a_run)
         if movie:
-            motion_movie(record, path)
-        else:
-            save(motion_figure(record, tau), path)
+            raise ViewError(f"{path}: a chain is drawn at all times, in a picture; not in a movie")
+        save(chain_figure(record), path, size)
         return lacks
     try:
         snapshots = Snapshots.load(folder)
     except RunFolderError as missing:
         if movie or any(value is not None for value in of_a_run.values()):
             raise ViewError(str(missing)) from missing
-        save(record.plot(), path)
+        save(record.plot(), path, size)
         return [*lacks, f"{missing}; drawn are p, q and phi of the centre sphere"]
     drawn: dict[str, Any] = {"colour": colour, "magnify": magnify, "rows": rows, "fronts": fronts, "side": side}
     if movie:
-        run_movie(record, snapshots, path, **drawn)
+        run_movie(record, snapshots, path, **drawn, fps=fps, size=size)
     else:
-        save(run_figure(record, snapshots, tau=tau, **drawn), path)
+        save(run_figure(record, snapshots, tau=tau, **drawn), path, size)
     return lacks
 
 

@@ -92,12 +92,17 @@ def force_on(columns: dict[str, Floats], scene: Scene) -> Floats:
 def _angle(columns: dict[str, Floats], turns: str) -> Floats | None:
     """Return the rotation vector from the angles in a dump or from its quaternions, (..., 1 or 3); None without any."""
     if "Orientation.W" in columns:
-        axis = np.stack([columns[f"Orientation.{part}"] for part in "XYZ"], axis=-1)
-        size = np.linalg.norm(axis, axis=-1)
-        angle = 2 * np.arctan2(size, columns["Orientation.W"])
-        return axis * np.divide(angle, size, out=np.full_like(size, 2.0), where=size > 0)[..., None]
+        return rotation_vector(np.stack([columns[f"Orientation.{part}"] for part in "WXYZ"], axis=-1))
     names = ["v_theta"] if turns == "z" else [f"v_theta{axis}" for axis in turns]
     return np.stack([columns[name] for name in names], axis=-1) if names[0] in columns else None
+
+
+def rotation_vector(quaternion: Floats) -> Floats:
+    """Return the rotation vectors (..., 3), rad, of quaternions (..., 4), the real part first."""
+    axis = quaternion[..., 1:]
+    size = np.linalg.norm(axis, axis=-1)
+    angle = 2 * np.arctan2(size, quaternion[..., 0])
+    return np.asarray(axis * np.divide(angle, size, out=np.full_like(size, 2.0), where=size > 0)[..., None])
 
 
 def step_of(scene: Scene, steps: Sequence[int], apart: float) -> float:

@@ -306,6 +306,11 @@ class Derived(Document):
         held = words.held_by(self.sphere, self.disorder.radius if self.loose and self.lattice.sheet else 0.0)
         return words.of_strikes(self.shape, held, self.striker, self.start, self.source)
 
+    @property
+    def moved_words(self) -> str:
+        """What moves the spheres of a scene without a wave, in words: "struck at 1 m/s"."""
+        return words.moved(self.striker, self.start, self.source)
+
     def remarks(self) -> list[str]:
         """Return a sentence for each change that made the scene fit."""
         if self.wave is None:

@@ -109,8 +109,8 @@ def require_wave(scene: Derived) -> None:
     """Raise a SceneError if a scene without ``[wave]`` is given to what needs one."""
     if scene.bare:
         raise SceneError(
-            "wave: missing table; a file with [[striker]] or [start] and without [wave] is an impact, which kick and "
-            "scatter do not take, nor the modes of a sheet"
+            "wave: missing table; this scene has sources, strikers or a [start] alone, which kick and scatter do not "
+            "take"
         )
 
 
@@ -236,7 +236,8 @@ def chain_with_sides(scene: Derived) -> str:
     if scene.lattice != CHAIN or packing.columns == 1 and packing.sides == FREE:
         return ""
     return (
-        f'packing.columns = {packing.columns} and packing.sides = "{packing.sides}": must be 1 and "{FREE}" in a chain'
+        f'packing.columns = {packing.columns} and packing.sides = "{packing.sides}": must be 1 and "{FREE}" in a '
+        "chain, the default of packing.lattice where there is no [wave]"
     )
 
 

@@ -333,7 +333,7 @@ class Scene(HasCard, Derived):
         check_quiet(self.source, self.absorb)
         check_monitors(self.monitor, self.packing, shape)
         validation.check_faces(self.packing, shape, FREE if wave is None else AUTO)
-        validation.check_lattice(shape, self.packing, self.effects, self.sphere)
+        validation.check_lattice(shape, self.packing, self.effects, self.sphere, bare=self.bare)
         validation.check_straight(self.lattice, self.packing, words.across(wave, self.source, self.start))
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
         bodies = self.material, self.contact, self.substrate

@@ -113,11 +113,13 @@ def check_faces(packing: Packing, shape: Shape, unset: str = AUTO) -> None:
         )
 
 
-def check_lattice(shape: Shape, packing: Packing, effects: Effects, sphere: Sphere) -> None:
-    """Check that rows and columns are those of the lattice, and that it does not buckle."""
+def check_lattice(shape: Shape, packing: Packing, effects: Effects, sphere: Sphere, *, bare: bool = False) -> None:
+    """Check that rows and columns are those of the lattice, and that it does not buckle; `bare` is without a wave."""
     lattice, columns = shape.lattice, shape.columns
     if columns > 1 and not lattice.sheet:
-        raise SceneError(f'packing.columns = {columns}: must be 1 or "auto" with packing.lattice = "{lattice.name}"')
+        chain = f'with packing.lattice = "{lattice.name}"'
+        allowed = f"1 {chain}, the default where there is no [wave]" if bare else f'1 or "auto" {chain}'
+        raise SceneError(f"packing.columns = {columns}: must be {allowed}")
     if shape.along_x and columns < lattice.fewest_columns:
         raise SceneError(
             f"packing.columns = {columns}: must be at least {lattice.fewest_columns}, or "

@@ -53,12 +53,17 @@ def of_strikes(shape: Shape, held: str, strikers: Sequence[Striker], start: Star
         if shape.lattice == CHAIN
         else f"a {shape.lattice.name} sheet of {shape.rows} rows x {shape.columns} columns"
     )
+    return f"{size} {held}, {moved(strikers, start, sources)}"
+
+
+def moved(strikers: Sequence[Striker], start: Start, sources: Sequence[Source]) -> str:
+    """Return what moves the spheres of a scene without a wave: "struck at 1 m/s"."""
     struck = [f"struck at {fastest_striker(strikers):.6g} m/s"] if strikers else []
     begins = ["which begins in a given state"] if start.state else []
     begins += [f"with random velocities of up to {start.noise:.6g} m/s"] if start.noise else []
     count = len(sources)
     shaken = [f"shaken by {count} source{'s' * (count > 1)}"] if count else []
-    return ", ".join([f"{size} {held}", *struck, *begins, *shaken])
+    return ", ".join([*struck, *begins, *shaken])
 
 
 def held_by(sphere: Sphere, gaps: float) -> str:

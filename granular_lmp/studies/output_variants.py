@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import DUMP, read_snapshots
-from granular_lmp.runs.record import TRAJECTORY, Record, write_status
+from granular_lmp.runs.record import IN_SPACE, TRAJECTORY, Record, write_status
 from granular_lmp.runs.seal import files_of
+from granular_lmp.runs.snapshots import rotation_vector
 
 Floats = NDArray[np.float64]
 
@@ -73,7 +74,12 @@ def edited(deck: Deck, output: Output) -> Deck:
     if not run or text.count(_ALL_DIGITS) != 1:
         raise ValueError(f"{deck.input_name}: not a deck whose output can be changed")
     if output.everything:
-        columns = "id xs ys" + " mux muy" * (deck.scene.effects.tracking is True)
+        columns, tracked = "id" + " xs ys zs"[: 3 * deck.scene.space], deck.scene.effects.tracking is True
+        if tracked and deck.scene.space == 3:
+            head += "compute      everywhere all property/atom quatw quati quatj quatk\n"
+            columns += " c_everywhere[*]"
+        elif tracked:
+            columns += " mux muy"
         head += f"dump         all all custom ${{every}} {output.file} {columns}\n"
         if output.all_digits and not output.binary:
             head += f"dump_modify  all {_ALL_DIGITS}\n"
@@ -86,8 +92,9 @@ def edited(deck: Deck, output: Output) -> Deck:
 def keep_centre(deck: Deck, record: Record, output: Output) -> Record:
     """Return the record from a run's dump of all spheres, write it to ``trajectory.csv``, and delete the dump.
 
-    p = (y − y₀)/D0, q = −(x − x₀)/D0, φ = atan2(μy, μx) R/D0, with x₀ and y₀ the positions at rest. Without such a dump
-    the record is returned unchanged.
+    p = (y − y₀)/D0, q = −(x − x₀)/D0, φ = atan2(μy, μx) R/D0, with x₀ and y₀ the positions at rest; in space φ is that
+    of the quaternion about z, and displacements and angles along all axes are kept. Without such a dump the record is
+    returned unchanged.
 
     Positions are dumped in units of the box, as by ``dump atom``. In units of length the centre sphere lies so close to
     the origin that six digits would be more accurate there than anywhere else.
@@ -103,11 +110,17 @@ def keep_centre(deck: Deck, record: Record, output: Output) -> Record:
     scene = deck.scene
     units, size = scene.units, scene.displacement_amplitude
     radius, d0 = (units.number(length, length=1) for length in (scene.sphere.radius, size))
-    low, high = deck.data.box[:2].T
-    rest = radius * deck.packing.positions[index, :2]
-    x, y = ((low + (high - low) * rows[:, :2] - rest) / d0).T
-    phi = np.arctan2(rows[:, 3], rows[:, 2]) * radius / d0 if rows.shape[1] == 4 else record.phi
-    kept = record.with_signals(p=y, q=-x, phi=phi)
+    low, high = deck.data.box[: scene.space].T
+    rest = radius * deck.packing.positions[index, : scene.space]
+    place, turn = np.split(rows, [scene.space], axis=1)
+    ways = ((low + (high - low) * place - rest) / d0).T
+    signals = {"p": ways[1], "q": -ways[0]} | (dict(zip(IN_SPACE, ways, strict=False)) if scene.space == 3 else {})
+    if turn.shape[1] == 4:
+        angles = rotation_vector(turn).T * radius / d0
+        signals |= {"phi": angles[2], **dict(zip(IN_SPACE[3:], angles, strict=True))}
+    elif turn.size:
+        signals["phi"] = np.arctan2(turn[:, 1], turn[:, 0]) * radius / d0
+    kept = record.with_signals(**signals)
     kept.write_csv(record.folder / TRAJECTORY)
     for stale in (path, record.folder / DUMP):  # the trajectory no longer belongs to the dump of the centre sphere
         stale.unlink()

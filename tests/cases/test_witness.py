@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from granular_analysis.cases.witness import case as witness
-from granular_analysis.theory.choice import TheoryError
+from granular_analysis.theory.errors import TheoryError
 from granular_lmp import Record, Scene, run
 
 SCENE = Scene.load("tr_periodic").with_values(

@@ -14,7 +14,7 @@ from PIL import Image
 from granular_lmp import Record, Scene, prepare, run
 from granular_lmp.cli import main
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
-from granular_lmp.plot import crystal, movie, view
+from granular_lmp.plot import crystal, movie, spheres, view
 from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.plot.signals import signals_to_draw
@@ -62,11 +62,11 @@ def test_spheres_stand_where_their_snapshot_says_magnified_by_the_factor_that_is
     shifts = np.asarray(discs.get_offsets())[:24] - rest  # radii
     amplitude = scene.wave.amplitude * scene.sphere.overlap_ratio * 2  # D0/R
     np.testing.assert_allclose(shifts, moment.displacement * amplitude * factor, atol=1e-12)
-    assert 0.1 < np.abs(shifts).max() <= crystal.LARGEST_SHIFT
+    assert 0.1 < np.abs(shifts).max() <= spheres.LARGEST_SHIFT
     hands = np.array(axes.collections[1].get_segments())[:24]
     along = hands[:, 1] - hands[:, 0]
     np.testing.assert_allclose(np.arctan2(along[:, 1], along[:, 0]), moment.rotation * amplitude * factor, atol=1e-12)
-    assert axes.get_title() == r"$\tau$ = 3"
+    assert axes.get_title(loc="left") == rf"$\tau$ = 3 ({3e9 * scene.scale.time:.3g} ns)"
 
 
 def test_copies_of_the_cell_stand_beside_it_and_are_counted(seen: Path) -> None:
@@ -83,6 +83,8 @@ def test_rotation_is_coloured_with_zero_in_the_middle_and_energy_from_zero(seen:
     _, discs = drawn(seen)
     low, high = discs.get_clim()
     assert low == -high == -np.abs(moment.rotation).max()
+    _, moved = drawn(seen, colour="displacement")
+    np.testing.assert_array_equal(np.asarray(moved.get_array())[:24], np.linalg.norm(moment.displacement, axis=1))
     np.testing.assert_array_equal(np.asarray(discs.get_array())[:24], moment.rotation)
     _, discs = drawn(seen, colour="energy")
     assert discs.get_clim() == (0, moment.energy.max())
@@ -100,7 +102,7 @@ def test_as_many_rows_are_drawn_as_asked_for_around_the_centre(seen: Path) -> No
 def test_the_factor_is_a_round_number_by_which_an_amplitude_becomes_at_most_half_a_radius(
     amplitude: float, factor: float
 ) -> None:
-    assert crystal._magnification(amplitude) == pytest.approx(factor, rel=1e-12)
+    assert spheres.round_below(spheres.LARGEST_SHIFT / amplitude) == pytest.approx(factor, rel=1e-12)
 
 
 @pytest.fixture(scope="module")
@@ -152,6 +154,21 @@ def test_a_movie_has_a_frame_for_each_snapshot(seen: Path, tmp_path: Path) -> No
         movie.seek(4)
         assert np.any(np.asarray(movie.convert("RGB")) != first)
         assert first[0, 0].tolist() == [255, 255, 255]  # paper stays white in the one palette
+
+
+def test_a_movie_has_the_size_and_the_pace_that_are_asked_for(
+    seen: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["view", str(seen), "-o", str(tmp_path / "movie.gif"), "--rows", "4"]
+    assert main([*arguments, "--size", "320x180", "--fps", "4"]) == 0
+    with Image.open(tmp_path / "movie.gif") as film:
+        assert film.size == (320, 180)
+        assert film.info["duration"] == 250  # ms
+    for option, said in (("--size 20x20", "must be from 100 to 4000 pixels"), ("--fps 99", "and at most 50")):
+        assert main([*arguments, *option.split()]) == 2
+        assert said in capsys.readouterr().err
+    with pytest.raises(ViewError, match="--fps: is not for a run in such a picture"):
+        view.view(seen, tmp_path / "picture.png", fps=4.0)
 
 
 def test_an_mp4_without_ffmpeg_is_refused_in_one_line(

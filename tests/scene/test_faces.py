@@ -11,7 +11,7 @@ import pytest
 from granular_analysis import compare
 from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.theory import green
-from granular_analysis.theory.choice import TheoryError
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.green import Load
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL, Shape, packed

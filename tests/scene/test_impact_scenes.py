@@ -243,7 +243,7 @@ def test_the_scenes_of_waves_and_of_impacts_are_told_apart() -> None:
 
 def test_commands_of_a_linear_wave_refuse_an_impact(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["kick", "solitary_chain"]) == 2
-    assert "a file with [[striker]] or [start] and without [wave] is an impact" in capsys.readouterr().err
+    assert "wave: missing table; this scene has sources, strikers or a [start] alone" in capsys.readouterr().err
 
 
 def test_check_and_effects_say_what_a_run_does(capsys: pytest.CaptureFixture[str]) -> None:

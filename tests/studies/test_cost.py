@@ -205,6 +205,17 @@ def test_the_centre_is_found_in_what_was_written(name: str, small: Scene, tmp_pa
     assert not (tmp_path / "run" / OUTPUTS[name].file).exists()
 
 
+@pytest.mark.parametrize("name", ["all, text", "all, binary"])
+def test_the_centre_of_a_crystal_in_space_is_found_with_all_its_freedoms(name: str, tmp_path: Path) -> None:
+    scene = Scene.load("monolayer_rocking").with_values({"wave.wavenumber": np.pi / 2, "time.duration": 1.0})
+    deck = build(scene.with_values({"packing.rows": 4, "output.particles": 0.0}))
+    plain = run(deck, tmp_path / "plain")
+    kept = keep_centre(deck, run(edited(deck, OUTPUTS[name]), tmp_path / "run"), OUTPUTS[name])
+    assert set(kept.signals) == set(plain.signals)
+    for component, values in plain.signals.items():
+        np.testing.assert_allclose(kept.signals[component], values, rtol=0, atol=2e-8)
+
+
 def test_a_deck_that_is_not_ours_is_refused(small: Scene) -> None:
     deck = replace(build(small), input_text="run 1\n")
     with pytest.raises(ValueError, match="not a deck whose output can be changed"):

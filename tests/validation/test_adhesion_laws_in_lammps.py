@@ -14,7 +14,8 @@ from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.reference import Reference
 from granular_analysis.measure.spectrum import point
 from granular_analysis.theory import catalogue
-from granular_analysis.theory.choice import THEORIES, TheoryError, holding, refuse_less, traits, trajectory, wave_of
+from granular_analysis.theory.choice import THEORIES, holding, refuse_less, traits, trajectory, wave_of
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.lattice import torus
 from granular_analysis.theory.timestep import phase_error, stepped
 from granular_analysis.theory.wave import Wave

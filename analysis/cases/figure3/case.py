@@ -20,7 +20,8 @@ from matplotlib.figure import Figure
 from granular_analysis.measure.runs import load
 from granular_analysis.measure.signals import COMPONENTS, errors
 from granular_analysis.plotting import parser, save, start
-from granular_analysis.theory.choice import TheoryError, best, trajectory, wave_of
+from granular_analysis.theory.choice import best, trajectory, wave_of
+from granular_analysis.theory.errors import TheoryError
 from granular_lmp.runs.record import Record
 
 ROWS = 4

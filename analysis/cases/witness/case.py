@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.measure.swept import Swept
 from granular_analysis.plotting import parser, save, start, write
-from granular_analysis.theory.choice import TheoryError
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network_motion import integrate
 from granular_lmp.runs.record import Record
 

@@ -1,0 +1,160 @@
+"""What the colours of spheres show, and the direction from which a crystal is seen."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from matplotlib.colors import LogNorm, Normalize
+from numpy.typing import NDArray
+
+from granular_lmp.errors import ViewError
+from granular_lmp.runs.snapshots import Snapshots, Spheres
+from granular_lmp.scene.scene import Scene
+
+DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colours: four decades, as the front in a sheet decays
+_DARK = 0.6  # share of the colours above which they are too dark for a grey line
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Side:
+    """A direction from which a crystal is seen.
+
+    Attributes
+    ----------
+    page : (int, int)
+        Axes to the right and upward, 0 to 2 for x to z.
+    towards : int
+        Axis towards the reader, about which turns are seen.
+    sign : int
+        −1 if that axis points away from the reader.
+    """
+
+    page: tuple[int, int]
+    towards: int
+    sign: int
+
+    def flat(self, vectors: Floats) -> Floats:
+        """Return vectors (N, 2 or 3) on the page, (N, 2)."""
+        return vectors[:, list(self.page)]
+
+    def turn(self, rotation: Floats) -> Floats:
+        """Return rotations (N,) or (N, 3) as they are seen, counterclockwise."""
+        return rotation if rotation.ndim == 1 else self.sign * rotation[:, self.towards]
+
+
+SIDES = {"top": Side((0, 1), 2, 1), "x": Side((1, 2), 0, 1), "y": Side((0, 2), 1, -1)}
+
+
+@dataclass(frozen=True)
+class Colouring:
+    """Colouring of the spheres.
+
+    Attributes
+    ----------
+    value : callable
+        (Spheres, Scene, Side) → number of each sphere, (N,).
+    label : str
+        Label of the colour bar, in units of a wave (`label_of`).
+    colours : str
+        Colour map of matplotlib.
+    scale : str
+        "symmetric" if 0 is in the middle of the map, "positive" if it is at its beginning, "decades" of the largest.
+    """
+
+    value: Callable[[Spheres, Scene, Side], Floats]
+    label: str
+    colours: str = "RdBu_r"
+    scale: Literal["symmetric", "positive", "decades"] = "symmetric"
+
+    def norm(self, largest: float) -> Normalize:
+        """Return what takes values to the colour map, `largest` to its end."""
+        if self.scale == "decades":
+            return LogNorm(LIGHTEST * largest, DARKEST * largest, clip=True)
+        return Normalize(-largest if self.scale == "symmetric" else 0.0, largest)
+
+    def dark(self, shade: Floats) -> NDArray[np.bool_]:
+        """Return which places of the colour map, 0 to 1, are too dark for a grey line."""
+        return np.asarray((np.abs(2 * shade - 1) if self.scale == "symmetric" else shade) > _DARK)
+
+
+def _speed(spheres: Spheres, scene: Scene, side: Side) -> Floats:
+    """Return the speeds, m/s."""
+    unit = scene.displacement_amplitude / scene.scale.time
+    return np.asarray(np.linalg.norm(spheres.velocity, axis=1) * unit)
+
+
+COLOURINGS = {
+    "rotation": Colouring(lambda spheres, scene, side: side.turn(spheres.rotation), r"rotation $R\theta/D_0$"),
+    "energy": Colouring(
+        lambda spheres, scene, side: spheres.energy, r"kinetic energy ($m\,D_0^2/t_0^2$)", "YlOrRd", "positive"
+    ),
+    "speed": Colouring(_speed, "speed (m/s)", "magma_r", "decades"),
+    "displacement": Colouring(
+        lambda spheres, scene, side: np.linalg.norm(spheres.displacement, axis=1),
+        "displacement ($D_0$)",
+        "YlOrRd",
+        "positive",
+    ),
+    "p": Colouring(
+        lambda spheres, scene, side: scene.vector.along(*spheres.displacement.T[:2]),
+        "displacement along $k$ ($D_0$)",
+    ),
+    "q": Colouring(
+        lambda spheres, scene, side: scene.vector.across(*spheres.displacement.T[:2]),
+        "displacement across $k$ ($D_0$)",
+    ),
+} | {
+    axis: Colouring(
+        lambda spheres, scene, side, place=place: spheres.displacement[:, place],  # type: ignore[misc]
+        f"displacement along ${axis}$ ($D_0$)",
+    )
+    for place, axis in enumerate("xyz")
+}
+
+
+def unit_of(scene: Scene) -> str:
+    """Return the symbol of the unit of displacements: D0 of a wave, Δ0 of a crystal at rest, ℓ of an impact."""
+    return "D_0" if scene.wave is not None else r"\ell" if scene.loose else r"\Delta_0"
+
+
+def label_of(colouring: Colouring, scene: Scene) -> str:
+    """Return the label of the colour bar in units of a scene."""
+    return colouring.label.replace("D_0", unit_of(scene))
+
+
+def side_of(scene: Scene, side: str | None) -> Side:
+    """Return a side by its name, by default "x" of a wave in space and "top" of others; ViewError for another."""
+    space = scene.space == 3
+    if side is None:
+        return SIDES["x" if space and scene.wave is not None else "top"]
+    if side not in SIDES:
+        raise ViewError(f"side = {side!r}: must be one of {', '.join(SIDES)}")
+    if side != "top" and not space:
+        raise ViewError(f"side = {side!r}: spheres that stay in their plane are seen from the top")
+    return SIDES[side]
+
+
+def colouring_of(snapshots: Snapshots, colour: str | None) -> Colouring:
+    """Return a colouring by its name, by default rotation or energy of a wave, and speed without one.
+
+    Raises
+    ------
+    ViewError
+        If the name is unknown, or the run does not hold the quantity.
+    """
+    scene = snapshots.scene
+    tracked = scene.effects.tracking is True
+    if colour is None:
+        return COLOURINGS["speed" if scene.wave is None else "rotation" if tracked else "energy"]
+    if colour not in COLOURINGS:
+        raise ViewError(f"colour = {colour!r}: must be one of {', '.join(COLOURINGS)}")
+    if colour == "rotation" and not tracked:
+        raise ViewError("colour = 'rotation': the run holds no angles (effects.tracking is off); take 'energy'")
+    if colour in ("p", "q") and scene.wave is None:
+        raise ViewError(f"colour = {colour!r}: is of a wave, and this run has none; take 'x', 'y' or 'displacement'")
+    if colour == "z" and scene.space == 2:
+        raise ViewError("colour = 'z': spheres stay in their plane; take 'x', 'y' or 'displacement'")
+    return COLOURINGS[colour]

@@ -1,0 +1,127 @@
+"""Marks on spheres: sources, strikers, monitors and inclusions, with lines where interfaces are, and their legend."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.disorder import Inclusion, chosen_of
+from granular_lmp.crystal.lattices import packed
+from granular_lmp.plot.colours import Floats, Side
+from granular_lmp.plot.signals import LEGEND
+from granular_lmp.runs.snapshots import Snapshots
+from granular_lmp.scene.at_rest import crystal_of
+from granular_lmp.scene.places import spheres_at
+from granular_lmp.scene.scene import Scene
+
+Integers = NDArray[np.int64]
+_STRIKERS = {"y": "^", "-y": "v", "x": ">", "-x": "<"}
+_LOOKS: dict[str, dict[str, object]] = {
+    "source": {"marker": "*", "markersize": 9, "markerfacecolor": "white"},
+    "striker": {"marker": "^", "markersize": 7, "markerfacecolor": "white"},
+    "monitor": {"marker": "s", "markersize": 6, "markerfacecolor": "none"},
+    "inclusion": {"marker": "o", "markersize": 3, "markerfacecolor": "black"},
+}
+
+
+class Marks:
+    """Marks that move with their spheres; lines of interfaces stay."""
+
+    def __init__(self, axes: Axes, snapshots: Snapshots, drawn: Integers, rest: Floats, copies: int, side: Side):
+        scene = snapshots.scene
+        place = np.full(len(crystal_of(scene).atoms), -1)
+        place[snapshots.spheres[drawn]] = np.arange(len(drawn))
+        self.lines: list[tuple[Line2D, Integers]] = []
+        handles: dict[str, Line2D] = {}
+        for kind, marker, spheres in _marked(scene):
+            seen = place[spheres][place[spheres] >= 0]
+            if not len(seen):
+                continue
+            indices = (np.arange(copies)[:, None] * len(drawn) + seen).ravel()
+            look = _LOOKS[kind] | {"linestyle": "none", "markeredgecolor": "black", "zorder": 5, "clip_on": False}
+            (line,) = axes.plot(*rest[indices].T, **(look | ({"marker": marker} if marker else {})))  # type: ignore[arg-type]
+            self.lines.append((line, indices))
+            handles.setdefault(kind, line)
+        if side.page == (0, 1):
+            for ends in _interfaces(scene, snapshots):
+                (line,) = axes.plot(*ends, color="black", linestyle="--", linewidth=1.2, zorder=4)
+                handles.setdefault("interface", line)
+        self.legend(axes, handles, snapshots, drawn)
+
+    def legend(self, axes: Axes, handles: dict[str, Line2D], snapshots: Snapshots, drawn: Integers) -> None:
+        """Draw the legend below the axes."""
+        if snapshots.held[drawn].any():
+            edge = {"markeredgewidth": 1.5, "markerfacecolor": "white", "markeredgecolor": "black"}
+            handles["held"] = Line2D([], [], linestyle="none", marker="o", markersize=8, **edge)  # type: ignore[arg-type]
+        figure = axes.get_figure()
+        if handles and figure is not None:
+            figure.legend(
+                handles.values(), handles.keys(), loc="outside lower left", ncols=6, fontsize=LEGEND, frameon=False,
+                handletextpad=0.2, columnspacing=1.0,
+            )  # fmt: skip
+
+    def show(self, centres: Floats) -> None:
+        """Move the marks to the centres of all spheres drawn, (N, 2)."""
+        for line, indices in self.lines:
+            line.set_data(*centres[indices].T)
+
+
+def _marked(scene: Scene) -> Iterator[tuple[str, str, Integers]]:
+    """Yield kind, marker ("" for the usual one) and spheres of each mark."""
+    atoms = crystal_of(scene).atoms
+    for source in scene.source:
+        yield "source", "", spheres_at(source.rows, source.spheres, atoms, "source")
+    for striker in scene.striker:
+        yield (
+            "striker",
+            _STRIKERS.get(str(striker.direction), "P"),
+            spheres_at(striker.rows, striker.spheres, atoms, "striker"),
+        )
+    for monitor in scene.monitor:
+        yield "monitor", "", spheres_at(monitor.rows, monitor.spheres, atoms, "monitor")
+    for number, each in enumerate(scene.inclusion):
+        if not each.vacancy and not _is_body(each):
+            yield "inclusion", "", _of_inclusion(scene, each, number)
+
+
+def _is_body(inclusion: Inclusion) -> bool:
+    """Return True of an inclusion that is another crystal, with an interface: several rows on end, or a half-plane."""
+    rows = inclusion.rows
+    return bool(inclusion.half_plane) or len(rows) == 2 and inclusion.every == 1 and rows[1] > rows[0]
+
+
+def _of_inclusion(scene: Scene, inclusion: Inclusion, number: int) -> Integers:
+    """Return the spheres of an inclusion in the crystal at rest, by their places in the lattice."""
+    lattice, atoms = packed(scene.sphere, scene.shape), crystal_of(scene).atoms
+    names = [name for name in ("row", "column", "layer") if name in lattice.arrays and name in atoms.arrays]
+    sizes = [int(lattice.arrays[name].max()) + 1 for name in names]
+    numbers, own = (np.ravel_multi_index([each.arrays[name] for name in names], sizes) for each in (lattice, atoms))
+    return np.flatnonzero(np.isin(own, numbers[chosen_of(lattice, inclusion, number, scene.disorder.seed)]))
+
+
+def _interfaces(scene: Scene, snapshots: Snapshots) -> Iterator[tuple[Floats, Floats]]:
+    """Yield the ends of each interface seen from the top, x (2,) and y (2,)."""
+    x, y = snapshots.rest[:, 0], snapshots.rest[:, 1]
+    row = snapshots.crystal.arrays["row"]
+    reach = np.array([x.min() - 1, x.max() + 1])
+    for each in scene.inclusion:
+        if not _is_body(each):
+            continue
+        if each.half_plane:
+            at_row, at_column, angle = each.half_plane
+            atoms = crystal_of(scene).atoms
+            corner = spheres_at((), [(int(at_row), int(at_column))], atoms, "half-plane")[0]
+            (x0, y0), slope = atoms.positions[corner, :2], np.radians(angle)
+            way = np.array([np.cos(slope), np.sin(slope)])
+            # Half a row before the first spheres of the half-plane
+            start = np.array([x0, y0]) - np.sqrt(3) / 2 * np.array([-way[1], way[0]])
+            along = (np.column_stack([x, y]) - start) @ way
+            near = np.abs((np.column_stack([x, y]) - start) @ [-way[1], way[0]]) < 1.5
+            ends = start + np.array([along[near].min(), along[near].max()])[:, None] * way
+            yield ends[:, 0], ends[:, 1]
+            continue
+        for inside, outside in ((each.rows[0], each.rows[0] - 1), (each.rows[-1], each.rows[-1] + 1)):
+            if (row == inside).any() and (row == outside).any():
+                yield reach, np.full(2, (y[row == inside].mean() + y[row == outside].mean()) / 2)
