@@ -1,8 +1,9 @@
 """A sweep: runs of one scene for the outer product of lists of values, on any executor.
 
 A sweep folder holds ``sweep.json`` (the request), ``runs/HASH`` (a run folder for each scene, named by a hash of the
-scene) and ``sweep.csv`` (a line for each run). The run folders are its only memory: a sweep that was stopped, or is
-started again, reads them, runs what is missing, and continues interrupted runs.
+scene) and ``sweep.csv`` (a line for each run). A sweep that was stopped, or is started again, reads the run folders,
+runs what is missing, and continues interrupted runs. Of one that is finished ``known.json`` says what was read
+(`granular_lmp.studies.sweep_memory`).
 """
 
 import json
@@ -20,17 +21,19 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.ladder import sphere_steps
 from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.card import HasCard
-from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted, one_line
+from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted
 from granular_lmp.lammps.kernel.library import built
-from granular_lmp.lammps.outputs import STATUS, SWEEP, csv_text, replace_text, writable
+from granular_lmp.lammps.outputs import SWEEP, csv_text, replace_text, writable
 from granular_lmp.runs.directory import absolute
-from granular_lmp.runs.folder import clear, locked
+from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import Record, optional_package, write_status
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import plain_value
 from granular_lmp.studies.coinciding import remarks
 from granular_lmp.studies.executors import Here, stop_requested, terminable
-from granular_lmp.studies.sweep_points import points, scene_hash
+from granular_lmp.studies.sweep_memory import KNOWN, recalled, remember
+from granular_lmp.studies.sweep_points import points
+from granular_lmp.studies.sweep_request import TABLE, claim, read_request
 from granular_lmp.studies.sweep_rows import (
     ASKED,
     RUNS,
@@ -44,7 +47,6 @@ from granular_lmp.studies.sweep_rows import (
 
 Progress = Callable[[int, int, float], None]
 
-TABLE = "sweep.csv"
 _LOOK = 0.02  # s between two checks for finished runs
 _SAVE = 5.0  # s between two writes of the table
 _OVERHEAD = 1e5  # spheres times steps in the 20 ms that a warm run takes to start and to read its record
@@ -91,10 +93,12 @@ class Sweep(HasCard):
             If the scene is not valid in this version.
         """
         folder = absolute(folder)
-        request = _read_request(folder)
+        request = read_request(folder)
         if request is None:
             raise RunFolderError(f"{folder}: not a sweep folder (there is no {SWEEP})")
         scene, over = Scene.from_dict(request["scene"]), request["over"]
+        if known := recalled(folder, request):
+            return cls(folder, scene, over, *known)
         grid = points(scene, over, folder / RUNS)
         made = {point.run: point.of_run for point in grid}
         rows = {name: row_of(folder / RUNS / name, each) for name, each in made.items()}
@@ -140,6 +144,11 @@ class Sweep(HasCard):
     def having(self, status: str) -> list[Point]:
         """Return the rows with this status."""
         return [row for row in self.rows if row["status"] == status]
+
+    def write(self) -> None:
+        """Write the table into the folder."""
+        with writable(self.folder):
+            replace_text(self.folder / TABLE, self.to_csv())
 
     def to_csv(self) -> str:
         """Return the table as CSV, each number in the shortest form that reads back to the same double."""
@@ -231,19 +240,21 @@ def sweep(
     if kernel:
         built()
     asked = {key: plain_value([*values]) for key, values in over.items()}
+    request = {"over": asked, "scene": scene.given()}
+    say = remark or (lambda sentence: None)
+    if found := _found(folder, scene, request, say):
+        return found
     grid = points(scene, asked, folder / RUNS)
     made, notes = {point.run: point.of_run for point in grid}, remarks(each.scene for each in grid)
     with locked(folder, make=True, force=True):
-        _claim(folder, {"over": asked, "scene": scene.given()}, force)
+        claim(folder, request, force)
         rows = {name: row_of(folder / RUNS / name, each) for name, each in made.items()}
-        if remark is not None:
-            for note in notes:
-                remark(note)
+        for note in notes:
+            say(note)
 
         def save() -> Sweep:
             done = Sweep(folder, scene, asked, table_of(grid, rows), notes)
-            with writable(folder):
-                replace_text(folder / TABLE, done.to_csv())
+            done.write()
             return done
 
         cost = {name: _cost(each) for name, each in made.items() if rows[name]["status"] != "finished"}
@@ -268,43 +279,25 @@ def sweep(
             ) from error
         finally:
             done = save()
+        with writable(folder):
+            remember(folder, request, done.rows, notes)
     return done
 
 
-def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
-    """Write the request into the folder, or raise RunFolderError if it belongs to another sweep or run."""
-    there = _read_request(folder)
-    if there is not None and not force and _identity(there) != _identity(request):
-        asked = ", ".join(f"{key} ({len(values)})" for key, values in there["over"].items())
-        raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say force=True")
-    if there is None and not force and any(folder.iterdir()):
-        raise RunFolderError(f"{folder}: is there already; choose another folder or say force=True")
-    if there is None and (folder / STATUS).exists():  # it was the folder of one run
-        clear(folder)
-    if there != request:
-        with writable(folder):
-            (folder / TABLE).unlink(missing_ok=True)  # a killed sweep would leave that of the other one
-            replace_text(folder / SWEEP, json.dumps(request, indent=2) + "\n")
-
-
-def _identity(request: dict[str, Any]) -> str:
-    return json.dumps([list(request["over"].items()), scene_hash(Scene.from_dict(request["scene"]))])
-
-
-def _read_request(folder: Path) -> dict[str, Any] | None:
-    """Return the contents of ``sweep.json``, or None without the file."""
-    path = folder / SWEEP
-    try:
-        request = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(request["over"], dict) or not isinstance(request["scene"], dict):
-            raise TypeError("over and scene must be JSON objects")
-        if not all(isinstance(values, list) for values in request["over"].values()):
-            raise TypeError("the values of over must be lists")
-    except FileNotFoundError:
+def _found(folder: Path, scene: Scene, request: dict[str, Any], say: Callable[[str], None]) -> Sweep | None:
+    """Return the sweep that is asked for, and write its table, if it is finished and nothing in its folder changed."""
+    if not (folder / KNOWN).is_file():
         return None
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise RunFolderError(f"{path}: cannot be read: {one_line(error)}") from error
-    return {"over": request["over"], "scene": request["scene"]}
+    with locked(folder):
+        asked_before = json.dumps(read_request(folder)) == json.dumps(request)
+        known = recalled(folder, request) if asked_before else None
+        if known is None:
+            return None
+        found = Sweep(folder, scene, request["over"], *known)
+        for note in found.notes:
+            say(note)
+        found.write()
+    return found
 
 
 def _results(folder: Path, todo: dict[str, Scene], executor: Executor, kernel: bool) -> Iterator[tuple[str, Point]]:

@@ -157,7 +157,8 @@ def test_a_run_of_a_sweep_is_the_run_of_its_scene(swept: tuple[Scene, str, Sweep
 
 def test_the_folder_and_its_table_say_what_was_returned(swept: tuple[Scene, str, Sweep], tmp_path: Path) -> None:
     scene, key, done = swept
-    assert {path.name for path in (tmp_path / "sweep").iterdir()} == {"sweep.json", "sweep.csv", "runs"}
+    names = {"sweep.json", "sweep.csv", "known.json", "runs"}
+    assert {path.name for path in (tmp_path / "sweep").iterdir()} == names
     again = Sweep.load(tmp_path / "sweep")
     assert again == done
     with (tmp_path / "sweep" / "sweep.csv").open(newline="") as stream:

@@ -1,0 +1,51 @@
+"""What a sweep folder was asked for: ``sweep.json``, its scene and the values of its keys."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from granular_lmp.errors import RunFolderError, one_line
+from granular_lmp.lammps.outputs import STATUS, SWEEP, replace_text, writable
+from granular_lmp.runs.folder import clear
+from granular_lmp.scene.scene import Scene
+from granular_lmp.studies.sweep_memory import KNOWN
+from granular_lmp.studies.sweep_points import scene_hash
+
+TABLE = "sweep.csv"
+
+
+def claim(folder: Path, request: dict[str, Any], force: bool) -> None:
+    """Write the request into the folder, or raise RunFolderError if it belongs to another sweep or run."""
+    there = read_request(folder)
+    if there is not None and not force and _identity(there) != _identity(request):
+        asked = ", ".join(f"{key} ({len(values)})" for key, values in there["over"].items())
+        raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say force=True")
+    if there is None and not force and any(folder.iterdir()):
+        raise RunFolderError(f"{folder}: is there already; choose another folder or say force=True")
+    if there is None and (folder / STATUS).exists():  # it was the folder of one run
+        clear(folder)
+    if there != request:
+        with writable(folder):
+            (folder / KNOWN).unlink(missing_ok=True)
+            (folder / TABLE).unlink(missing_ok=True)  # a killed sweep would leave that of the other one
+            replace_text(folder / SWEEP, json.dumps(request, indent=2) + "\n")
+
+
+def _identity(request: dict[str, Any]) -> str:
+    return json.dumps([list(request["over"].items()), scene_hash(Scene.from_dict(request["scene"]))])
+
+
+def read_request(folder: Path) -> dict[str, Any] | None:
+    """Return the contents of ``sweep.json``, or None without the file."""
+    path = folder / SWEEP
+    try:
+        request = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(request["over"], dict) or not isinstance(request["scene"], dict):
+            raise TypeError("over and scene must be JSON objects")
+        if not all(isinstance(values, list) for values in request["over"].values()):
+            raise TypeError("the values of over must be lists")
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise RunFolderError(f"{path}: cannot be read: {one_line(error)}") from error
+    return {"over": request["over"], "scene": request["scene"]}
