@@ -5,7 +5,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import hypot, nextafter
+from math import hypot, inf, nextafter
 from typing import Any
 
 import ase
@@ -18,7 +18,7 @@ from granular_lmp.crystal.lattices import centre, places
 from granular_lmp.crystal.modes import Mode, Physics, highest_frequency
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.stability import frequency_bound
+from granular_lmp.crystal.stability import crude_bound, frequency_bound
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.effect import Chosen
 from granular_lmp.effects.selection import EFFECTS, remarks, select, warnings
@@ -223,7 +223,10 @@ def prepare(scene: Scene) -> Problem:
         problem.collisions.refuse()
     if problem.mode is not None:
         _refuse_echo(problem)
-    refuse_step(scene.time, problem.step_rules)
+    if scene.time.tolerance is None:
+        # A limit above the declared step is enough, and in a large crystal much faster to find than the longest step
+        rules = problem.step_rules if scene.loose else step_rules(problem.scene, problem.mode, scene.time.step)
+        refuse_step(scene.time, rules)
     return problem
 
 
@@ -264,9 +267,12 @@ def _check_strikes(problem: Problem) -> None:
             )
 
 
-def step_rules(scene: Scene, mode: Mode | None = None) -> list[StepRule]:
-    """Return all rules for the time step of a scene, whose wave has a mode, by default the one that it declares."""
-    limit = largest_step(scene)
+def step_rules(scene: Scene, mode: Mode | None = None, enough: float = inf) -> list[StepRule]:
+    """Return all rules for the time step of a scene, whose wave has a mode, by default the one that it declares.
+
+    The limit of stability may be given too short, but not below `enough` where it is longer (`largest_step`).
+    """
+    limit = largest_step(scene, enough)
     causes = [(scene.effects.damping is True, "drag"), (scene.struck, "a strike that stiffens contacts")]
     less = " and ".join(cause for there, cause in causes if there)
     name = f"2/Omega_max, less with {less}," if less else "2/Omega_max"
@@ -278,26 +284,39 @@ def step_rules(scene: Scene, mode: Mode | None = None) -> list[StepRule]:
     ]
 
 
-def largest_step(scene: Scene) -> float:
+def largest_step(scene: Scene, enough: float = inf) -> float:
     """Return the stability limit of velocity Verlet in the scene's crystal, τ: 2/Ω_max, less with drag and strikes.
 
     LAMMPS's drag uses the velocity of half a step before, which changes the condition ΩΔτ < 2 to (ΩΔτ)² + 2bΔτ < 4.
     Here b = cλ: c in m/t0 is that of the dashpots, λ at most 2(κ+3)Ω²/min(κ, 1) in a perfect lattice. The drag of quiet
     ends is none of the kind (`granular_lmp.crystal.quiet_ends`). A strike presses a contact to at most (1 + s) Δ0,
     where its stiffness is √(1 + s) times that at rest (`granular_lmp.scene.strikers.stretch`).
+
+    In a crystal that is not perfect a lower bound of the limit is quick to find. It is returned if it is `enough`.
     """
     physics, sphere = physics_of(scene), scene.sphere
     viscosity = Case(scene).viscosity if scene.effects.damping is not False else 0.0
     if scene.perfect:
         top, kappa = highest_frequency(unit_contacts(scene), sphere, physics), sphere.stiffness_ratio
         drag = viscosity * 2 * (kappa + 3) / (min(kappa, 1.0) if physics.shear else 1.0)  # cλ/Ω²
-    else:
-        contacts = contacts_of(scene)
-        top = frequency_bound(contacts, sphere, physics)
-        dashpots = np.full(len(contacts), sphere.mass / sphere.time_scale**2)
-        unloaded = np.zeros(len(contacts))
-        alone = replace(contacts, normal_stiffness=dashpots, shear_stiffness=dashpots.copy(), contact_force=unloaded)
-        drag = viscosity * (frequency_bound(alone, sphere, physics) / top) ** 2 if viscosity else 0.0
+        return _stable(scene, top, drag)
+    contacts = contacts_of(scene)
+    for bound in (crude_bound, frequency_bound):
+        top = bound(contacts, sphere, physics)
+        drag = 0.0
+        if viscosity:
+            dashpots, unloaded = np.full(len(contacts), sphere.mass / sphere.time_scale**2), np.zeros(len(contacts))
+            alone = replace(
+                contacts, normal_stiffness=dashpots, shear_stiffness=dashpots.copy(), contact_force=unloaded
+            )
+            drag = viscosity * (bound(alone, sphere, physics) / top) ** 2  # the same
+        if (limit := _stable(scene, top, drag)) >= enough:
+            break
+    return limit
+
+
+def _stable(scene: Scene, top: float, drag: float) -> float:
+    """Return the limit of the step for the highest frequency at rest, rad/t0, and cλ/Ω², t0."""
     top *= (1 + scene.strike) ** 0.25
     half = drag * top / 2  # b/2Ω
     return 2 / top / (hypot(half, 1) + half)

@@ -35,8 +35,6 @@ class StepRule:
 
 def refuse_step(time: Sampled, rules: Iterable[StepRule]) -> None:
     """Raise a SceneError if a declared time step breaks a rule."""
-    if time.tolerance is not None:
-        return
     for rule in rules:
         if time.step > rule.longest:
             raise SceneError(f"time.timestep = {time.timestep!r}: {rule.sentence}")

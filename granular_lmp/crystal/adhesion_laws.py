@@ -75,6 +75,16 @@ class _Law:
             pull_off_force=self.pull_off_force * normal,
         )
 
+    @property
+    def arrays(self) -> list[Numbers]:
+        """Parameters that differ by contact, (C,) each."""
+        return [value for each in fields(self) if np.ndim(value := getattr(self, each.name))]
+
+    def of(self, which: Any) -> Self:
+        """Return the law of some of the contacts, given by a slice or by indices."""
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        return replace(self, **{name: value[which] if np.ndim(value) else value for name, value in values.items()})
+
     def closed(self, overlap: Numbers) -> Any:
         """Return whether spheres that have touched still do, at any overlap."""
         return overlap > self.pull_off_overlap

@@ -84,7 +84,7 @@ def bloch_modes(
 
 def require_plane(contacts: Contacts) -> None:
     """Raise a ValueError unless all contacts lie in a plane z = const."""
-    outside = np.flatnonzero(contacts.normals[:, 2])
+    outside = np.flatnonzero(contacts.vector[:, 2])
     if len(outside):
         raise ValueError(f"contact {outside[0]}: leaves the plane z = const, in which all contacts must lie")
 

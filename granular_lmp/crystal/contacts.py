@@ -17,7 +17,7 @@ either sphere (``GranSubModTangentialMindlin::coeffs_to_local``). Two materials 
 Everything in `Contacts` is in SI units; the crystal's own lengths are in radii of its first material.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
+from granular_lmp.crystal.blocks import blocks
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
 
@@ -82,6 +83,12 @@ class Contacts:
     def __len__(self) -> int:
         return len(self.i)
 
+    def parts(self) -> "Iterator[Contacts]":
+        """Yield the contacts some at a time, in their order, each part with all spheres."""
+        per_contact = [each.name for each in fields(self) if each.name not in ("radius", "mass")]
+        for block in blocks(len(self)):
+            yield replace(self, **{name: getattr(self, name)[block] for name in per_contact})
+
     @cached_property
     def on_wall(self) -> NDArray[np.bool_]:
         """True for the contacts with a wall, (C,)."""
@@ -116,8 +123,8 @@ class Contacts:
     @cached_property
     def per_sphere(self) -> Integers:
         """Number of contacts of each sphere, (N,)."""
-        ends = np.concatenate([self.i, self.j[~self.on_wall]])
-        return np.bincount(ends, minlength=len(self.mass))
+        others = self.j[~self.on_wall] if self.on_wall.any() else self.j
+        return np.bincount(self.i, minlength=len(self.mass)) + np.bincount(others, minlength=len(self.mass))
 
 
 def find_contacts(crystal: ase.Atoms, materials: Sequence[Sphere], contact_force: float | None = None) -> Contacts:
@@ -266,7 +273,16 @@ def _each(materials: Sequence[Sphere], material: Integers, name: str) -> Floats:
 
 
 def _mixed(materials: Sequence[Sphere], one: Integers, other: Integers) -> tuple[Floats, Floats, Floats]:
-    """Return E*, G* and w of pairs of materials, each (C,)."""
+    """Return E*, G* and w of pairs of materials, each (C,), or (1,) of a single material."""
+    of_kinds = _of_pairs(materials, *np.indices((len(materials),) * 2).reshape(2, -1))
+    if len(materials) == 1:
+        return of_kinds
+    kind = one * len(materials) + other
+    return of_kinds[0][kind], of_kinds[1][kind], of_kinds[2][kind]
+
+
+def _of_pairs(materials: Sequence[Sphere], one: Integers, other: Integers) -> tuple[Floats, Floats, Floats]:
+    """Return E*, G* and w of materials one by one, each (C,)."""
     (Ei, Ej), (nui, nuj), (wi, wj) = (
         (_each(materials, one, name), _each(materials, other, name))
         for name in ("youngs_modulus", "poisson_ratio", "work_of_adhesion")

@@ -196,10 +196,13 @@ def _record(potential: Potential, pairs: Pairs, state: State, steps: int, protoc
     """Return the record of a crystal at rest, in its units."""
     unit, length, crystal = potential.unit, potential.materials[0].static_overlap, potential.crystal
     touching = pairs.law.closed(state.overlap)
-    on = np.flatnonzero(touching[: pairs.between])
-    i, j = pairs.i[on], pairs.j[on]
-    vector = _in_space(state.vector[:, on].T) * length
-    contacts = contacts_between(crystal, potential.materials, i, j, vector, state.overlap[on] * length)
+    between = touching[: pairs.between]
+    on = slice(pairs.between) if between.all() else np.flatnonzero(between)  # a slice copies nothing
+    vector = _in_space(state.vector[:, on].T)
+    vector *= length
+    contacts = contacts_between(
+        crystal, potential.materials, pairs.i[on], pairs.j[on], vector, state.overlap[on] * length
+    )
     lifted = np.zeros(len(crystal), dtype=bool)
     for number, face in enumerate(potential.faces):
         on = pairs.between + np.flatnonzero(touching[pairs.between :] & (pairs.face == number))
@@ -226,7 +229,9 @@ def _record(potential: Potential, pairs: Pairs, state: State, steps: int, protoc
 
 def _in_space(vectors: Floats) -> Floats:
     """Return vectors (N, D) with three components, (N, 3)."""
-    return np.column_stack([vectors, np.zeros((len(vectors), 3 - vectors.shape[1]))])
+    in_space = np.zeros((len(vectors), 3))
+    in_space[:, : vectors.shape[1]] = vectors
+    return in_space
 
 
 def _in_words(steps: int, box: str, friction: float) -> str:

@@ -79,10 +79,12 @@ def require_friction(friction: float, pairs: Pairs) -> None:
     """Raise a CrystalError unless a coefficient of friction is possible and every pair of spheres touches once."""
     if not friction >= 0:
         raise CrystalError(f"friction = {friction!r}: must be at least 0")
+    if not friction:
+        return
     both = np.column_stack([pairs.i, pairs.j])
     pair, count = np.unique(both, axis=0, return_counts=True)
     twice = pair[(count > 1) | (pair[:, 0] == pair[:, 1])]
-    if friction and len(twice):
+    if len(twice):
         raise CrystalError(
             f"friction = {friction!r}: spheres {twice[0, 0]} and {twice[0, 1]} meet more than once across periodic "
             "faces, and a slip belongs to a pair; take at least 3 columns and 4 rows, or friction = 0"

@@ -18,6 +18,7 @@ from granular_lmp.crystal.bloch import effective_inertia as effective_inertia
 from granular_lmp.crystal.bloch import effective_rolling as effective_rolling
 from granular_lmp.crystal.bloch import part, roll_rows, solve, stretch_rows
 from granular_lmp.crystal.bloch import require_plane as require_plane
+from granular_lmp.crystal.blocks import blocks
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import lattice_constant, lattice_of_contacts
 from granular_lmp.crystal.mode import FULL, FX, TURNS, UX, UY, F, Mode, Physics, branch_mode
@@ -201,8 +202,15 @@ def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[N
     All are in phase; of several spheres a cell they are the moduli. In a crystal that is not perfect they are those of
     a wave that imperfections leave as it is.
     """
-    if mode.cell:
-        return _moduli(contacts, sphere, mode)
+    normal, shear = (np.empty(len(contacts)) for _ in range(2))
+    of_part = _moduli if mode.cell else _in_phase
+    for block, some in zip(blocks(len(contacts)), contacts.parts(), strict=True):
+        normal[block], shear[block] = of_part(some, sphere, mode)
+    return normal, shear
+
+
+def _in_phase(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
+    """Return δN and δS of the contacts in a mode of one sphere a cell."""
     half_phase = contacts.vector[:, :2] @ _wavevector(sphere, mode.vector) / sphere.radius / 2
     moved, shape = 2 * np.sin(half_phase), np.array([mode.ux, mode.uy])
     normal = moved * (contacts.normals[:, :2] @ shape)
@@ -262,8 +270,11 @@ def _highest_in_space(crystal: Contacts, sphere: Sphere, physics: Physics) -> fl
 
 def row_stretches(lattice: Contacts, ux: float, uy: float) -> tuple[NDArray, NDArray]:
     """Return δN and δS of the contacts, (C,) each, between a row shifted by (ux, uy) and the next one at rest."""
-    shift = np.array([ux, uy])
-    return lattice.normals[:, :2] @ shift, np.linalg.norm(lattice.tangents[:, :, :2] @ shift, axis=1)
+    shift, normal, shear = np.array([ux, uy]), np.empty(len(lattice)), np.empty(len(lattice))
+    for block, some in zip(blocks(len(lattice)), lattice.parts(), strict=True):
+        normal[block] = some.normals[:, :2] @ shift
+        shear[block] = np.linalg.norm(some.tangents[:, :, :2] @ shift, axis=1)
+    return normal, shear
 
 
 def decay_rate(lattice: Contacts, sphere: Sphere, mode: Mode, viscosity: float, *, shear: bool = True) -> float:

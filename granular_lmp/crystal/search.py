@@ -6,11 +6,14 @@ is compared only with those in the bins around its own. `ase.neighborlist` finds
 matrices.
 """
 
+from collections.abc import Iterator
 from itertools import product
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
+
+from granular_lmp.crystal.blocks import blocks
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -36,14 +39,19 @@ def overlapping(crystal: ase.Atoms) -> tuple[Integers, Integers, Floats]:
     reach = 2 * radius.max()
     owner, shift = _images(crystal, reach)
     places = crystal.positions[owner] + shift @ crystal.cell.array
-    i, image = _near(crystal.positions, places, reach)
-    j = owner[image]
-    vector = places[image] - crystal.positions[i]
-    touching = np.linalg.norm(vector, axis=1) < radius[i] + radius[j]
-    once = (i < j) | ((i == j) & (_sign(shift[image]) > 0))
-    found = np.flatnonzero(touching & once)
-    order = found[np.lexsort((*shift[image[found]].T, j[found], i[found]))]
-    return i[order], j[order], vector[order]
+    after, rank = _sign(shift) > 0, shift @ (2 * np.abs(shift).max(initial=0) + 1) ** np.arange(3)
+    found = []
+    for i, image in _near(crystal.positions, places, reach):
+        j = owner[image]
+        once = np.flatnonzero((i < j) | (i == j) & after[image])
+        i, j, image = i[once], j[once], image[once]
+        vector = places[image] - crystal.positions[i]
+        x, y, z = vector.T
+        touching = np.flatnonzero(np.sqrt(x * x + y * y + z * z) < radius[i] + radius[j])
+        order = touching[np.lexsort((rank[image[touching]], j[touching], i[touching]))]
+        found.append((i[order], j[order], vector[order]))
+    i, j, vector = (np.concatenate(each) for each in zip(*found, strict=True))
+    return i, j, vector
 
 
 def _images(crystal: ase.Atoms, reach: float) -> tuple[Integers, Integers]:
@@ -56,31 +64,43 @@ def _images(crystal: ase.Atoms, reach: float) -> tuple[Integers, Integers]:
     low, high = positions.min(axis=0) - reach, positions.max(axis=0) + reach
     owners, shifts = [], []
     for shift in product(*(range(-count, count + 1) for count in most)):
-        place = positions + shift @ cell
-        inside = np.flatnonzero(np.all((low <= place) & (place <= high), axis=1))
+        offset = shift @ cell
+        inside = np.arange(len(positions))
+        for axis in np.argsort(-np.abs(offset)):  # few are left of an image that is far away
+            place = positions[inside, axis] + offset[axis]
+            inside = inside[(low[axis] <= place) & (place <= high[axis])]
         owners.append(inside)
         shifts.append(np.broadcast_to(shift, (len(inside), 3)))
     return np.concatenate(owners), np.concatenate(shifts)
 
 
-def _near(positions: Floats, places: Floats, reach: float) -> tuple[Integers, Integers]:
-    """Return the pairs (index of a position, index of a place) in the same bin or in bins side by side."""
+def _near(positions: Floats, places: Floats, reach: float) -> Iterator[tuple[Integers, Integers]]:
+    """Yield the pairs (index of a position, index of a place) in the same bin or in bins side by side.
+
+    The positions are taken in their order, some at a time.
+    """
+    axes = np.argsort(np.ptp(positions, axis=0), kind="stable")  # the longest last
     origin = positions.min(axis=0) - 2 * reach
-    bins = np.floor((places - origin) / reach).astype(np.int64)
+    bins = np.floor((places - origin) / reach).astype(np.int64)[:, axes]
     size = bins.max(axis=0) + 2
     key = np.ravel_multi_index(tuple(bins.T), size)
     order = np.argsort(key, kind="stable")
-    own = np.ravel_multi_index(tuple(np.floor((positions - origin) / reach).astype(np.int64).T), size)
-    # Bins that follow one another along the last axis are neighbours in the sorted list too: one range holds three
-    first, second = [], []
-    for along_x, along_y in product((-1, 0, 1), repeat=2):
-        middle = own + (along_x * size[1] + along_y) * size[2]
-        start = np.searchsorted(key[order], middle - 1, side="left")
-        count = np.searchsorted(key[order], middle + 1, side="right") - start
-        first.append(np.repeat(np.arange(len(positions)), count))
-        within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        second.append(order[np.repeat(start, count) + within])
-    return np.concatenate(first), np.concatenate(second)
+    key = key[order]
+    flat = np.ptp(bins, axis=0)[:2] == 0  # a single bin has none at its sides
+    sides = [(0,) if alone else (-1, 0, 1) for alone in flat]
+    for block in blocks(len(positions)):
+        own = np.floor((positions[block] - origin) / reach).astype(np.int64)[:, axes]
+        at = np.ravel_multi_index(tuple(own.T), size)
+        first, second = [], []
+        # Bins that follow one another along the last axis are neighbours in the sorted list too: one range holds three
+        for across in product(*sides):
+            middle = at + (across[0] * size[1] + across[1]) * size[2]
+            start = np.searchsorted(key, middle - 1, side="left")
+            count = np.searchsorted(key, middle + 1, side="right") - start
+            first.append(np.repeat(np.arange(block.start, block.stop), count))
+            within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+            second.append(order[np.repeat(start, count) + within])
+        yield np.concatenate(first), np.concatenate(second)
 
 
 def _sign(shift: Integers) -> Integers:

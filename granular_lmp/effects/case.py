@@ -3,7 +3,7 @@
 It gives the numbers by which rules decide: stretches and slips of contacts, strengths, friction, dashpots.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import exp, hypot, inf
@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from granular_lmp.crystal.adhesion_laws import AdhesionLaw
+from granular_lmp.crystal.blocks import blocks
 from granular_lmp.crystal.contacts import FACTORS, Contacts, Floats
 from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, highest_frequency, row_stretches
 from granular_lmp.errors import SceneError
@@ -254,10 +255,22 @@ class Case:
 
         It is infinite if contacts without adhesion open, because they slide before they open.
         """
+        (normal, shear), law, overlaps, most = self.stretches, self._law, self.overlaps, 0.0
+        friction = self.friction
+        for block in blocks(len(shear)):  # only contacts that may slip more than those before, each kind once
+            part = law.of(block), overlaps[block], normal[block], shear[block]
+            bound = self._slip_bound(friction, *part)
+            hard = np.flatnonzero(bound > most)
+            which = hard[_different(bound[hard], [each[hard] for each in (*part[0].arrays, *part[1:])])]
+            if len(which):
+                most = max(most, self._slip(friction, part[0].of(which), *(each[which] for each in part[1:])))
+        return most
+
+    def _slip(self, friction: float, law: AdhesionLaw, overlaps: Floats, normal: Floats, shear: Floats) -> float:
+        """Return the largest slip of some contacts, phase by phase."""
         phase = np.linspace(0, 2 * np.pi, 721 if self.scene.perfect else 91)[:, None]
-        normal, shear = self.stretches
-        law, sphere = self._law, self.scene.sphere
-        overlap = (self.overlaps - normal * np.cos(phase)) * sphere.static_overlap
+        sphere = self.scene.sphere
+        overlap = (overlaps - normal * np.cos(phase)) * sphere.static_overlap
         closed = overlap > law.pull_off_overlap
         overlap = np.where(closed, overlap, law.pull_off_overlap)
         push = law.shear_stiffness(overlap) / sphere.normal_stiffness * np.cos(phase) - self.dashpot * np.sin(phase)
@@ -265,10 +278,22 @@ class Case:
         limit = law.sliding_force(overlap) / (sphere.normal_stiffness * sphere.static_overlap)
         if not self.on.get("adhesion", True):  # LAMMPS's Hertz contacts slide at μ times the force with its dashpot
             limit = np.maximum(limit + self.dashpot * normal * np.sin(phase), 0.0)
-        limit = self.friction * limit
+        limit = friction * limit
         if np.any((limit == 0) & (np.abs(shear * np.cos(phase)) > NOTHING)):
             return inf
         return float(np.max(np.divide(force, limit, out=np.zeros_like(force), where=limit > 0)))
+
+    def _slip_bound(self, friction: float, law: AdhesionLaw, overlaps: Floats, normal: Floats, shear: Floats) -> Floats:
+        """Return no less than the largest slip of each contact: all that makes it large at once."""
+        sphere, dashpot = self.scene.sphere, self.dashpot
+        widest, least = ((overlaps + way * np.abs(normal)) * sphere.static_overlap for way in (1, -1))
+        force = law.shear_stiffness(law.nearest(widest)) / sphere.normal_stiffness + dashpot
+        limit = law.sliding_force(law.nearest(least)) / (sphere.normal_stiffness * sphere.static_overlap)
+        if not self.on.get("adhesion", True):
+            limit = limit - dashpot * np.abs(normal)
+        limit = friction * np.maximum(limit, 0.0)
+        slip = np.abs(shear) * force * (1 + NOTHING)
+        return np.asarray(np.divide(slip, limit, out=np.where(slip > 0, inf, 0.0), where=limit > 0))
 
     @property
     def _law(self) -> AdhesionLaw:
@@ -309,3 +334,10 @@ class Case:
         except SceneError:
             return f"there is no {self.mode.words.partition(' ')[2]}"
         return f"the frequency is {less:.4g} per tau instead of {full:.4g}: {abs(less / full - 1):.2%} off"
+
+
+def _different(value: Floats, columns: Sequence[Floats]) -> np.ndarray:
+    """Return the indices of rows of columns (C,) without those that repeat; rows that are equal have the same value."""
+    _, first, like = np.unique(value, return_index=True, return_inverse=True)
+    others = np.any([each != each[first][like] for each in columns], axis=0)
+    return np.append(first, np.flatnonzero(others))

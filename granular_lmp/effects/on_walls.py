@@ -46,7 +46,9 @@ class OnWall:
     @classmethod
     def all_of(cls, problem: Prepared) -> tuple["OnWall", ...]:
         """Return the walls of a problem, of each face and material one."""
-        contacts, sphere, found = problem.contacts, problem.scene.sphere, []
+        contacts, sphere, found = problem.contacts, problem.scene.sphere, list[OnWall]()
+        if not contacts.on_wall.any():
+            return ()
         material = problem.crystal.arrays.get("material", np.zeros(len(problem.crystal), dtype=int))[contacts.i]
         dashpot = problem.scene.effects.viscosity if problem.scene.effects.damping is True else 0.0
         for face, (axis, inward) in FACES.items():

@@ -10,6 +10,7 @@ import pytest
 from benchmarks import __main__ as bench
 from benchmarks import contact_list, naive
 from benchmarks.problem import Contestant, Solution, Start, base_scene, errors, exact
+from benchmarks.plan import Plan, planned
 from benchmarks.timing import interleave, ratio
 
 
@@ -115,3 +116,32 @@ def test_the_naive_deck_reads_its_own_sphere_only(tmp_path: Path) -> None:
     snapshot = "ITEM: TIMESTEP\n12\nITEM: NUMBER OF ATOMS\n2\nITEM: ATOMS id type x y\n1 1 5 6\n12 1 7000 8000\n"
     (tmp_path / "dump").write_text(2 * snapshot)
     np.testing.assert_allclose(naive._positions(tmp_path / "dump", 12, (2, 3)), 2 * [[7e-6, 8e-6]], rtol=1e-15)
+
+
+ROOT = Path(__file__).parents[2]
+
+
+def rows_under(head: str) -> list[list[str]]:
+    """Return the rows of the table of RESULTS.md whose head begins so."""
+    lines = (ROOT / "benchmarks/RESULTS.md").read_text("utf-8").partition(f"| {head}")[2].splitlines()[2:]
+    return [line.strip("| ").split(" | ") for line in lines[: lines.index("")]]
+
+
+def test_the_plan_of_the_page_is_that_of_the_model() -> None:
+    assert planned() in (ROOT / "docs/how-long.md").read_text("utf-8")
+
+
+def test_the_model_of_the_plan_meets_the_measured_rows() -> None:
+    for spheres, ranks, _, start, peak, _, share, rate, *_ in rows_under("spheres | ranks | build"):
+        plan, alone = Plan(float(spheres), int(ranks)), Plan(float(spheres))
+        assert 0.5 < plan.loop / (plan.spheres * plan.steps / float(rate) / 1e6) < 2
+        assert plan.loop / alone.loop == pytest.approx(float(share), rel=0.1)
+        assert plan.rank == pytest.approx(1e6 * float(peak), rel=0.15)
+        if plan.spheres > 1e5:  # LAMMPS starts in 0.2 s
+            assert 0.5 < plan.read / float(start.split()[0]) < 2
+    for spheres, seconds, peak, size in rows_under("spheres | set-up"):
+        plan = Plan(float(spheres))
+        if plan.spheres > 3e4:  # Python and its modules take 0.1 s and 50 MB
+            assert 0.5 < plan.build / float(seconds) < 2
+            assert plan.builder == pytest.approx(1e6 * float(peak), rel=0.15)
+            assert plan.files[0] == pytest.approx(1e6 * float(size), rel=0.05)
