@@ -259,7 +259,7 @@ def equivalent(one: Sphere, other: Sphere) -> Sphere:
 
 def mixed(one: Sphere, other: Sphere) -> tuple[Floats, Floats, Floats]:
     """Return E*, G* and w of the contact between two materials, each (1,)."""
-    return _mixed((one, other), np.array([0]), np.array([1]))
+    return _of_pairs((one, other), np.array([0]), np.array([1]))
 
 
 def _material(crystal: ase.Atoms) -> Integers:

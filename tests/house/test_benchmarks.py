@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks import __main__ as bench
 from benchmarks import contact_list, naive
-from benchmarks.problem import Contestant, Solution, Start, base_scene, errors, exact
 from benchmarks.plan import Plan, planned
+from benchmarks.problem import Contestant, Solution, Start, base_scene, errors, exact
 from benchmarks.timing import interleave, ratio
 
 
