@@ -26,6 +26,7 @@ from granular_lmp import Scene, build
 from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import DUMP, read_centre
+from granular_lmp.lammps.watched import watched_text
 from granular_lmp.units import units_for
 
 KINDS = {"granular": "pair_style granular", "overlay": "gran/hertz/history with a table", "kernel": "the kernel"}
@@ -69,6 +70,8 @@ def solve(kind: str, scene: Scene, guards: bool, folder: Path) -> Outcome:
     deck = build(scene)
     deck.write(folder, force=True)
     text = deck.input_text if guards else unguarded(deck.input_text)
+    if kind == "kernel":
+        text = watched_text(deck.problem, text)
     if kind == "overlay":
         text, attraction = overlay(text, scene)
         (folder / "attraction.table").write_text(attraction, encoding="utf-8")

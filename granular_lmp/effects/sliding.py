@@ -35,12 +35,17 @@ def variables_off(problem: Prepared) -> list[str]:
 
 def measured(problem: Prepared) -> list[str]:
     """Return the lines of the largest slip."""
-    friction = problem.scene.effects.friction
     return [
-        f"variable     mu equal {'v_friction' if friction == AUTO else repr(friction)}",
+        mu_line(problem.scene),
         "# the hardest sheared contact over the sliding force of the one that touches least: never below the truth",
         *slip_lines("", Reading.of(problem)),
     ]
+
+
+def mu_line(scene: Scene) -> str:
+    """Return the line of the friction by which slips are judged: that of the spheres, if the scene gives one."""
+    friction = scene.effects.friction
+    return f"variable     mu equal {'v_friction' if friction == AUTO else repr(friction)}"
 
 
 def slip_lines(tag: str, how: Reading) -> list[str]:

@@ -4,7 +4,7 @@ A guard is a number that LAMMPS computes from contacts or spheres at *looks*, an
 guard is in the deck only if its effect is not. Each look is a line of the thermo table.
 
 Looks are as frequent as the motion needs (`granular_lmp.lammps.pace`), and a look judges only the spheres whose state
-can still affect the record (`_inside`). The guards are defined with their effects (`granular_lmp.effects`).
+can still affect the record (`inside_lines`). The guards are defined with their effects (`granular_lmp.effects`).
 """
 
 from math import pi
@@ -89,7 +89,7 @@ def _looks_per_line(problem: Problem) -> int:
 # --- the spheres it looks at -----------------------------------------------------------------------------------------
 
 
-def _inside(problem: Problem) -> list[str]:
+def inside_lines(problem: Problem) -> list[str]:
     """Return the lines for the group of the spheres whose state can still affect the record before the run ends.
 
     The group holds all spheres if snapshots record them, or in a periodic plane wave. Otherwise it is a cone around the
@@ -158,7 +158,7 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
         "# --- guards: proof that the effects this deck leaves out do not occur",
         "thermo_style custom step",
         "run          0 post no  # so that there are forces when the step of the next look is computed",
-        *_inside(problem),
+        *inside_lines(problem),
         f"# at most {LOOKS} looks in a period of the fastest motion; at every step if -var made steps too long",
         f"variable     look equal $(ternary((v_steps%{steps}==0)*({longest:.6g}>={steps}*v_step/v_t0),{steps},1))",
         *text,
@@ -198,10 +198,10 @@ def columns(problem: Problem) -> list[str]:
         return ["v_tau", *(GUARDS[name].column for name in names)]
     own = [GUARDS[name].column for name in names]
     others = ELSEWHERE if watches_part(problem.scene) else ()
-    return ["v_tau", *own, "v_overlap", NEXT, *(name for name in (*others, "v_mu") if _is_there(name, names))]
+    return ["v_tau", *own, "v_overlap", NEXT, *(name for name in (*others, "v_mu") if is_there(name, names))]
 
 
-def _is_there(text: str, names: list[str]) -> bool:
+def is_there(text: str, names: list[str]) -> bool:
     """Return whether a line or column is in the deck; those of slip need shear."""
     return "largest_slip" in names or ("slip" not in text and "mu" not in text)
 

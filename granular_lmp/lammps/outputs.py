@@ -355,6 +355,7 @@ def _log_of(text: str) -> RunLog:
             while tables[names] and tables[names][-1][0] > row[0]:
                 tables[names].pop()  # a continuation repeats the lines after its checkpoint
             tables[names].append(row)
+    names = next((each for each in reversed(tables) if len(each) > 1), names)  # on its way to a look a run has one
     rows = tables.get(names, [])
     table = np.array(rows, dtype=float).reshape(len(rows), len(names))
     loop = seconds.get(names, float("nan"))

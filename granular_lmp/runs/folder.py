@@ -44,7 +44,7 @@ _FILES = (
         "compare.png",
     ),
 )
-_DECK = ("in.{}", "data.{}", "in.{}.resume")
+_DECK = ("in.{}", "data.{}", "in.{}.kernel", "in.{}.resume")
 # Of these the ones that are written while the run lasts, or by what reads it
 _PASSING = {STATUS, CONTACTS, UNWAVED_CONTACTS, "compare.png", *CHECKPOINTS}
 _STUDIES = {SWEEP: "a sweep", COST: "a cost study", SCATTER: "a study of scattering"}

@@ -40,7 +40,7 @@ def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judg
             deck, edits = (what, what.edits()) if isinstance(what, Deck) else (deck_of(prepare(what)), [])
         if options.kernel:
             library.refuse_other_contacts(deck.input_text)
-        return begin(Simulation(deck, edits, judge), folder, options, seconds)
+        return begin(Simulation(deck, edits, judge, options.kernel), folder, options, seconds)
 
 
 def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge = nothing_more) -> Record:
@@ -60,7 +60,11 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
     The dumps have the same bytes as those of an uninterrupted run. With damping or sliding they differ by up to
     1e-6 D0, because LAMMPS sets up a run with other velocities than those between its steps.
     """
-    return proceed(lambda place: Simulation(deck_of(prepare(scene_of(place))), judge=judge), absolute(folder), progress)
+
+    def of(place: Path, kernel: bool) -> Simulation:
+        return Simulation(deck_of(prepare(scene_of(place))), judge=judge, kernel=kernel)
+
+    return proceed(of, absolute(folder), progress)
 
 
 def run_files(folder: Path, files: Mapping[str, Iterable[str]], input_name: str, *, force: bool = False) -> None:

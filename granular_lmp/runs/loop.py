@@ -61,17 +61,17 @@ def begin(simulation: Simulation, folder: Path, options: Options, seconds: Secon
         with phase("write"):
             clear(folder)
             write_files(folder, simulation.files())
-        job = _job(simulation, folder, simulation.input_name, LOG, lock, options, info)
+        job = _job(simulation, folder, simulation.begun_name, LOG, lock, options, info)
         return execute(simulation, job, route, info, seconds)
 
 
-def proceed(of: Callable[[Path], Simulation], folder: Path, progress: Progress | None) -> Record:
+def proceed(of: Callable[[Path, bool], Simulation], folder: Path, progress: Progress | None) -> Record:
     """Continue a stopped or killed run from its last checkpoint, on the same route and ranks.
 
     Parameters
     ----------
     of : callable
-        Returns the simulation of the run folder.
+        Returns the simulation of the run folder, with the kernel or without.
     folder : Path
         Absolute.
     progress : callable, optional
@@ -87,7 +87,7 @@ def proceed(of: Callable[[Path], Simulation], folder: Path, progress: Progress |
     with collected() as seconds, locked(folder) as lock:
         info = read_start(folder)
         with phase("build"):
-            simulation = of(folder)
+            simulation = of(folder, "kernel" in info)
         last = last_checkpoint(folder, info, simulation.dump)
         options = replace(options_of(folder, info), progress=progress)
         route = route_of(options)
@@ -110,7 +110,7 @@ def _job(
     variables: tuple[str, ...] = ("-var", "marked", mark(info["scene_sha256"]))
     if info["ranks"] > 1:
         variables += ("-var", "checkpoint", str(simulation.checkpoint_steps(info["ranks"])))
-    return Job(folder, name, log, lock, report, simulation.columns, variables)
+    return Job(folder, name, log, lock, report, simulation.looks, variables)
 
 
 def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any], seconds: Seconds) -> Record:

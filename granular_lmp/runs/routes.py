@@ -29,8 +29,6 @@ from granular_lmp.runs.phases import phase
 
 FEWEST_FILES = 64  # open files; a run of one rank needs 24 (measured), and each other run of the process its own
 _POLL = 0.1  # s between two progress reports, and the longest wait for a program to stop
-# A stopped run writes a checkpoint. LAMMPS sets its fixes up again before that, which the one that looks cannot be
-LAST_COMMANDS = ("thermo_style custom step", "unfix looks", f"write_restart {CHECKPOINTS[0]}")
 _GRACE = 0.5  # s between the request to stop and the kill of a program
 _one_at_a_time = threading.Lock()  # for LAMMPS in this process
 
@@ -51,8 +49,8 @@ class Job:
         process.
     report_step : callable
         Callback for progress, called with the time step.
-    columns : tuple of str
-        Thermo columns of the input; empty for an input without guards, which a stop leaves without a checkpoint.
+    looks : "table", "kernel" or ""
+        Where the guards of the input have their looks; "" for an input that a stop leaves without a checkpoint.
     variables : tuple of str
         Words that override variables of the deck: ``-var``, name, value.
     """
@@ -62,7 +60,7 @@ class Job:
     log: str
     lock: int
     report_step: Callable[[int], None]
-    columns: tuple[str, ...] = ()
+    looks: str = ""
     variables: tuple[str, ...] = ()
 
     @property
@@ -127,9 +125,9 @@ def _run_module(module: Any, kernel: Path | None, job: Job) -> None:
             if error is not None:  # the module raises plain Exception and MPIAbortException
                 raise LammpsError(_first_line(error), _last_command(job.folder), log_tail(job.folder)) from error
             # Before its first step a run may not hold the wave yet, and a checkpoint would save no time
-            if job.columns and instance.extract_global("ntimestep") > 0:
+            if job.looks and instance.extract_global("ntimestep") > 0:
                 with _uninterrupted():
-                    for command in (*_to_next_look(instance), *LAST_COMMANDS):
+                    for command in _checkpoint(instance, watched=job.looks == "kernel"):
                         pool.submit(instance.command, command).result()
             raise
         finally:
@@ -149,10 +147,18 @@ def _uninterrupted() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _to_next_look(instance: Any) -> list[str]:
-    """Commands that take a stopped run on to a step at which guards may look: some fixes have numbers only there."""
+def _checkpoint(instance: Any, *, watched: bool) -> list[str]:
+    """Commands that write the checkpoint of a stopped run.
+
+    It goes on to a step at which guards may look: some fixes have numbers only there. What the kernel saw since the
+    last line of the table is a line more. LAMMPS sets its fixes up again before it writes, which the one that looks
+    cannot be.
+    """
     steps = -instance.extract_global("ntimestep") % int(instance.extract_variable("look"))
-    return ["thermo_style custom step", "timer timeout off", f"run {steps} pre no post no"] if steps else []
+    on = ["timer timeout off", f"run {steps} pre no post no"] if steps or watched else []
+    looks = [] if watched else ["unfix looks"]
+    no_table = ["thermo_style custom step"]
+    return [*(no_table if on and not watched else []), *on, *no_table, *looks, f"write_restart {CHECKPOINTS[0]}"]
 
 
 def _this_rank() -> Any:
@@ -189,12 +195,13 @@ def _run_program(program: list[str], variables: dict[str, str], kernel: Path | N
         except BaseException:
             _stop(process)
             raise
-    if process.returncode != 0:
-        lines = [*log_tail(job.folder).splitlines(), *output.splitlines()]
-        errors = [line for line in lines if "ERROR" in line] or [f"exit status {process.returncode}"]
-        raise LammpsError(errors[0], _last_command(job.folder) or " ".join(command), log_tail(job.folder))
-    if kernel is not None and library.STYLE not in (job.folder / LOG).read_text(errors="replace"):
+    lines = [*log_tail(job.folder).splitlines(), *output.splitlines()]
+    errors = [line for line in lines if "ERROR" in line] or [f"exit status {process.returncode}"]
+    silent = kernel is not None and library.SAID not in log_tail(job.folder, sys.maxsize)
+    if kernel is not None and silent and (process.returncode == 0 or library.STYLE in errors[0]):
         raise library.not_loaded(kernel)
+    if process.returncode != 0:
+        raise LammpsError(errors[0], _last_command(job.folder) or " ".join(command), log_tail(job.folder))
 
 
 def _output(process: "subprocess.Popen[str]", job: Job) -> str:

@@ -5,6 +5,7 @@ In which order that is done says `granular_lmp.runs.loop`.
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,9 @@ from granular_lmp.errors import LammpsError, RunFolderError
 from granular_lmp.lammps.binary_dump import mend_binary
 from granular_lmp.lammps.checkpoints import checkpoint_steps
 from granular_lmp.lammps.deck import Deck, resume_text
-from granular_lmp.lammps.guards import columns
 from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import DUMP, SCENE, SNAPSHOTS, RunLog, mend_dump
+from granular_lmp.lammps.watched import watched_text
 from granular_lmp.runs import manifest
 from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record
@@ -42,11 +43,14 @@ class Simulation:
         Lines by which its text differs from the one that this package writes.
     judge : callable
         Returns more entries of ``run.json`` from the record of a run that did not fail.
+    kernel : bool
+        True if the kernel computes the contacts, which then sees them for the guards too.
     """
 
     deck: Deck
     edits: list[str] = field(default_factory=list)
     judge: Judge = nothing_more
+    kernel: bool = False
 
     @property
     def scene(self) -> Scene:
@@ -55,8 +59,20 @@ class Simulation:
 
     @property
     def input_name(self) -> str:
-        """File name of the input."""
+        """File name of the deck."""
         return self.deck.input_name
+
+    @property
+    def begun_name(self) -> str:
+        """File name of the input that LAMMPS reads first: the deck, or the same with the guards of the kernel."""
+        return self.input_name if self._watched == self.deck.input_text else f"{self.input_name}.kernel"
+
+    @cached_property
+    def _watched(self) -> str:
+        return self._with_guards(self.deck.input_text)
+
+    def _with_guards(self, text: str, checkpoint: str = "") -> str:
+        return watched_text(self.deck.problem, text, checkpoint) if self.kernel else text
 
     @property
     def dump(self) -> str:
@@ -69,18 +85,22 @@ class Simulation:
         return self.scene.time.steps
 
     @property
-    def columns(self) -> tuple[str, ...]:
-        """Thermo columns of the guards that are looked at between two lines, with which a stopped run is completed."""
-        problem = self.deck.problem
-        return () if problem.scene.loose else tuple(columns(problem))
+    def looks(self) -> str:
+        """Where the guards have their looks, as `Job` needs it: the table, the kernel, or "" of spheres that meet."""
+        if self.scene.loose:
+            return ""
+        return "table" if self.begun_name == self.input_name else "kernel"
 
     def files(self) -> dict[str, Iterable[str]]:
         """Return name → text, in pieces, of the files of the run folder; its scene has every "auto" decided."""
-        return {**self.deck.files(), SCENE: [self.scene.to_toml()]}
+        return {**self.deck.files(), self.begun_name: [self._watched], SCENE: [self.scene.to_toml()]}
 
     def description(self, launcher: str, ranks: int) -> dict[str, Any]:
         """Return the entries of ``run.json`` that are known before the run."""
-        return manifest.description(self.deck.problem, self.edits, launcher, ranks)
+        found = manifest.description(self.deck.problem, self.edits, launcher, ranks)
+        if self.begun_name != self.input_name:  # the kernel looks at every step
+            found["looks"] |= {"every_tau": self.scene.time.step}
+        return found
 
     def checkpoint_steps(self, ranks: int) -> int:
         """Return the steps between two checkpoints."""
@@ -88,7 +108,7 @@ class Simulation:
 
     def resume_text(self, checkpoint: str) -> str:
         """Return the input that continues from a checkpoint."""
-        return resume_text(self.deck.problem, checkpoint)
+        return self._with_guards(resume_text(self.deck.problem, checkpoint), checkpoint)
 
     def mend(self, folder: Path) -> None:
         """Cut what a stop left of the dumps back to whole records."""

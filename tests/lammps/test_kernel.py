@@ -1,9 +1,11 @@
 """The kernel beside LAMMPS's own pair style: the same numbers, or an error that names what it does not know."""
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +15,20 @@ import pytest
 from granular_lmp import Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.cli import main
+from granular_lmp.crystal.search import overlapping
+from granular_lmp.effects.case import Case
+from granular_lmp.effects.reading import Reading
 from granular_lmp.errors import EffectError, LammpsMissingError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.lammps.deck import resume_text
+from granular_lmp.lammps.guard_results import judged_contacts
 from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.lammps.kernel import library
-from granular_lmp.lammps.outputs import LOG, MONITOR_CONTACTS
+from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, MONITOR_CONTACTS, read_snapshots
+from granular_lmp.problem import prepare
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import Record, read_status, write_status
+from granular_lmp.runs.routes import run_input
+from granular_lmp.runs.simulation import mend
 from granular_lmp.scene.shipped import shipped
 from granular_lmp.studies.kick import run_kicked
 from granular_lmp.studies.sweep import sweep
@@ -117,8 +127,6 @@ def test_numbers_are_those_of_lammps(name: str, tmp_path: Path) -> None:
     )
     plain, kernel = both(scene, tmp_path)
     assert largest_difference(plain, kernel) < ROUNDING
-    overlaps = [each.info.get("smallest_overlap", 0.0) for each in (plain, kernel)]
-    assert overlaps[0] == pytest.approx(overlaps[1], abs=ROUNDING)
     assert library.STYLE in (tmp_path / "kernel" / LOG).read_text()
     name = f"in.{scene.name}"
     assert (tmp_path / "plain" / name).read_bytes() == (tmp_path / "kernel" / name).read_bytes()
@@ -139,13 +147,65 @@ def test_a_renewed_neighbour_list_keeps_the_slips(tmp_path: Path) -> None:
     assert largest_difference(plain, kernel) < ROUNDING
 
 
-def test_guards_and_monitors_read_the_contacts_of_the_kernel(tmp_path: Path) -> None:
-    plain, kernel = both(short("quiet_ends"), tmp_path)
-    for name, guard in plain.info["guards"].items():
-        # The largest of many differences of positions, whose rounding is compared with that of two loops
-        assert kernel.info["guards"][name]["value"] == pytest.approx(guard["value"], rel=1e-6, abs=ROUNDING)
-    assert plain.info["guards"]["largest_slip"]["value"] > 1e-3
+def at_every_step(scene: Scene, folder: Path) -> tuple[float, float, int]:
+    """Return the smallest overlap (Δ0), the largest slip, and the most contacts that are not those at rest.
 
+    They are those of single contacts that LAMMPS's own style writes at every step.
+    """
+    deck = build(scene)
+    how, problem = Reading.of(deck.problem), deck.problem
+    lines = f"""compute      each all pair/local dist p4 cutoff {how.formulas.cutoff}
+compute      pair all property/local patom1 patom2 cutoff {how.formulas.cutoff}
+dump         each all local 1 each c_pair[1] c_pair[2] c_each[1] c_each[2]
+dump_modify  each format line "%.0f %.0f %.17g %.17g"
+"""
+    with suppress(EffectError):
+        run(deck.edited(after={"guards": lines}), folder)
+    i, j, _ = overlapping(problem.crystal)
+    rest = {(min(pair), max(pair)) for pair in zip(i + 1, j + 1, strict=True)}
+    friction = Case(scene, problem.on).friction
+    slip = max(look.slip for _, look in judged_contacts(folder / "each", problem, friction))
+    least = min(look.overlap for _, look in judged_contacts(folder / "each", problem, friction))
+    changed = 0
+    for _, _, table in read_snapshots(folder / "each"):
+        now = {(min(pair), max(pair)) for pair in table[:, :2].astype(int).tolist()}
+        changed = max(changed, len(now ^ rest))
+    return least, slip, changed
+
+
+SEEN = {name: SCENES[name] for name in ("contacts that open", "contacts that slide", "unequal radii and vacancies")}
+SEEN["contacts that would slide"] = short("tr_periodic", **{"packing.rows": 16, "effects.friction": 0.0615})
+
+
+@pytest.mark.parametrize("name", SEEN)
+def test_guards_see_every_contact_at_every_step(name: str, tmp_path: Path) -> None:
+    scene = SEEN[name].with_values({"time.duration": 3.0})
+    found = one(scene, tmp_path / "kernel", kernel=True).info
+    guards = found["guards"]
+    least, slip, changed = at_every_step(scene, tmp_path / "plain")
+    assert found["smallest_overlap"] == pytest.approx(least, abs=ROUNDING)
+    assert guards["largest_slip"]["value"] == pytest.approx(min(slip, 1.0), abs=ROUNDING)
+    assert guards["open_contacts"]["value"] == changed
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "triggers"),
+    [
+        ("l_opening", {"wave.amplitude": 1.26, "effects.contact_opening": "auto"}, False),
+        ("l_opening", {"wave.amplitude": 1.265, "effects.contact_opening": "auto"}, True),
+        ("tr_periodic", {"packing.rows": 16, "effects.friction": 0.0617}, False),
+        ("tr_periodic", {"packing.rows": 16, "effects.friction": 0.0615}, True),
+    ],
+)
+def test_what_opens_or_slides_between_two_looks_is_refused_with_the_kernel_as_without(
+    name: str, values: dict[str, object], triggers: bool, tmp_path: Path
+) -> None:
+    runs = both(short(name, **{"time.duration": 4.0, "time.timestep": 0.025}, **values), tmp_path)
+    assert [each.info["status"] == "failed" for each in runs] == [triggers, triggers]
+
+
+def test_monitors_read_the_contacts_of_the_kernel(tmp_path: Path) -> None:
+    both(short("quiet_ends"), tmp_path)
     forces = [
         np.array([line.split() for line in path.read_text().splitlines() if len(line.split()) == 7], dtype=float)
         for path in (tmp_path / each / MONITOR_CONTACTS.format("through") for each in ("plain", "kernel"))
@@ -240,16 +300,25 @@ def test_a_program_that_does_not_load_it_fails_the_run(tmp_path: Path, monkeypat
         run(short("tr_periodic"), tmp_path / "run", kernel=True, launcher="lmp")
 
 
-@pytest.mark.parametrize("name", ["contacts that slide", "unequal radii in JKR"])
+@pytest.mark.parametrize("name", ["contacts that open", "contacts that slide", "unequal radii in JKR"])
 def test_a_checkpoint_is_that_of_lammps(name: str, stop: Callable[..., None], tmp_path: Path) -> None:
-    """One that the kernel wrote is continued without it, to the same numbers."""
+    """One that the kernel wrote is continued with it and without it, to the same numbers and the same extremes."""
     scene = SCENES[name].with_values({"time.duration": 100.0, "time.allow_echo": True})
-    plain = run(scene, tmp_path / "plain")
-    stop(scene, tmp_path / "cut", kernel=True)
-    status = read_status(tmp_path / "cut")
-    del status["kernel"]
-    write_status(tmp_path / "cut", status)
-    assert largest_difference(plain, resume(tmp_path / "cut")) < ROUNDING
+    whole, cut, other = one(scene, tmp_path / "whole", kernel=True), tmp_path / "cut", tmp_path / "other"
+    stop(scene, cut, kernel=True)
+    shutil.copytree(cut, other)
+    found = resume(cut)
+    assert largest_difference(whole, found) < ROUNDING
+    assert found.info["smallest_overlap"] == pytest.approx(whole.info["smallest_overlap"], abs=ROUNDING)
+    for guard, result in whole.info["guards"].items():
+        assert found.info["guards"][guard]["value"] == pytest.approx(result["value"], rel=1e-6, abs=ROUNDING)
+
+    (other / "in.resume").write_text(resume_text(prepare(scene), CHECKPOINTS[0]))
+    lock = os.open(other, os.O_RDONLY)
+    run_input(other, "in.resume", lock)
+    os.close(lock)
+    mend(other, scene)
+    assert largest_difference(whole, Record.from_dump(other, scene)) < ROUNDING
 
 
 def test_a_run_of_another_kernel_is_not_continued(stop: Callable[..., None], tmp_path: Path) -> None:

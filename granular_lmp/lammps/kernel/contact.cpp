@@ -16,7 +16,12 @@
 
    LAMMPS's own style is made beside it and asked for all but the forces: it reads and checks the laws, sets the cutoffs,
    requests the neighbour list, and keeps slips, through checkpoints and on several ranks. What the loop does not know is
-   an error. */
+   an error.
+
+   "fix ID group granular/kernel L" has the extremes of the contacts of a group over all steps since it was last asked:
+   the smallest overlap; the largest shear force over the limit of its contact, at most 1; the most contacts that had
+   opened or formed since the first step, on ranks at most; the steps at which the second was first above L and the third
+   above 0, 1e30 if never. A checkpoint holds what had changed. */
 
 #include "atom.h"
 #include "comm.h"
@@ -33,7 +38,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 using namespace LAMMPS_NS;
@@ -75,6 +82,56 @@ struct Spheres {    // what the loop reads of them, so that the compiler keeps t
 
 struct Push {    // of one contact on its first sphere
   double normal, shear[3], overlap;
+  double square = 0, limit = 1;    // of the shear force and of the most that it may be, both squared
+};
+
+// Contacts that opened, −1, or formed, 1, since the first step, by the tags of their spheres. Two spheres touch twice
+// where a box is one of them wide
+using Changes = std::unordered_map<uint64_t, int>;
+
+struct Seen {    // the extremes of the contacts of a group
+  static constexpr double NEVER = 1e30;
+  int group;
+  double most;    // share of the limit whose first step is kept
+  double overlap = NEVER, square = 0, limit = 1;
+  double slid = NEVER, left = NEVER;    // steps
+  int changed = 0, largest = 0;
+  bool read = true;
+
+  Seen(int group, double most) : group(group), most(most) {}
+
+  void begin(double step, bool setup)
+  {
+    if (read || setup) {
+      overlap = NEVER;
+      square = 0;
+      limit = 1;
+      largest = changed;
+    }
+    read = false;
+    if (!setup) return;    // steps may have been counted anew
+    if (slid > step) slid = NEVER;
+    if (left > step) left = changed ? step : NEVER;
+  }
+
+  void see(int both, const Push &push, double step)
+  {
+    if (!(both & group)) return;
+    if (push.overlap < overlap) overlap = push.overlap;
+    if (push.square * limit > square * push.limit) {
+      square = push.square;
+      limit = push.limit;
+      if (slid == NEVER && square > most * most * limit) slid = step;
+    }
+  }
+
+  void change(int either, int more, double step)
+  {
+    if (!(either & group)) return;
+    changed += more;
+    if (changed > largest) largest = changed;
+    if (changed && left == NEVER) left = step;
+  }
 };
 
 class PairKernel : public Pair {
@@ -83,6 +140,9 @@ class PairKernel : public Pair {
   std::vector<Law> laws;    // by both types
   Law usual;                // with what all laws have in common
   int frozen = 0;           // group bit of spheres that fix freeze holds: their mass is infinite
+  Changes changes;
+  std::vector<std::shared_ptr<Seen>> watched;
+  bool moved = false;    // whether there was a step: before, contacts are those at rest
 
   // LAMMPS turns a slip only if its normal part matters by more than this share of the sliding force
   static constexpr double TURNED = 1e-10;
@@ -155,7 +215,10 @@ class PairKernel : public Pair {
       push.shear[k] = spring * s[k] - dashpot[k];
       square += push.shear[k] * push.shear[k];
     }
-    if (square > limit * limit) {
+    push.limit = limit * limit;
+    push.square = square;
+    if (square > push.limit) {
+      push.square = push.limit = 1;
       const double part = limit / std::sqrt(square);
       bool any = !DAMPED;    // without a slip nothing but the dashpot pushes, and LAMMPS has none of it
       for (int k = 0; k < D; k++) any = any || s[k] != 0;
@@ -208,6 +271,16 @@ class PairKernel : public Pair {
     return rsq < sum * sum || (c.jkr && before && holds_apart(c, std::sqrt(rsq) - sum, ri * rj / sum));
   }
 
+  static uint64_t key(uint64_t first, uint64_t second) { return first << 32 | second; }
+
+  // A contact of i and j has opened, −1, or formed, 1
+  void change(int i, int j, int way)
+  {
+    int &net = changes[key(std::min(atom->tag[i], atom->tag[j]), std::max(atom->tag[i], atom->tag[j]))];
+    const int before = std::abs(net), more = std::abs(net += way) - before;
+    for (auto &each : watched) each->change(atom->mask[i] | atom->mask[j], more, update->ntimestep);
+  }
+
   double mass(int i, int j) const
   {
     const double mi = atom->rmass[i], mj = atom->rmass[j];
@@ -225,6 +298,10 @@ class PairKernel : public Pair {
     const int *type = atom->type, nlocal = atom->nlocal, newton = this->force->newton_pair;
     const NeighList *pairs = granular->list;
     const bool moves = !update->setupflag;
+    const double step = update->ntimestep;
+    const int *mask = atom->mask;
+    const std::shared_ptr<Seen> *watchers = watched.data();
+    const std::size_t watching = watched.size();
     double none[3] = {0, 0, 0};
 
     for (int ii = 0; ii < pairs->inum; ii++) {
@@ -242,13 +319,20 @@ class PairKernel : public Pair {
         }
         const double sum = radius[i] + radius[j];
         if (rsq >= sum * sum && !(JKR && touches(c, rsq, radius[i], radius[j], touching[jj]))) {
-          if (KEEPS) touching[jj] = 0;
+          if (KEEPS && touching[jj]) {
+            touching[jj] = 0;
+            change(i, j, -1);
+          }
           if (KIND != NONE) s[0] = s[1] = s[2] = 0;
           continue;
         }
-        if (KEEPS) touching[jj] = 1;
+        if (KEEPS && !touching[jj]) {
+          touching[jj] = 1;
+          change(i, j, 1);
+        }
         const double r = std::sqrt(rsq);
         const Push push = meet<SPACE, JKR, KIND, DAMPED>(of, c, i, j, d, r, s, moves);
+        for (std::size_t w = 0; w < watching; w++) watchers[w]->see(mask[i] & mask[j], push, step);
         const double *g = push.shear, per = 1 / r, along = push.normal * per;
         double p[3] = {0, 0, 0};
         for (int k = 0; k < D; k++) {
@@ -410,9 +494,44 @@ class PairKernel : public Pair {
   void compute(int eflag, int vflag) override
   {
     ev_init(eflag, vflag);
+    moved = moved || !update->setupflag;
+    for (auto &each : watched) each->begin(update->ntimestep, update->setupflag);
     choose([&](auto space, auto jkr, auto kind, auto damped) {
       loop<decltype(space)::value, decltype(jkr)::value, decltype(kind)::value, decltype(damped)::value>();
     });
+    if (moved) return;
+    changes.clear();
+    for (auto &each : watched) each->changed = each->largest = 0;
+  }
+
+  // What is seen of the contacts of a group from now on
+  void watch(const std::shared_ptr<Seen> &by)
+  {
+    if (usual.known && usual.kind == NONE && !usual.jkr) error->all(FLERR, "kernel: contacts without shear have no past");
+    watched.push_back(by);
+    for (const auto &[pair, net] : changes) {
+      const int one = atom->map(pair >> 32), other = atom->map(pair & 0xffffffff);
+      by->change((one < 0 ? 0 : atom->mask[one]) | (other < 0 ? 0 : atom->mask[other]), std::abs(net), Seen::NEVER);
+    }
+  }
+
+  // Where a continued run begins
+  void restore(const std::shared_ptr<Seen> &by, const double *triples, int count)
+  {
+    by->changed = 0;
+    for (int k = 0; k < count && comm->me == 0; k++, triples += 3) {
+      changes[key(triples[0], triples[1])] = triples[2];
+      by->change(~0, std::abs(triples[2]), Seen::NEVER);
+    }
+    moved = true;
+  }
+
+  std::vector<double> changed() const
+  {
+    std::vector<double> triples;
+    for (const auto &[pair, net] : changes)
+      if (net) triples.insert(triples.end(), {double(pair >> 32), double(pair & 0xffffffff), double(net)});
+    return triples;
   }
 
   // For compute pair/local: p1 to p3 are the shear force on i, p4 its magnitude, p10 to p12 the vector from j to i
@@ -462,9 +581,71 @@ class PairKernel : public Pair {
   }
 };
 
+class FixKernel : public Fix {
+  PairKernel *style;
+  std::shared_ptr<Seen> seen;
+  double extremes[5] = {Seen::NEVER, 0, 0, Seen::NEVER, Seen::NEVER};
+
+ public:
+  FixKernel(LAMMPS *lmp, int count, char **words) : Fix(lmp, count, words), style(dynamic_cast<PairKernel *>(force->pair))
+  {
+    if (!style || count != 4) error->all(FLERR, "kernel: fix ID GROUP granular/kernel LIMIT needs pair_style granular");
+    style->watch(seen = std::make_shared<Seen>(groupbit, utils::numeric(FLERR, words[3], false, lmp)));
+    vector_flag = restart_global = dynamic_group_allow = global_freq = 1;
+    size_vector = 5;
+    extvector = 0;
+  }
+
+  ~FixKernel() override
+  {
+    if (seen) seen->group = 0;
+  }
+
+  int setmask() override { return 0; }
+
+  double compute_vector(int which) override
+  {
+    if (!seen->read) {
+      const double share = std::sqrt(seen->square / seen->limit), changed = seen->largest;
+      const double own[] = {-seen->overlap, share, changed, -seen->slid, -seen->left};
+      MPI_Allreduce(own, extremes, 5, MPI_DOUBLE, MPI_MAX, world);
+      MPI_Allreduce(&changed, &extremes[2], 1, MPI_DOUBLE, MPI_SUM, world);
+      for (const int least : {0, 3, 4}) extremes[least] *= -1;
+      seen->read = true;
+    }
+    return extremes[which];
+  }
+
+  void write_restart(FILE *file) override
+  {
+    const std::vector<double> own = style->changed();
+    const int count = own.size();
+    std::vector<int> counts(comm->nprocs), places(comm->nprocs);
+    MPI_Gather(&count, 1, MPI_INT, counts.data(), 1, MPI_INT, 0, world);
+    for (int rank = 1; rank < comm->nprocs; rank++) places[rank] = places[rank - 1] + counts[rank - 1];
+    std::vector<double> all(1 + places.back() + counts.back());
+    MPI_Gatherv(own.data(), count, MPI_DOUBLE, &all[1], counts.data(), places.data(), MPI_DOUBLE, 0, world);
+    if (comm->me) return;
+    all[0] = (all.size() - 1) / 3;
+    const int size = all.size() * sizeof(double);
+    fwrite(&size, sizeof(int), 1, file);
+    fwrite(all.data(), sizeof(double), all.size(), file);
+  }
+
+  void restart(char *state) override
+  {
+    style->restore(seen, (double *) state + 1, *(double *) state);
+  }
+};
+
 Pair *make(LAMMPS *lmp)
 {
   return new PairKernel(lmp);
+}
+
+Fix *make_fix(LAMMPS *lmp, int count, char **words)
+{
+  return new FixKernel(lmp, count, words);
 }
 
 // What a plugin says of itself: https://docs.lammps.org/Developer_plugins.html
@@ -489,5 +670,8 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *registration)
   said.author = "granular-lmp";
   said.creator.plain = (void *(*) (LAMMPS *) ) & make;
   said.handle = handle;
+  ((void (*)(Plugin *, void *)) registration)(&said, lmp);
+  said.style = "fix";
+  said.creator.with_words = (void *(*) (LAMMPS *, int, char **) ) & make_fix;
   ((void (*)(Plugin *, void *)) registration)(&said, lmp);
 }

@@ -32,6 +32,7 @@ from granular_lmp.lammps.installation import environment_with, has_package, lamm
 from granular_lmp.lammps.outputs import writable
 
 STYLE = "granular/kernel"
+SAID = f"Contacts are computed by {STYLE}"  # in the log
 SWITCHES = ("-suffix", "kernel")  # with which LAMMPS takes it
 SOURCE = Path(__file__).with_name("contact.cpp")
 # Not for this processor only, because a home folder is often that of several; that would gain nothing (measured)
