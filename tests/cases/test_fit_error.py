@@ -10,7 +10,7 @@ import pytest
 
 from granular_analysis.cases.fit_error.case import SETTINGS, TRUTH, Row, draw, exact, fitted, table
 
-PAGE = Path(__file__).parents[2] / "docs" / "fit.md"
+PAGE = Path(__file__).parents[2] / "analysis" / "cases" / "fit_error" / "README.md"
 
 
 @cache
