@@ -142,7 +142,7 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
     seconds = "" if found.seconds is None else f"about {found.seconds:.2g} s on one rank; "
     yield "time", f"{seconds}{found.basis}"
     if found.kernel is not None:
-        yield "kernel", f"about {found.kernel:.2g} s on one rank with --kernel"
+        yield "kernel", f"about {found.kernel:.2g} s on one rank with --kernel, {found.share}"
     elif found.without_kernel:
         yield "kernel", f"none: {found.without_kernel}"
     for ranks, how in ((4, ""), (64, ", extrapolated")):

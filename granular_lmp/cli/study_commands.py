@@ -79,6 +79,8 @@ def add_to(commands: Commands) -> None:
         help="say the fastest setting with this relative error, for instance 0.01, and the options that give it",
     )
 
+    kernel_argument(cost)
+
     kick = add(commands, "kick", _kick, "kick a periodic sheet at random and record all its spheres: its dispersion")
     scene_arguments(kick)
     folder_arguments(kick, "run folder (default: runs/NAME)")
@@ -91,6 +93,7 @@ def add_to(commands: Commands) -> None:
     collide.add_argument("scene", metavar="SCENE", help="TOML file, or name of one in lammps_inputs/collisions")
     changes_argument(collide, "collision.spin=100")
     folder_arguments(collide, "run folder (default: runs/NAME)")
+    kernel_argument(collide)
 
 
 def _workers(text: str) -> int | str:
@@ -166,7 +169,8 @@ def _cost(options: Options) -> int:
 
     scene = scene_of(options)
     folder = options.output or f"costs/{scene.name}"
-    planned = plan(scene, folder, repeats=options.repeats or 5, budget=options.budget or inf)
+    repeats, budget = options.repeats or 5, options.budget or inf
+    planned = plan(scene, folder, repeats=repeats, budget=budget, kernel=options.kernel)
     say(f"{scene.name}: {len(planned.points)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
     for setting, reason in planned.left_out.items():
         remark(f"left out: {setting}: {reason}")
@@ -197,7 +201,8 @@ def _collide(options: Options) -> int:
 
     collision = Collision.load(options.scene).with_values(changes_of(options))
     with interruptible():
-        result = run(collision, options.output or f"runs/{collision.name}", force=options.force)
+        folder = options.output or f"runs/{collision.name}"
+        result = run(collision, folder, force=options.force, kernel=options.kernel)
         errors = result.errors()
     write_numbers(result, errors)
     if result.sticks:

@@ -43,6 +43,8 @@ class Result:
         Angular velocity, rad/s.
     folder : Path
         Run folder.
+    kernel : bool
+        True if the kernel computed the contact.
     """
 
     collision: Collision
@@ -53,6 +55,7 @@ class Result:
     velocity: NDArray[np.float64]
     spin: NDArray[np.float64]
     folder: Path
+    kernel: bool = False
 
     @cached_property
     def largest_overlap(self) -> float:
@@ -132,7 +135,7 @@ class Result:
         impact = self.collision.collision
         coarse = replace(self.collision, collision=replace(impact, steps=impact.steps // 2))
         with tempfile.TemporaryDirectory() as folder:
-            other = run(coarse, Path(folder) / "coarse")
+            other = run(coarse, Path(folder) / "coarse", kernel=self.kernel)
         if other.sticks != self.sticks:
             words = ("part", "stick")
             raise SceneError(
@@ -157,10 +160,11 @@ def scene_of(collision: Collision) -> Scene:
         raise SceneError(f"collision: as a scene, {error}") from error
 
 
-def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Result:
+def run(collision: Collision, folder: str | Path, *, force: bool = False, kernel: bool = False) -> Result:
     """Run the scene of a collision in `folder`, which is created, and return its course.
 
-    The folder is a run folder as any other, and holds ``collision.toml`` and ``collision.csv`` too.
+    The folder is a run folder as any other, and holds ``collision.toml`` and ``collision.csv`` too. `kernel` is that of
+    `granular_lmp.run`.
 
     Raises
     ------
@@ -172,7 +176,7 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
         As in `granular_lmp.run`.
     """
     folder = absolute(folder)
-    record = run_scene(scene_of(collision), folder, force=force)
+    record = run_scene(scene_of(collision), folder, force=force, kernel=kernel)
     result = course(collision, record, folder)
     with writable(folder):
         (folder / DECLARED).write_text(collision.to_toml(full=True), encoding="utf-8")
@@ -222,6 +226,7 @@ def course(collision: Collision, record: Record, folder: Path) -> Result:
         velocity=velocity,
         spin=record.spin * (scale.velocity / radius) if collision.rubs else np.tile(declared, (len(push), 1)),
         folder=folder,
+        kernel="kernel" in record.info,
     )
 
 

@@ -24,6 +24,7 @@ from granular_lmp.accuracy.ladder import build
 from granular_lmp.accuracy.tolerance import run as run_scene
 from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted, ToleranceError, one_line
 from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import COST, replace_text, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked, refuse_long
@@ -66,6 +67,8 @@ class Plan:
         Spheres times steps per second, and seconds per run beside the time loop, from a short run of the scene.
     took : dict
         Name of a run → seconds of each of its earlier rounds.
+    kernel : bool
+        True if the kernel computes the contacts of all runs.
     """
 
     folder: Path
@@ -78,6 +81,7 @@ class Plan:
     rate: float
     overhead: float
     took: dict[str, list[float]]
+    kernel: bool = False
 
     def todo(self) -> list[tuple[Run, Path]]:
         """Return the runs that are not done with their folders, round by round."""
@@ -98,7 +102,9 @@ class Plan:
         return sum(self.price(run) for run, _ in self.todo())
 
 
-def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = float("inf")) -> Plan:
+def plan(
+    scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = float("inf"), kernel: bool = False
+) -> Plan:
     """Return the plan of a study with its expected time, from a short run of the scene; the folder is not touched.
 
     Parameters
@@ -112,6 +118,8 @@ def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = 
     budget : float
         Time in seconds for this call and its `measure`, without that of earlier calls. If the settings do not fit, the
         longest are left out first. A run that has started is not stopped.
+    kernel : bool
+        Compute contacts with the kernel (`granular_lmp.run`), whose settings have a study of their own.
 
     Raises
     ------
@@ -120,16 +128,20 @@ def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = 
     RunFolderError
         If the folder exists and is not that of a study of this scene.
     LaunchError
-        If the budget is too small for the reference and one setting.
+        If the budget is too small for the reference and one setting, or the kernel does not know a contact.
+    LammpsMissingError
+        If the kernel is asked for and was not built.
     """
     started = monotonic()
     folder, scene = absolute(folder), base(scene)
-    _check_folder(folder, scene)
+    _check_folder(folder, scene, kernel)
     made, left_out = points(scene)
-    whole = Plan(folder, scene, [reference(scene), *made], left_out, repeats, budget, started, 1.0, 0.0, {})
+    if kernel:
+        library.built()
+    whole = Plan(folder, scene, [reference(scene), *made], left_out, repeats, budget, started, 1.0, 0.0, {}, kernel)
     if not whole.todo():
         return whole
-    rate, overhead = speed(scene)
+    rate, overhead = speed(scene, kernel)
     took = {run.name: taken(run, folder, repeats) for point in whole.points for run in point.runs}
     return _within_budget(replace(whole, rate=rate, overhead=overhead, took=took))
 
@@ -189,7 +201,7 @@ def measure(plan: Plan, *, progress: Progress | None = None) -> dict[str, Any]:
             for index, (run, folder) in enumerate(todo):
                 began, slower = monotonic(), spent / estimated if estimated else 1.0
                 if began - plan.started + plan.price(run, slower) <= plan.budget:
-                    _run(run, folder)
+                    _run(run, folder, plan.kernel)
                     seconds = monotonic() - began
                     plan.took.setdefault(run.name, []).append(seconds)
                     spent, estimated = spent + seconds, estimated + plan.estimate(run)
@@ -223,6 +235,7 @@ def _cut_off(plan: Plan, cut: set[Path]) -> dict[str, str]:
 def _save(plan: Plan) -> dict[str, Any]:
     """Write the tables from the complete runs and return the contents of ``cost.json``."""
     result: dict[str, Any] = {"scene": plan.scene.given(), "cores": core_count(), "left_out": plan.left_out}
+    result |= {"kernel": True} if plan.kernel else {}
     result |= collect(plan.folder, plan.points, plan.repeats)
     with writable(plan.folder):
         replace_text(plan.folder / COST, json.dumps(result, indent=1, allow_nan=False) + "\n")
@@ -230,8 +243,8 @@ def _save(plan: Plan) -> dict[str, Any]:
     return result
 
 
-def _check_folder(folder: Path, scene: Scene) -> None:
-    """Raise RunFolderError if the folder exists and is not that of a study of this scene."""
+def _check_folder(folder: Path, scene: Scene, kernel: bool) -> None:
+    """Raise RunFolderError if the folder exists and is not that of such a study of this scene."""
     refuse_long(folder)
     if not folder.exists():
         return
@@ -239,11 +252,16 @@ def _check_folder(folder: Path, scene: Scene) -> None:
         raise RunFolderError(f"{folder}: is there already; choose another folder")
     if (folder / COST).is_file():
         try:
-            there = Scene.from_dict(json.loads((folder / COST).read_text(encoding="utf-8"))["scene"])
+            said = json.loads((folder / COST).read_text(encoding="utf-8"))
+            there = Scene.from_dict(said["scene"])
         except (OSError, ValueError, TypeError, KeyError) as error:
             raise RunFolderError(f"{folder / COST}: cannot be read: {one_line(error)}") from error
         if scene_hash(there) != scene_hash(scene):
             raise RunFolderError(f"{folder}: holds a study of another scene, {there.name}; choose another folder")
+        if ("kernel" in said) != kernel:
+            raise RunFolderError(
+                f"{folder}: holds a study {'without' if kernel else 'with'} the kernel; choose another"
+            )
 
 
 def _missing(folder: Path, points: Iterable[Point], repeats: int) -> list[tuple[Run, Path]]:
@@ -257,15 +275,16 @@ def _missing(folder: Path, points: Iterable[Point], repeats: int) -> list[tuple[
     return [(run, there) for run, there in places if not is_done(run, there)]
 
 
-def _run(run: Run, folder: Path) -> None:
+def _run(run: Run, folder: Path, kernel: bool) -> None:
     """Do one run; if it fails, its folder holds the message."""
     try:
         if run.output == "probe":
-            run_scene(run.scene, folder, ranks=run.ranks, force=True)
+            run_scene(run.scene, folder, ranks=run.ranks, force=True, kernel=kernel)
         else:
             deck, output = build(run.scene), OUTPUTS[run.output]
             assert isinstance(deck, Deck)
-            keep_centre(deck, run_scene(edited(deck, output), folder, ranks=run.ranks, force=True), output)
+            record = run_scene(edited(deck, output), folder, ranks=run.ranks, force=True, kernel=kernel)
+            keep_centre(deck, record, output)
     except RunInterrupted:
         raise
     except GranularError as error:

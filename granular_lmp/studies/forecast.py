@@ -65,6 +65,8 @@ class Forecast:
         Minutes between two checkpoints.
     kernel : float or None
         Seconds on one rank with the kernel.
+    share : str
+        Share of LAMMPS's loop that the kernel took in the short run, in words.
     without_kernel : str
         Why there are none: it was not built, or does not know a contact of the deck.
     """
@@ -80,6 +82,7 @@ class Forecast:
     memory: float
     checkpoint: float
     kernel: float | None = None
+    share: str = ""
     without_kernel: str = ""
 
     def lost_on(self, ranks: int) -> str:
@@ -136,6 +139,7 @@ def forecast(problem: Problem) -> Forecast:
         memory=_PROCESS + _SPHERE * spheres + (_READ + _KEPT * (runs - 1)) * kept,
         checkpoint=minutes_between(scene.output.checkpoint, spheres),
         kernel=start + spheres * steps / faster if faster else None,
+        share=f"{rate / faster:.2f} of the loop in a short run just now" if faster else "",
         without_kernel=lack,
     )
 

@@ -130,7 +130,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "accuracy": {"errors", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps", "runs"},
     "studies": {"errors", "card", "units", "crystal", "scene", "effects", "problem", "lammps", "runs"} | {"accuracy"},
     "plot": {"errors", "problem", "crystal", "scene", "lammps", "runs", "accuracy", "studies"},
-    "doctor": {"errors", "scene", "problem", "lammps", "runs", "accuracy"},
+    "doctor": {"errors", "scene", "problem", "lammps", "runs", "accuracy", "studies"},
 }
 MAY_IMPORT["cli"] = set(MAY_IMPORT)
 # A record and a card draw themselves: matplotlib and the room are imported when they are asked to

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,9 @@ from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import Record, read_status, write_status
 from granular_lmp.runs.routes import run_input
 from granular_lmp.runs.simulation import mend
+from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.shipped import shipped
+from granular_lmp.studies import collide, cost
 from granular_lmp.studies.kick import run_kicked
 from granular_lmp.studies.sweep import sweep
 from tests.conftest import kernel_lacks
@@ -503,7 +506,7 @@ def test_a_kicked_sheet_takes_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "s on one rank with --kernel"),
+        ((), "s on one rank with --kernel, 0."),
         (
             ("--set", "effects.rolling_stiffness=1.0", "--set", "effects.rolling_friction=0.1"),
             "none: --kernel: does not",
@@ -519,7 +522,29 @@ def test_doctor_says_whether_there_is_one(
     built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     main(["doctor"])
-    assert f"kernel       {built}: run --kernel takes half the time" in capsys.readouterr().out
+    assert f"kernel       {built}: run --kernel took 0." in capsys.readouterr().out
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     main(["doctor"])
     assert "kernel       none, with it LAMMPS's loop takes about half the time" in capsys.readouterr().out
+
+
+def test_cost_takes_it_and_keeps_its_study_apart(small: Scene, tmp_path: Path) -> None:
+    made = cost.plan(small, tmp_path / "cost", repeats=1, kernel=True)
+    fastest = min(made.points[1:], key=lambda point: sum(run.work for run in point.runs))
+    result = cost.measure(replace(made, points=[made.points[0], fastest]))
+    assert result["kernel"] is True
+    runs = list((tmp_path / "cost" / "runs").glob("*/1"))
+    assert runs
+    assert all(read_status(each)["kernel"] == library.description() for each in runs)
+    with pytest.raises(RunFolderError, match="holds a study with the kernel"):
+        cost.plan(small, tmp_path / "cost", repeats=1)
+
+
+def test_a_collision_takes_it(tmp_path: Path) -> None:
+    """With the same numbers, and for the run with twice the step too."""
+    collision = Collision.load("jkr_pull_off")
+    plain, kernel = (collide.run(collision, tmp_path / str(each), kernel=each) for each in (False, True))
+    assert read_status(tmp_path / "True")["kernel"] == library.description()
+    assert kernel.kernel
+    for name, value in plain.numbers().items():
+        assert kernel.numbers()[name] == pytest.approx(value, rel=1e-6)

