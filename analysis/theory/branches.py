@@ -5,6 +5,7 @@ mirror, of one sphere a cell. S1, S2, … and H1, H2, … are even and odd acros
 branch has its number in a cell of several spheres alone.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,15 @@ def named_branch(crystal: Crystal, wavevector: ArrayLike, name: str) -> int:
 
     Raises ValueError for a name that none of the crystal's branches has there.
     """
-    known = names_of(crystal, wavevector)
+    known = _known(crystal, tuple(np.asarray(wavevector, dtype=float).tolist()))
     if name in known:
         return known[name]
     raise TheoryError(f"mode = {name!r} is none of this crystal; allowed: {', '.join(known)}")
+
+
+@lru_cache(maxsize=64)  # several branches at one wave vector are asked for one by one
+def _known(crystal: Crystal, wavevector: tuple[float, ...]) -> dict[str, int]:
+    return names_of(crystal, wavevector)
 
 
 def names_of(crystal: Crystal, wavevector: ArrayLike) -> dict[str, int]:

@@ -28,10 +28,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
 
 from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.integrator import Solver, written
 from granular_analysis.theory.lattice import Touching, integrate, longest_step, on_torus, rhs, touching
+from granular_analysis.theory.lattice_loop import torus_slope
 from granular_analysis.theory.neighbours import Neighbours
 from granular_analysis.theory.wave import Wave
 
@@ -114,6 +115,7 @@ def ledger(wave: Wave, tau: ArrayLike, *, points: int = 31, rtol: float = 1e-11)
     The gap of the ledger is about 10 rtol at the resonance (ξ=1.475, a=0.2, τ ≤ 400).
     """
     laws = wave.contact
+    _refuse(laws)
     start, neighbours = on_torus(wave, points)
 
     def derivative(state: Floats) -> Floats:
@@ -121,7 +123,8 @@ def ledger(wave: Wave, tau: ArrayLike, *, points: int = 31, rtol: float = 1e-11)
         return np.concatenate([rhs(moving, laws, neighbours), law_power(moving, laws, neighbours)[None]])
 
     start = np.concatenate([start, np.zeros((1, points))])
-    states = integrate(derivative, start, tau, rtol, wave.amplitude, longest_step(laws))
+    loop = torus_slope(start, laws, neighbours, WORK_SIGN[laws.law])
+    states = integrate(loop or derivative, start, tau, rtol, wave.amplitude, longest_step(laws))
     work = states[:, -1].mean(axis=-1)
     return Ledger(np.asarray(tau, dtype=float), energy(states[:, :-1], laws, neighbours), work)
 
@@ -134,25 +137,19 @@ def opening_time(wave: Wave, until: float, *, points: int = 31, rtol: float = 1e
     laws = wave.contact
     start, neighbours = on_torus(wave, points)
 
-    def closed(_: float, y: Floats) -> float:
-        return float(
-            1 - laws.adhesion.least_overlap - np.max(touching(y.reshape(start.shape), laws, neighbours).stretch)
-        )
+    def closed(state: Floats) -> bool:
+        return bool(np.max(touching(state, laws, neighbours).stretch) < 1 - laws.adhesion.least_overlap)
 
-    closed.terminal = True  # type: ignore[attr-defined]
-    solution = solve_ivp(
-        lambda _, y: rhs(y.reshape(start.shape), laws, neighbours).ravel(),
-        (0.0, until),
-        start.ravel(),
-        method="DOP853",
-        rtol=rtol,
-        atol=rtol * wave.amplitude,
-        max_step=longest_step(laws),
-        events=closed,
-    )
-    if not solution.success:
-        raise RuntimeError(f"integration of the lattice failed: {solution.message}")
-    return float(solution.t[-1]) if solution.status == 1 else None
+    slope = torus_slope(start, laws, neighbours) or written(lambda state: rhs(state, laws, neighbours))
+    solver = Solver(slope, 0.0, start, until, rtol, rtol * wave.amplitude, longest_step(laws))
+    while solver.time < until:
+        solver.step()
+        if not closed(solver.state):
+            low, high = solver.before, solver.time
+            while low < (middle := (low + high) / 2) < high:
+                low, high = (middle, high) if closed(solver.between(np.array([middle]))[0]) else (low, middle)
+            return high
+    return None
 
 
 def _contacts(states: Floats, contact: Contact, neighbours: Neighbours) -> tuple[Touching, Floats]:

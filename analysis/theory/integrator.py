@@ -200,7 +200,7 @@ def dop853(
     if done == len(tau):
         return result
 
-    solver = Solver(_written(derivative), 0.0, start, float(tau[-1]), rtol, atol, longest)
+    solver = Solver(written(derivative), 0.0, start, float(tau[-1]), rtol, atol, longest)
     while done < len(tau):
         solver.step()
         upto = int(np.searchsorted(tau, solver.time, side="right"))
@@ -210,7 +210,7 @@ def dop853(
     return result
 
 
-def _written(derivative: Derivative | loops.Slope) -> Slope:
+def written(derivative: Derivative | loops.Slope) -> Slope:
     """Return a derivative that writes into an array."""
     if isinstance(derivative, loops.Slope):
         return derivative

@@ -21,24 +21,31 @@ class _Torus(ctypes.Structure):
     """`Torus` of loops.c."""
 
     _fields_ = [
-        *((name, ctypes.c_ssize_t) for name in ("waves", "points", "history", "incremental", "potential")),
+        *((name, ctypes.c_ssize_t) for name in ("waves", "points", "history", "incremental", "potential", "works")),
         *((name, ctypes.c_void_p) for name in ("shifts", "back")),
         *((name, ctypes.c_double * 3) for name in ("along", "across")),
         *((name, ctypes.c_double) for name in ("A", "F", "shear", "length", "overlap_ratio", "dashpot", "softens")),
         ("mobility", ctypes.c_double * 3),
+        ("sign", ctypes.c_double),
     ]
 
 
-def torus_slope(state: Floats, contact: Contact, neighbours: Neighbours) -> loops.Slope | None:
-    """Return the slope of states like `state`, (..., 6 or 9, K), or None where the loop does not hold it."""
+def torus_slope(
+    state: Floats, contact: Contact, neighbours: Neighbours, work: float | None = None
+) -> loops.Slope | None:
+    """Return the slope of states like `state`, (..., 6 or 9, K), or None where the loop does not hold it.
+
+    With the sign of the work of the shear law, as of `granular_analysis.theory.energy`, a last row of the state is it.
+    """
     loop, torus, points = loops.library(), neighbours.torus, state.shape[-1]
     if loop is None or torus is None or contact.adhesion_law != "dmt" or points > MOST:
         return None
     arrays = np.ascontiguousarray(torus.shifts), np.ascontiguousarray(torus.shifts.T)
-    sizes = state.size // points // (9 if contact.has_history else 6), points, contact.has_history
+    rows = (9 if contact.has_history else 6) + (work is not None)
+    sizes = state.size // points // rows, points, contact.has_history
     triple = ctypes.c_double * 3
     data = _Torus(
-        *(*sizes, contact.incremental, contact.law == "potential"),
+        *(*sizes, contact.incremental, contact.law == "potential", work is not None),
         *map(loops.address, arrays),
         *(triple(*each.ravel()) for each in directions_at_rest(torus.direction)),
         *contact.adhesion.coefficients,
@@ -48,5 +55,6 @@ def torus_slope(state: Floats, contact: Contact, neighbours: Neighbours) -> loop
         2 * (contact.kappa + 3) * contact.dashpot,
         contact.restitution is not None,
         triple(*contact.mobility.ravel()),
+        work or 0.0,
     )
     return loops.Slope(loop.torus if state.dtype == float else loop.torus_complex, data, arrays)

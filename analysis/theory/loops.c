@@ -170,15 +170,17 @@ VECTORS void plane(const Pairs *p, const double *motion, const double *slip, dou
 }
 
 /* Waves on the phase torus of K points, real or complex, as of lattice.py: a state has the rows p, q, φ, their rates,
-   and with `history` the shear of the contacts ahead, (6 or 9, K) a wave. */
+   with `history` the shear of the contacts ahead, and with `works` the work of the shear law as of energy.py, (6 to 10,
+   K) a wave. */
 enum { BONDS = 3, MOST = 128 };
 typedef struct {
-  whole waves, points, history, incremental, potential;
+  whole waves, points, history, incremental, potential, works;
   const double *shifts, *back; /* to the neighbours ahead (K, 3K), and its transpose */
   double along[BONDS], across[BONDS]; /* p and q of the directions at rest */
   double A, F, shear, length, overlap_ratio; /* a length of 0: directions are fixed */
   double dashpot, softens; /* and whether a dashpot goes as the root of the contact radius */
   double mobility[3];
+  double sign; /* of the work */
 } Torus;
 
 INLINE double root_of(double x) { return sqrt(x); }
@@ -267,13 +269,13 @@ INLINE void OF(deformed)(const Torus *t, const NUMBER *places, NUMBER apart[3][B
 /* rate = the time derivative of a state, `lattice.rhs` */
 VECTORS void OF(torus)(const Torus *t, const NUMBER *states, NUMBER *rates)
 {
-  const whole K = t->points, M = BONDS * K, size = (t->history ? 9 : 6) * K;
+  const whole K = t->points, M = BONDS * K, last = (t->history ? 9 : 6) * K, size = last + (t->works ? K : 0);
   for (whole wave = 0; wave < t->waves; wave++) {
     const NUMBER *state = states + wave * size, *memory = state + 6 * K;
     NUMBER *rate = rates + wave * size;
-    NUMBER apart[3][BONDS * MOST], moving[3][BONDS * MOST], pull[3][BONDS * MOST], behind[MOST];
+    NUMBER apart[3][BONDS * MOST], moving[3][BONDS * MOST], pull[3][BONDS * MOST], behind[MOST], power[BONDS * MOST];
     OF(deformed)(t, state, apart);
-    if (t->history || t->dashpot != 0)
+    if (t->history || t->works || t->dashpot != 0)
       OF(deformed)(t, state + 3 * K, moving);
     else
       for (int row = 0; row < 3; row++)
@@ -294,6 +296,9 @@ VECTORS void OF(torus)(const Torus *t, const NUMBER *states, NUMBER *rates)
       const NUMBER resists = t->dashpot * (t->softens != 0 ? OF(root_of)(root) : creal(overlap) > 0 ? 1.0 : 0.0);
       const NUMBER N = t->F - t->A * overlap * root - pushed + resists * opening;
       const NUMBER S = spring + (t->shear != 0 ? resists * slipping : 0);
+      const NUMBER sheared = t->history && t->incremental ? OF(ratio)(slip, t->shear * root) : slip;
+      const NUMBER growth = creal(overlap) > 0 ? OF(ratio)(0.5, root) : 0;
+      power[m] = -0.5 * t->sign * t->shear * growth * sheared * sheared * moving[0][m];
       pull[0][m] = cosine * N - sine * S;
       pull[1][m] = sine * N + cosine * S;
       pull[2][m] = S * (1 - t->overlap_ratio * overlap);
@@ -302,6 +307,8 @@ VECTORS void OF(torus)(const Torus *t, const NUMBER *states, NUMBER *rates)
     for (whole k = 0; k < 3 * K; k++) rate[k] = state[3 * K + k];
     if (t->history)
       for (whole m = 0; m < M; m++) rate[6 * K + m] = moving[2][m];
+    if (t->works)
+      for (whole k = 0; k < K; k++) rate[last + k] = power[k] + power[K + k] + power[2 * K + k];
     for (int bond = 0; bond < BONDS; bond++)
       for (whole m = bond * K; m < (bond + 1) * K; m++) {
         const NUMBER n = pull[0][m], s = pull[1][m];

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from granular_analysis.theory import energy as energy_of_waves
 from granular_analysis.theory import lattice, loops, timestep
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.lattice_loop import torus_slope
@@ -178,6 +179,22 @@ def test_the_slope_of_the_lattice_is_that_of_numpy(contact: Contact, size: compl
     known = lattice.rhs(state, contact, neighbours)
     # By the potential law a contact that barely touches takes 1/(1−x) of the rounding of x
     assert np.allclose(out, known, rtol=0, atol=1e-13 * np.abs(known).max())
+
+
+@compiled
+@pytest.mark.parametrize("law", ["secant", "incremental", "potential"])
+@pytest.mark.parametrize("size", [0.1, 2.0], ids=["closed", "opening"])
+def test_the_work_of_the_law_is_that_of_numpy(law: Law, size: float) -> None:
+    contact, neighbours = Contact(0.17, law=law), torus_neighbours(0.8, 21, 77.0)
+    state = size * RNG.normal(size=(10 if contact.has_history else 7, 21))
+    slope, out = torus_slope(state, contact, neighbours, energy_of_waves.WORK_SIGN[law]), np.empty_like(state)
+    assert slope is not None
+    slope(0.0, state, out)
+    if size < 1 or law == "secant":  # the work of the incremental law has no bound where a contact opens
+        known = energy_of_waves.law_power(state[:-1], contact, neighbours)
+        assert np.allclose(out[-1], known, rtol=0, atol=1e-12 * np.abs(known).max())
+    known = lattice.rhs(state[:-1], contact, neighbours)
+    assert np.allclose(out[:-1], known, rtol=0, atol=1e-13 * np.abs(known).max())
 
 
 @compiled

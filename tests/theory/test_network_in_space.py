@@ -125,15 +125,15 @@ def test_forces_turn_with_a_packing_to_rounding() -> None:
 # --- the transport of a slip ---
 
 
-@pytest.mark.parametrize("lean", [0.05, 0.8])
-def test_a_slip_carried_around_a_cone_turns_by_its_solid_angle(lean) -> None:
-    frame = frames(np.array([[0.0], [0.0], [1.0]]))
-    steps = 2000
-    shear = np.array([[1.0], [0.0]])
+def test_a_slip_carried_around_a_cone_turns_by_its_solid_angle() -> None:
+    lean = np.array([0.05, 0.8])  # two contacts
+    frame = frames(np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]]))
+    steps = 500
+    shear = np.array([[1.0, 1.0], [0.0, 0.0]])
 
     def rate(angle: float, shear: np.ndarray) -> np.ndarray:
-        normal = np.array([[sin(lean) * cos(angle)], [sin(lean) * sin(angle)], [cos(lean)]])
-        onward = sin(lean) * np.array([[-sin(angle)], [cos(angle)], [0.0]])
+        normal = np.array([np.sin(lean) * cos(angle), np.sin(lean) * sin(angle), np.cos(lean)])
+        onward = np.sin(lean) * np.array([[-sin(angle)], [cos(angle)], [0.0]])
         here = tangents(frame, normal)
         np.testing.assert_allclose(np.cross(here.along[:, 0].T, here.along[:, 1].T), normal.T, atol=1e-15)
         return turned(shear, dot(here.along, onward), here.lean)
@@ -145,15 +145,15 @@ def test_a_slip_carried_around_a_cone_turns_by_its_solid_angle(lean) -> None:
         three = rate((n + 0.5) * h, shear + h / 2 * two)
         four = rate((n + 1) * h, shear + h * three)
         shear = shear + h / 6 * (one + 2 * two + 2 * three + four)
-    solid = 2 * pi * (1 - cos(lean))
-    np.testing.assert_allclose(shear[:, 0], [cos(solid), sin(solid)], atol=1e-9)
+    solid = 2 * pi * (1 - np.cos(lean))
+    np.testing.assert_allclose(shear, [np.cos(solid), np.sin(solid)], atol=1e-9)
 
 
 def test_spheres_that_turn_about_their_line_leave_the_slip_where_it_was() -> None:
     network = packing([[0.0, 0, 0], [0, 0, SPACING]], held=np.ones(2, bool))
     line = np.array([0.1, 0, SPACING])
-    state = start(network, [[0, 0, 0], [0.1, 0, 0]], 0.0, 0.0, 1e-3 * line / np.linalg.norm(line))
-    spun = integrate(network, state, [1000.0]).final
+    state = start(network, [[0, 0, 0], [0.1, 0, 0]], 0.0, 0.0, 1e-2 * line / np.linalg.norm(line))
+    spun = integrate(network, state, [100.0]).final
     now = present(network, spun)
     vector = np.einsum("am,dam->d", now.shear, now.tangents.along)
     assert vector[0] > 0
@@ -179,7 +179,7 @@ def test_contacts_keep_their_shear_in_space_when_pairs_are_searched_again() -> N
 def test_momentum_and_angular_momentum_are_conserved(law) -> None:
     network = cluster(law=law, walls=())
     state = start(network, *disturbed(network, 0.5))
-    run = integrate(network, state, [4 * TIME], rtol=1e-9)
+    run = integrate(network, state, [1.5 * TIME], rtol=1e-9)  # a fifth of the contacts have opened then
     before, after = momentum(network, state), momentum(network, run.final)
     size = np.sum(network.mass * np.abs(state.motion[6]))
     np.testing.assert_allclose(after[:3], before[:3], rtol=0, atol=1e-12 * size)  # sums of pairs that cancel
