@@ -41,10 +41,15 @@ class Workers(Executor):
     def __init__(self, count: int):
         if count < 1:
             raise LaunchError(f"workers = {count!r}: must be at least 1")
+        self._count = count
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="worker")  # one thread waits for one process
         self._mine = threading.local()
         self._processes: dict[Connection, subprocess.Popen[bytes]] = {}
         self._stopping = False
+
+    def start(self, ready: Callable[[], Any]) -> "list[Future[Any]]":
+        """Start all processes, each with the call `ready`, so that they import while the caller prepares the others."""
+        return [self.submit(ready) for _ in range(self._count)]
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
         """Schedule a call and return its future, which raises WorkerError if the process dies."""

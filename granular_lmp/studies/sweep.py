@@ -27,10 +27,11 @@ from granular_lmp.lammps.outputs import SWEEP, csv_text, replace_text, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import Record, optional_package, write_status
+from granular_lmp.runs.routes import check_machine
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import plain_value
 from granular_lmp.studies.coinciding import remarks
-from granular_lmp.studies.executors import Here, stop_requested, terminable
+from granular_lmp.studies.executors import Here, Workers, stop_requested, terminable
 from granular_lmp.studies.sweep_memory import KNOWN, recalled, remember
 from granular_lmp.studies.sweep_points import points
 from granular_lmp.studies.sweep_request import TABLE, claim, read_request
@@ -49,7 +50,7 @@ Progress = Callable[[int, int, float], None]
 
 _LOOK = 0.02  # s between two checks for finished runs
 _SAVE = 5.0  # s between two writes of the table
-_OVERHEAD = 1e5  # spheres times steps in the 20 ms that a warm run takes to start and to read its record
+_OVERHEAD = 1e5  # spheres times steps, to which time is proportional, in the 20 ms that a warm run takes beside them
 
 
 @dataclass(frozen=True, repr=False)
@@ -244,6 +245,8 @@ def sweep(
     say = remark or (lambda sentence: None)
     if found := _found(folder, scene, request, say):
         return found
+    if isinstance(executor, Workers):
+        executor.start(ready)
     grid = points(scene, asked, folder / RUNS)
     made, notes = {point.run: point.of_run for point in grid}, remarks(each.scene for each in grid)
     with locked(folder, make=True, force=True):
@@ -257,11 +260,11 @@ def sweep(
             done.write()
             return done
 
-        cost = {name: _cost(each) for name, each in made.items() if rows[name]["status"] != "finished"}
+        todo = {name: each for name, each in made.items() if rows[name]["status"] != "finished"}
+        cost = {name: sphere_steps(each) + _OVERHEAD for name, each in todo.items()}
         total = left = sum(cost.values())
         started = saved = time.monotonic()
         try:
-            todo = {name: made[name] for name in cost}
             for name, row in _results(folder / RUNS, todo, executor or Here(), kernel):
                 rows[name] = row
                 left -= cost.pop(name)
@@ -342,6 +345,11 @@ def _submitted(executor: Executor, scene: Scene, folder: Path, kernel: bool) -> 
         return future
 
 
+def ready() -> None:
+    """Import what a run needs, and LAMMPS: the first call of a process that starts while the points are prepared."""
+    check_machine()
+
+
 def run_point(scene: Scene, folder: Path, kernel: bool = False) -> Point:
     """Do one run of a sweep, or the rest of it, and return its row; the executor calls this function.
 
@@ -391,8 +399,3 @@ def _result(scene: Scene, folder: Path, future: "Future[Point]") -> Point:
         with suppress(OSError):
             write_status(folder, info | {"status": "failed", "message": message})
     return row_of(folder, scene) | {"status": "failed", "message": message}
-
-
-def _cost(scene: Scene) -> float:
-    """Return spheres times steps, to which the time of a run is proportional, with the equivalent of its start."""
-    return sphere_steps(scene) + _OVERHEAD

@@ -25,6 +25,13 @@ def test_a_process_answers_many_calls_and_is_not_this_one() -> None:
     assert os.getpid() not in numbers
 
 
+def test_processes_that_are_started_early_answer_the_calls() -> None:
+    with Workers(2) as workers:
+        early = {future.result() for future in workers.start(os.getpid)}
+        assert len(early) == 2
+        assert workers.submit(os.getpid).result() in early
+
+
 def test_an_error_of_a_call_is_the_caller_s() -> None:
     with Workers(1) as workers:
         with pytest.raises(ValueError, match="invalid literal"):
