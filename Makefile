@@ -12,6 +12,8 @@
 # make stability (hard cases, a few minutes: docs/stability.md),
 # make guards (how often a guard is wrong, of 261 random scenes, ten minutes: docs/verification.md),
 # make ladders (how often a tolerance is missed, of 168 random scenes, and its cost, ten minutes: docs/verification.md),
+# make mutants (each change of the source that a line of the verification manual names fails its test, ten minutes:
+# docs/verification.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md; and the network beside
 # LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
@@ -31,7 +33,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 GROUPS = spectrum dispersion waves quiet scattering disorder impact published pull-off onset adhesion cost
 
-.PHONY: $(GROUPS) paper figures gallery test processors stability guards ladders witness bench scale decks docs \
+.PHONY: $(GROUPS) paper figures gallery test processors stability guards ladders mutants witness bench scale decks docs \
     tested-docs versioned-docs notebook rooms engines wheel packages floors readers clean
 
 spectrum: cases = spectrum
@@ -89,6 +91,9 @@ guards: .venv/ready
 
 ladders: .venv/ready
 	$(BIN)/python -m tests.hard.ladder_study --write docs/verification.md
+
+mutants: .venv/ready
+	$(BIN)/python -m tests.manual
 
 bench: .venv/ready
 	$(BIN)/python -m benchmarks -o figures/bench.png

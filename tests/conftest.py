@@ -25,7 +25,7 @@ from granular_lmp.lammps.installation import has_package  # noqa: E402
 from granular_lmp.lammps.kernel import library  # noqa: E402
 from granular_lmp.runs import routes  # noqa: E402
 
-pytest_plugins = ["tests.durations"]
+pytest_plugins = ["tests.durations", "tests.manual.recorder"]
 
 PAPER = Scene.load("tr_nonresonant")
 

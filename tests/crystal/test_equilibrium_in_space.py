@@ -17,6 +17,7 @@ from granular_lmp.crystal.walls import Face, Wall
 from granular_lmp.errors import CrystalError
 from tests.crystal.test_equilibrium import FORCE, HERTZ, ROUNDED, UNIT, overlap_of, spread
 from tests.crystal.test_sphere import SILICA
+from tests.manual import Measure, Mutant, verifies
 
 UP = np.eye(3)[2]
 FLOOR = Face(Wall(SILICA, SILICA), -UP, Wall(SILICA, SILICA).overlap)
@@ -89,7 +90,18 @@ def test_two_unequal_spheres_on_the_floor_touch_across_their_heights() -> None:
 
 
 @pytest.mark.parametrize("radius", [0.9999, 1.0002])
-def test_a_sphere_rests_on_three_others(radius: float) -> None:
+@verifies(
+    "Equilibrium: an unequal sphere on three others on a floor, height in Δ0",
+    reference="analytic: the overlaps at rest of its contacts",
+    tolerance=1e-09,
+    reason="Newton's steps end at forces of 1e-9 of the pull-off force",
+    mutant=Mutant(
+        "granular_lmp/crystal/contacts.py",
+        "effective_radius = radius[i] * radius[j] / (radius[i] + radius[j])",
+        "effective_radius = radius[i] / 2 + 0 * radius[j]",
+    ),
+)
+def test_a_sphere_rests_on_three_others(radius: float, measured: Measure) -> None:
     side = 2 - UNIT
     base = [[0, 0, 0], [side, 0, 0], [side / 2, side * np.sqrt(3) / 2, 0]]
     top = [side / 2, side / np.sqrt(12), side * np.sqrt(2 / 3)]
@@ -99,7 +111,7 @@ def test_a_sphere_rests_on_three_others(radius: float) -> None:
     assert np.abs(rest.contacts.contact_force).max() < 1e-9 * FORCE
     slope = 1 + radius - overlap_of(1.0, radius) * UNIT
     height = rest.crystal.positions[3, 2] - rest.crystal.positions[0, 2]
-    assert height == pytest.approx(np.sqrt(slope**2 - side**2 / 3), abs=1e-9 * UNIT)
+    measured((height - np.sqrt(slope**2 - side**2 / 3)) / UNIT)
 
 
 def test_a_floor_of_another_material_has_the_law_of_the_two() -> None:

@@ -263,7 +263,7 @@ def test_the_theory_of_any_crystal_knows_neither_the_closed_form_nor_the_package
 # --- rooms of the tests -----------------------------------------------------------------------------------------------
 
 # Beside the rooms of both packages: what compares and designs, what LAMMPS does beside theory, what stands in no room
-OTHER_ROOMS = {"compare", "validation", "hard", "matrix", "promises", "house", "engines"}
+OTHER_ROOMS = {"compare", "validation", "hard", "matrix", "promises", "house", "engines", "manual"}
 
 
 def test_every_test_stands_in_a_room_of_what_it_tests() -> None:

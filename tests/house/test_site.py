@@ -140,6 +140,12 @@ async function look(page) {
 })();
 </script></body>"""
 TOO_WIDE = "(e => e.scrollWidth - e.clientWidth)(shown.querySelector('main') || shown.body)"
+SORTED = """(table => {
+  const head = table.tHead.rows[0].cells[3];
+  const numbers = () => [...table.tBodies[0].rows].map(row => Number(row.cells[3].textContent));
+  const sorted = () => { head.click(); return numbers(); };
+  return [sorted(), sorted(), head.ariaSort];
+})(shown.querySelector("article table"))"""
 SLIDERS_MOVED = """(values => {
   const form = shown.getElementById("live");
   for (const name in values) form.elements[name].value = values[name];
@@ -200,6 +206,14 @@ def test_no_page_is_wider_than_its_window(site: Path, server: ThreadingHTTPServe
 def test_a_page_that_is_too_wide_is_seen(site: Path, server: ThreadingHTTPServer) -> None:
     (site / "wide.html").write_text('<div style="width: 500px">wide</div>', encoding="utf-8")
     assert seen(server, site, ["wide.html", "live/index.html"], TOO_WIDE, 390)[0] > 100
+
+
+def test_the_head_of_a_long_table_sorts_its_rows(site: Path, server: ThreadingHTTPServer) -> None:
+    ((up, down, way),) = seen(server, site, ["verification/"], SORTED)
+    assert len(up) > 40
+    assert up == sorted(up) != down
+    assert down == up[::-1]
+    assert way == "descending"
 
 
 def test_sliders_of_the_live_page_draw_the_closed_form(site: Path, server: ThreadingHTTPServer) -> None:

@@ -16,6 +16,7 @@ from granular_lmp.lammps.outputs import DUMP, SNAPSHOTS, read_centre
 from granular_lmp.problem import prepare
 from granular_lmp.runs.export import export
 from tests.conftest import PAPER
+from tests.manual import Measure, Mutant, verifies
 
 QUARTER = 0.7853981633974483  # rad per row: one wavelength is eight rows
 SILICA = {"youngs_modulus": 73e9, "poisson_ratio": 0.17, "work_of_adhesion": 0.063}
@@ -64,12 +65,23 @@ def amplitude(scene: Scene, folder: Path) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mode", ["1", "2", "3", "4", "5", "6"])
-def test_a_layer_kicked_in_each_of_its_modes_has_its_frequency(mode: str, tmp_path: Path) -> None:
+@verifies(
+    "LAMMPS in space: six modes of a layer on a substrate, frequency of a run",
+    reference="other code: modes of the package, with the frequency of velocity Verlet",
+    tolerance=1e-07,
+    reason="second order in an amplitude of 1e-4, and the slope of a phase over 40 τ",
+    mutant=Mutant(
+        "granular_lmp/lammps/contact.py",
+        "float(law.shear_coefficient) / (8 * root)",
+        "float(law.shear_coefficient) / (8.01 * root)",
+    ),
+)
+def test_a_layer_kicked_in_each_of_its_modes_has_its_frequency(mode: str, tmp_path: Path, measured: Measure) -> None:
     scene = layer(wave__mode=mode, monitor=[{"name": "all", "rows": [0, 7]}])
     found, frequency = amplitude(scene, tmp_path / "run"), prepare(scene).mode.frequency
     tau = scene.time.sample * np.arange(len(found))
     turned = -np.polyfit(tau, np.unwrap(np.angle(found)), 1)[0]
-    assert abs(turned / stepped(frequency, scene.time.step) - 1) < 1e-7
+    measured(turned / stepped(frequency, scene.time.step) - 1)
     # Verlet's velocity of a mode with the frequency ω is too fast by (ω step)²/8
     assert np.abs(np.abs(found) - 1).max() < (frequency * scene.time.step) ** 2 / 7 + 1e-6
 

@@ -8,6 +8,7 @@ from granular_analysis.theory.network import Material
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import forces
 from granular_lmp import Scene, run
+from tests.manual import Mutant, off, verifies
 
 STEEL = Material(210e3, 0.3, 100.0)
 SILICA, DENSITY = Material(73e3, 0.17, 63.0), 0.0022  # those of the shipped scenes, in units nano
@@ -16,7 +17,14 @@ HELD = PERIODIC | {"packing.ends": "fixed", "packing.rows": 17, "time.allow_echo
 
 
 @pytest.mark.parametrize("changes", [PERIODIC, HELD], ids=["periodic", "held"])
-def test_the_network_moves_as_the_run_that_it_was_read_from(changes, tmp_path):
+@verifies(
+    "A network read from a dump of LAMMPS moves as the run, periodic and held, in D0",
+    reference="other code: LAMMPS",
+    tolerance=5e-05,
+    reason="the error of Verlet's steps: 1e-4 of the wave with four times the step",
+    mutant=Mutant("analysis/measure/snapshot.py", "        return columns[:, 0]\n", "        return -columns[:, 0]\n"),
+)
+def test_the_network_moves_as_the_run_that_it_was_read_from(changes, tmp_path, measured):
     scene = Scene.load("tr_periodic").with_values(changes)
     snapshots = run(scene, tmp_path / "run").snapshots()
     network, state = read_network(snapshots.path, [SILICA], density=DENSITY)
@@ -26,8 +34,8 @@ def test_the_network_moves_as_the_run_that_it_was_read_from(changes, tmp_path):
     size = scene.wave.amplitude * scene.sphere.static_overlap * 1e9
     for mine, theirs in zip(motion, [snapshots[i] for i in range(1, 6)], strict=True):
         # The error of Verlet's steps: 1e-4 of the wave with four times the step
-        assert mine[:2].T / size == pytest.approx(theirs.displacement, abs=5e-5)
-        assert mine[2] * 500 / size == pytest.approx(theirs.rotation, abs=5e-5)
+        measured(off(mine[:2].T / size, theirs.displacement, size=1))
+        measured(off(mine[2] * 500 / size, theirs.rotation, size=1))
     assert np.max(np.abs(motion[-1, :2])) > 0.5 * size
 
 

@@ -18,6 +18,7 @@ from granular_lmp.cli import main
 from granular_lmp.errors import PackageMissingError, RunFolderError
 from granular_lmp.runs.export import export
 from granular_lmp.runs.snapshots import Snapshots, Spheres
+from tests.manual import Measure, Mutant, off, verifies
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +27,16 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
     return run(scene, tmp_path_factory.mktemp("export") / "run")
 
 
-def test_the_csv_holds_the_trajectory_in_si_units(record: Record, tmp_path: Path) -> None:
+@verifies(
+    "Export in SI units: time, displacements and angle, relative",
+    reference="analytic: τ t0, p D0, φ D0/R",
+    tolerance=1e-14,
+    reason="a rounding or two of each number",
+    mutant=Mutant(
+        "granular_lmp/runs/tables.py", '"phi": ("theta_rad", unit, radius)', '"phi": ("theta_rad", unit, 2 * radius)'
+    ),
+)
+def test_the_csv_holds_the_trajectory_in_si_units(record: Record, tmp_path: Path, measured: Measure) -> None:
     export(record, tmp_path / "new" / "si.csv")
     with (tmp_path / "new" / "si.csv").open(encoding="utf-8", newline="") as stream:
         names, *lines = csv.reader(stream)
@@ -35,8 +45,8 @@ def test_the_csv_holds_the_trajectory_in_si_units(record: Record, tmp_path: Path
     info, radius = record.info, record.scene.sphere.radius
     d0 = info["amplitude"] * info["Delta0_m"]
     for found, expected in ((t, record.tau * info["t0_s"]), (p, record.p * d0), (q, record.q * d0)):
-        np.testing.assert_allclose(found, expected, rtol=1e-14)
-    np.testing.assert_allclose(theta * radius / d0, record.phi, rtol=1e-14)
+        measured(off(found, expected))
+    measured(off(theta * radius / d0, record.phi))
 
 
 def test_xarray_reads_the_netcdf_with_units_and_scales(record: Record, tmp_path: Path) -> None:

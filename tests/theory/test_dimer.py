@@ -10,16 +10,26 @@ import pytest
 from granular_analysis.cases.dimers import case as dimers
 from granular_analysis.cases.dimers.front import antiresonance, decay, dimer, rattle, rattle_of, resonance, struck
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
+from tests.manual import Measure, Mutant, verifies
 
 SCENE = ImpactScene.load("dimer_chain")
 HEAVY = SCENE.sphere.density
 Runs = Callable[[float, float], ImpactRecord]
 
 
-def test_light_spheres_come_to_rest_at_the_resonances() -> None:
+@verifies(
+    "Resonance of a chain of heavy and light spheres, ratio of masses",
+    reference="other step: a third of it (resonances published by Jayaprakash, Starosvetsky, Vakakis 2011)",
+    tolerance=1e-05,
+    reason="the step shifts it by 3e-6",
+    mutant=Mutant(
+        "analysis/cases/dimers/front.py", "np.tile([1.0, ratio], cells)", "np.tile([1.0, 1.0002 * ratio], cells)"
+    ),
+)
+def test_light_spheres_come_to_rest_at_the_resonances(measured: Measure) -> None:
     found = resonance(0.3427, 0.343)
     # Measured with a third of the step, and in the cell 60; the step shifts it by 3e-6
-    assert found == pytest.approx(0.342846, abs=1e-5)
+    measured(found - 0.342846)
     assert abs(rattle(found)) < 1e-4 < abs(rattle(found + 1e-3))
     # The decay touches zero there: it goes with the square of r
     assert abs(decay(found)) < 1e-6 < decay(found + 0.005)

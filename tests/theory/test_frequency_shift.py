@@ -11,6 +11,7 @@ from granular_analysis.theory import wave as plane
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.hierarchy import hierarchy_orders
 from granular_analysis.theory.wave import Wave
+from tests.manual import Mutant, verifies
 
 NU = 0.17
 SILICA = sh.ratios(NU)
@@ -82,10 +83,19 @@ def secular(name, xi, direction, contact):
 
 @pytest.mark.parametrize("contact", CONTACTS)
 @pytest.mark.parametrize(("name", "xi", "direction"), [("TR", 2.127, 90.0), ("TR", 1.1, 17.0), ("L", 0.9, 0.0)])
-def test_the_shift_is_that_of_the_exact_lattice_with_geometry_and_memory(name, xi, direction, contact):
+@verifies(
+    "Third order: frequency shift in any direction, with geometry, compression, memory, JKR",
+    reference="other integrator: what grows with τ in the third order of the exact lattice",
+    tolerance=1e-07,
+    reason="that order is integrated to 1e-9 of it",
+    mutant=Mutant(
+        "analysis/theory/third_order.py", "f2 * x * longer - f3 * x**3 / 6", "f2 * x * longer - f3 * x**3 / 6.01"
+    ),
+)
+def test_the_shift_is_that_of_the_exact_lattice_with_geometry_and_memory(name, xi, direction, contact, measured):
     shift = plane.shift(Wave.of_mode(name, xi, 0.1, CONTACTS[contact], direction=direction)).total
     # Third order is integrated to 1e-9 of it; a wrong geometry or law makes 1e-3 and more
-    assert secular(name, xi, direction, CONTACTS[contact]) == pytest.approx(complex(shift), rel=1e-7)
+    measured(abs(secular(name, xi, direction, CONTACTS[contact]) / shift - 1))
     if contact != "paper":
         other = plane.shift(Wave.of_mode(name, xi, 0.1, CONTACTS["paper"], direction=direction)).total
         assert other != pytest.approx(shift, rel=1e-3)

@@ -10,6 +10,7 @@ from granular_analysis.theory.network import Material, Network, Wall
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_outside import Drive
 from granular_analysis.theory.network_state import forces, start
+from tests.manual import Measure, Mutant, verifies
 
 GLASS = Material(1.0, 0.2)
 FOUR = Wall((-1, 0), (-1, 0)), Wall((5, 0), (1, 0)), Wall((0, -1), (0, -1)), Wall((0, 1), (0, 1))
@@ -21,7 +22,16 @@ def spheres(places: list[list[float]], **changes) -> Network:
 
 
 @pytest.mark.parametrize("wall", range(4))
-def test_a_sphere_bounces_off_a_wall_with_the_depth_and_time_of_hertz(wall: int) -> None:
+@verifies(
+    "Network: a sphere bounces off each of four walls, depth",
+    reference="analytic: Hertz 1882",
+    tolerance=1e-05,
+    reason="the grid of 801 times misses the deepest one by up to 4e-6",
+    mutant=Mutant(
+        "analysis/theory/network.py", "(radii, np.full_like(radii, np.inf))", "(radii, np.full_like(radii, 1e3))"
+    ),
+)
+def test_a_sphere_bounces_off_a_wall_with_the_depth_and_time_of_hertz(wall: int, measured: Measure) -> None:
     plane = FOUR[wall]
     network, speed = spheres([np.subtract(plane.point, plane.normal).tolist()], walls=(plane,)), 1e-4
     velocity = speed * np.array(plane.normal)
@@ -30,7 +40,7 @@ def test_a_sphere_bounces_off_a_wall_with_the_depth_and_time_of_hertz(wall: int)
     times = np.linspace(0, 4 * depth / speed, 801)
     run = integrate(network, start(network, 0.0, velocity), times, rtol=1e-10)
     way = run.displacement[:, 0] @ np.array(plane.normal)
-    assert way.max() == pytest.approx(depth, rel=1e-5)
+    measured(way.max() / depth - 1)
     assert times[np.flatnonzero(way > 0)[-1]] == pytest.approx(2.943 * depth / speed, rel=3e-3)
     np.testing.assert_allclose(run.velocity[-1, 0], -velocity, rtol=1e-6, atol=1e-6 * speed)
 

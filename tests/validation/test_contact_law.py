@@ -17,6 +17,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.units import MICRO, NANO, SI, Units, units_for
+from tests.manual import Measure, Mutant, off, verifies
 
 PAPER = Scene.load("tr_resonant")
 SILICA = PAPER.sphere
@@ -144,21 +145,43 @@ def test_restitution_with_adhesion_is_refused_as_lammps_refuses_it(normal: str) 
 
 
 @pytest.mark.parametrize("overlap", OVERLAPS)
-def test_normal_force_of_the_deck_is_dmt(overlap: float) -> None:
+@verifies(
+    "Normal force of two spheres in the deck, DMT, at six overlaps",
+    reference="analytic: A δ^{3/2} − 2πwRc (Derjaguin, Muller, Toporov 1975)",
+    tolerance=1e-12,
+    reason="some ten roundings on either side, and up to 2e-13 where LAMMPS takes the root of a distance",
+    mutant=Mutant(
+        "granular_lmp/lammps/contact.py",
+        "units.number(sphere.work_of_adhesion / 2, mass=1, time=-2)",
+        "units.number(sphere.work_of_adhesion, mass=1, time=-2)",
+    ),
+)
+def test_normal_force_of_the_deck_is_dmt(overlap: float, measured: Measure) -> None:
     there = touch(deck_commands(PAPER), SILICA, overlap, (0.0, 0.0))
     repulsion = SILICA_AT.A * overlap**1.5
     # Near the overlap at rest the two terms cancel: the error is measured by their size
-    assert abs(there.normal - (repulsion - SILICA_AT.F)) <= EXACT * (repulsion + SILICA_AT.F)
+    measured(off(there.normal, repulsion - SILICA_AT.F, size=repulsion + SILICA_AT.F))
     assert there.shear == there.torque == 0
 
 
 @pytest.mark.parametrize("overlap", OVERLAPS)
 @pytest.mark.parametrize("shear", SHEARS)
-def test_shear_force_and_torque_of_the_deck_are_mindlin(overlap: float, shear: float) -> None:
+@verifies(
+    "Shear force and torque of two spheres in the deck, no-slip Mindlin and sliding",
+    reference="analytic: 8 G* √(Rc δ) ξ, at most μ (P + 2F); arm R − δ/2 (Mindlin 1949)",
+    tolerance=1e-12,
+    reason="some ten roundings on either side, and up to 2e-13 where LAMMPS takes the root of a distance",
+    mutant=Mutant(
+        "granular_lmp/lammps/contact.py",
+        "{loss!r} {sphere.poisson_ratio!r} {half_adhesion!r}",
+        "{loss!r} {0.99 * sphere.poisson_ratio!r} {half_adhesion!r}",
+    ),
+)
+def test_shear_force_and_torque_of_the_deck_are_mindlin(overlap: float, shear: float, measured: Measure) -> None:
     there = touch(deck_commands(PAPER), SILICA, overlap, (shear, 0.0))
     force = min(SILICA_AT.B * sqrt(overlap) * shear, FRICTION * (SILICA_AT.A * overlap**1.5 + SILICA_AT.F))
-    assert same(there.shear, -force)
-    assert same(there.torque, -force * (500.0 - overlap / 2))
+    measured(off(there.shear, -force))
+    measured(off(there.torque, -force * (500.0 - overlap / 2)))
 
 
 def test_a_wrong_constant_would_be_seen() -> None:
@@ -229,23 +252,50 @@ def test_without_a_shear_law_no_force_acts_across() -> None:
         ("rescaled", 0.125, 0.125 / sqrt(0.25)),  # and, unloading, the shear in proportion to √δ
     ],
 )
-def test_the_laws_differ_in_what_a_change_of_overlap_does_to_the_shear(shear: str, after: float, factor: float) -> None:
+@verifies(
+    "Secant, incremental and rescaled shear law, loading and unloading",
+    reference="analytic: the shear force that each law leaves after a change of the overlap",
+    tolerance=1e-12,
+    reason="some ten roundings on either side, and up to 2e-13 where LAMMPS takes the root of a distance",
+    mutant=Mutant("granular_lmp/lammps/contact.py", '"incremental": "mindlin/force"', '"incremental": "mindlin"'),
+)
+def test_the_laws_differ_in_what_a_change_of_overlap_does_to_the_shear(
+    shear: str, after: float, factor: float, measured: Measure
+) -> None:
     there = touch(model(shear=shear), SILICA, 0.25, (2.0**-10, 0.0), (0.0, after - 0.25))
-    assert same(there.shear, -SILICA_AT.B * 2.0**-10 * factor)
+    measured(off(there.shear, -SILICA_AT.B * 2.0**-10 * factor))
 
 
 # ---------------------------------------------------------------- sliding and damping
 
 
-def test_dmt_contacts_slide_at_mu_times_the_repulsion_with_adhesion_added() -> None:
+@verifies(
+    "Coulomb friction of an adhesive contact",
+    reference="analytic: μ (P + 2F)",
+    tolerance=1e-12,
+    reason="some ten roundings on either side, and up to 2e-13 where LAMMPS takes the root of a distance",
+    mutant=Mutant("granular_lmp/lammps/contact.py", "{shear_damping!r} {friction}", "{friction} {shear_damping!r}"),
+)
+def test_dmt_contacts_slide_at_mu_times_the_repulsion_with_adhesion_added(measured: Measure) -> None:
     there = touch(model(friction=0.25), SILICA, 0.375, (64.0, 0.0))
-    assert same(there.shear, -0.25 * (SILICA_AT.A * 0.375**1.5 + SILICA_AT.F))
+    measured(off(there.shear, -0.25 * (SILICA_AT.A * 0.375**1.5 + SILICA_AT.F)))
 
 
-def test_damping_is_a_force_against_the_velocity() -> None:
+@verifies(
+    "Linear dashpot, normal",
+    reference="analytic: −η v",
+    tolerance=1e-12,
+    reason="some ten roundings on either side, and up to 2e-13 where LAMMPS takes the root of a distance",
+    mutant=Mutant(
+        "granular_lmp/lammps/contact.py",
+        "units.number(damping, mass=1, time=-1)",
+        "units.number(damping, mass=1, time=-2)",
+    ),
+)
+def test_damping_is_a_force_against_the_velocity(measured: Measure) -> None:
     there = touch(model(damping=1e-6), SILICA, 0.25, (0.0, 0.125))
     damping = 1e-6 / 1e-21 * 1e-9 * 0.125  # kg/s in ag/ns, times nm/ns
-    assert same(there.normal, SILICA_AT.A * 0.375**1.5 - SILICA_AT.F + damping)
+    measured(off(there.normal, SILICA_AT.A * 0.375**1.5 - SILICA_AT.F + damping))
 
 
 def test_shear_damping_is_the_ratio_of_shear_to_normal_damping() -> None:
@@ -255,12 +305,23 @@ def test_shear_damping_is_the_ratio_of_shear_to_normal_damping() -> None:
 
 
 @pytest.mark.parametrize("e", [0.3, 0.9])
-def test_restitution_damps_with_the_exponent_of_hertz(e: float) -> None:
+@verifies(
+    "Dashpot of a coefficient of restitution",
+    reference="analytic: √5 ζ √(m* A) δ^{1/4} v (Tsuji 1992, with the constant that gives e)",
+    tolerance=1e-12,
+    reason="some ten roundings on either side, and up to 2e-13 where LAMMPS takes the root of a distance",
+    mutant=Mutant(
+        "granular_lmp/lammps/contact.py",
+        '"velocity" if restitution is None else "coeff_restitution"',
+        '"velocity" if restitution is None else "tsuji"',
+    ),
+)
+def test_restitution_damps_with_the_exponent_of_hertz(e: float, measured: Measure) -> None:
     """−√5 ln e/√(π² + ln² e) √(m* A) δ^{1/4} v: the law of Tsuji, with the constant that gives e exactly."""
     there = touch(model(normal="hertz", restitution=e), SILICA, 0.25, (0.0, 0.125))
     overlap, mass = 0.375, NANO.number(SILICA.mass, mass=1) / 2
     damping = -sqrt(5) * log(e) / sqrt(pi**2 + log(e) ** 2) * sqrt(mass * SILICA_AT.A) * overlap**0.25 * 0.125
-    assert same(there.normal, SILICA_AT.A * overlap**1.5 + damping)
+    measured(off(there.normal, SILICA_AT.A * overlap**1.5 + damping))
 
 
 def test_hertz_contacts_slide_at_mu_times_the_force_with_its_damping() -> None:
@@ -273,7 +334,18 @@ def test_hertz_contacts_slide_at_mu_times_the_force_with_its_damping() -> None:
 
 
 @pytest.mark.parametrize("normal", ["dmt", "hertz"])
-def test_a_rigid_plane_has_twice_the_moduli_and_the_whole_radius(normal: str) -> None:
+@verifies(
+    "A sphere on a wall, of its own material or rigid, Hertz and DMT",
+    reference="analytic: Rc = R, and no compliance of a rigid body",
+    tolerance=1e-12,
+    reason="some ten roundings on either side, and up to 2e-13 where LAMMPS takes the root of a distance",
+    mutant=Mutant(
+        "granular_lmp/lammps/contact.py",
+        "youngs_modulus=2 * sphere.youngs_modulus",
+        "youngs_modulus=1.9 * sphere.youngs_modulus",
+    ),
+)
+def test_a_rigid_plane_has_twice_the_moduli_and_the_whole_radius(normal: str, measured: Measure) -> None:
     def wall(sphere: Sphere) -> str:
         law = contact.model(sphere, NANO, normal=normal, friction=FRICTION)
         return contact.pair(law) + "\n" + contact.wall(law, "xplane NULL 0.0")
@@ -285,9 +357,9 @@ def test_a_rigid_plane_has_twice_the_moduli_and_the_whole_radius(normal: str) ->
         there = touch(wall(sphere), SILICA, overlap, (shear, 0.0), plane=True)
         stiff = 4 / 3 * share * E / (1 - nu**2) * sqrt(500.0)
         shear_stiff = 8 * share * E / (2 * (1 + nu) * (2 - nu)) * sqrt(500.0)
-        assert same(there.normal, stiff * overlap**1.5 - adhesion)
-        assert same(there.shear, -shear_stiff * sqrt(overlap) * shear)
-        assert same(there.torque, there.shear * 500.0)
+        measured(off(there.normal, stiff * overlap**1.5 - adhesion))
+        measured(off(there.shear, -shear_stiff * sqrt(overlap) * shear))
+        measured(off(there.torque, there.shear * 500.0))
 
 
 @pytest.mark.parametrize("name", ["dmt", "jkr"])

@@ -27,6 +27,7 @@ from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.refusals import SKIN
 from granular_lmp.studies.collide import Result, course, run, scene_of
 from granular_lmp.units import NANO
+from tests.manual import Measure, Mutant, off, verifies
 from tests.validation.test_contact_law import FRICTION, SILICA, SILICA_AT, same, touch
 
 SNAP = Collision.load("jkr_pull_off")
@@ -68,12 +69,23 @@ def kick(collision: Collision) -> float:
 
 
 @pytest.mark.parametrize("partner", ["sphere", "plane"])
-def test_every_force_is_on_the_curve_to_the_pull_off(partner: str, collide: Collide) -> None:
+@verifies(
+    "JKR in LAMMPS: every force of an impact to the pull-off, in its force",
+    reference="analytic: Johnson, Kendall, Roberts 1971",
+    tolerance=1e-11,
+    reason="positions are rounded to 1e-13 of δ0, and the curve rises by 2F/δ0",
+    mutant=Mutant(
+        "granular_lmp/scene/collision.py",
+        '{"work_of_adhesion": sphere.work_of_adhesion, "adhesion_law"',
+        '{"work_of_adhesion": 0.999 * sphere.work_of_adhesion, "adhesion_law"',
+    ),
+)
+def test_every_force_is_on_the_curve_to_the_pull_off(partner: str, collide: Collide, measured: Measure) -> None:
     result = collide({"collision.partner": partner, "collision.normal_velocity": 0.5})
     law, held = theory(result.collision), slice(1, result.touching)
     force = law.force(law.contact_radius(result.overlap[held]))
     # Positions of 1000 nm are rounded to 1e-13 nm, 1e-13 of δ0, and the curve is steepest, 2 F/δ0, where it is deepest
-    assert np.max(np.abs(result.normal_force[held] - force)) < 1e-11 * law.pull_off_force
+    measured(off(result.normal_force[held], force, size=law.pull_off_force))
     softer = replace(law, modulus=law.modulus * (1 - 1e-6))
     assert np.max(np.abs(result.normal_force[held] - softer.force(softer.contact_radius(result.overlap[held])))) > (
         1e-7 * law.pull_off_force

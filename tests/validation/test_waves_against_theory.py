@@ -13,6 +13,7 @@ from granular_analysis.measure import sheets
 from granular_analysis.measure.rows import load_form
 from granular_lmp import Scene, build, run
 from tests.conftest import PAPER
+from tests.manual import Measure, Mutant, verifies
 
 # Long enough for a few rows to be steady over five periods, before the echo of the end
 LONG_DRIVEN = Scene.load("tr_driven").with_values(
@@ -31,21 +32,39 @@ def test_a_grating_is_that_of_the_closed_form(mode: str, bounds: tuple[float, fl
     assert errors["second harmonic"] < bounds[1]
 
 
-def test_half_the_amplitude_of_a_grating_is_a_quarter_of_the_error(tmp_path: Path) -> None:
+@verifies(
+    "Standing wave in LAMMPS: the power of a in what second order leaves, less 2",
+    reference="analytic: second order of a grating in closed form",
+    tolerance=0.1,
+    reason="what the step leaves is 1e-4 of a second harmonic, a twentieth of the smaller error",
+    mutant=Mutant(
+        "analysis/theory/bonds.py",
+        "tangent = together - (1 - self._gathered) * grown",
+        "tangent = together - 0.99 * (1 - self._gathered) * grown",
+    ),
+)
+def test_half_the_amplitude_of_a_grating_is_a_quarter_of_the_error(tmp_path: Path, measured: Measure) -> None:
     scene = Scene.load("tr_grating").with_values({"time.duration": 60.0, "time.timestep": 0.0125})
     errors = []
     for amplitude in (0.2, 0.1):
         done = run(scene.with_values({"wave.amplitude": amplitude}), tmp_path / str(amplitude))
         errors.append(standing.compare(*load_form(done.folder, "standing")).errors()["second harmonic"])
     # 0.1: what the step leaves is 1e-4 of a second harmonic, a twentieth of the smaller error
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
+    measured(np.log2(errors[0] / errors[1]) - 2)
 
 
-def test_a_driven_row_makes_the_waves_of_the_closed_form(tmp_path: Path) -> None:
+@verifies(
+    "Driven row in LAMMPS: the linear wave, q and φ of every steady row",
+    reference="analytic: closed form of the wave that a moved row makes",
+    tolerance=0.0001,
+    reason="what the time step leaves at a = 0.05",
+    mutant=Mutant("granular_lmp/lammps/sources.py", '({later}-{sooner})/v_step"', '0.9*({later}-{sooner})/v_step"'),
+)
+def test_a_driven_row_makes_the_waves_of_the_closed_form(tmp_path: Path, measured: Measure) -> None:
     found = driven.compare(*load_form(run(LONG_DRIVEN, tmp_path / "run").folder, "driven")).deviations()
     # At a = 0.05: the linear wave to what the step leaves, second order to a² of itself times numbers of order 1
-    assert max(found["q"]) < 1e-4
-    assert max(found["phi"]) < 1e-4
+    measured(max(found["q"]))
+    measured(max(found["phi"]))
     assert max(found["p at 2Ω"]) < 1e-2
     assert max(found["mean p"]) < 1e-2
 

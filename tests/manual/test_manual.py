@@ -1,0 +1,51 @@
+"""The manual says what its tests declare and measure, and each mutant can still be made."""
+
+import re
+
+import pytest
+
+from tests.manual import ROOT, Mutant, agree, declared, off
+from tests.manual.table import Row, committed, node
+
+
+def test_the_table_has_a_line_for_each_case_as_it_is_declared() -> None:
+    assert len(declared()) >= 40
+    assert list(committed()) == list(declared()), "python -m tests.manual writes the table"
+    for name, case in declared().items():
+        line = committed()[name]
+        changed = None if line["with the change"] == "fails" else float(line["with the change"])
+        row = Row(case, node(line), float(line["measured"]), changed)
+        assert row.cells() == list(line.values())
+        assert row.measured <= case.tolerance
+        assert changed is None or changed > case.tolerance
+
+
+def test_the_tests_that_the_page_lists_for_each_page_are_there() -> None:
+    listed = re.findall(r"`(\w+/\w+)`", (ROOT / "docs/verification.md").read_text("utf-8").rpartition("\n## ")[2])
+    assert len(listed) > 50
+    assert [name for name in listed if not (ROOT / "tests" / f"{name}.py").is_file()] == []
+
+
+@pytest.mark.parametrize("name", declared())
+def test_the_text_that_a_mutant_changes_stands_once_in_its_file(name: str) -> None:
+    mutant = declared()[name].mutant
+    mutant.applied((ROOT / mutant.file).read_text("utf-8"))
+
+
+def test_a_text_that_stands_twice_or_is_not_changed_is_no_mutant() -> None:
+    assert Mutant("a.py", "b", "c").applied("a b") == "a c"
+    for text, new in (("b b", "c"), ("a", "c"), ("b", "b")):
+        with pytest.raises(ValueError, match="must be once"):
+            Mutant("a.py", "b", new).applied(text)
+
+
+def test_errors_agree_to_a_factor_of_two_or_far_below_the_tolerance() -> None:
+    assert agree(1e-6, 1.9e-6, 1e-5)
+    assert agree(1e-15, 3e-14, 1e-12)
+    assert not agree(1e-6, 3e-6, 1e-5)
+    assert not agree(3e-6, 1e-6, 1e-5)
+
+
+def test_a_difference_is_over_the_largest_magnitude_or_the_size_given() -> None:
+    assert off([1.0, -2.0], [1.0, -4.0]) == 0.5
+    assert off([1.0], [2.0], size=4) == 0.25
