@@ -10,8 +10,10 @@ import gc
 import os
 import sys
 from collections.abc import Callable
+from contextlib import redirect_stdout, suppress
 from functools import partial
 from importlib import import_module
+from io import StringIO
 from typing import NoReturn
 
 from granular_analysis.cases.declared import Case, names
@@ -30,6 +32,16 @@ DOORS = {
 def main(argv: list[str] | None = None) -> int:
     """Run one script of `analysis`; returns its exit status."""
     return _script(argv)() or 0
+
+
+def help_texts() -> dict[str, str]:
+    """Return the help of the command and of each of `DOORS`, for the reference page."""
+    found = {}
+    for words in ([], *([door] for door in DOORS)):
+        with redirect_stdout(StringIO()) as printed, suppress(SystemExit):
+            main([*words, "--help"])
+        found[" ".join(["granular-analysis", *words])] = printed.getvalue().rstrip()
+    return found
 
 
 def program() -> NoReturn:

@@ -5,12 +5,12 @@ of the linear lattice (L, TR or RT); to second order it drives a longitudinal wa
 condition launches two free waves at 2ξ that cancel it at τ=0. Everything is dimensionless, as in the paper
 
     S. P. Wallen and N. Boechler, "Shear to longitudinal mode conversion via second harmonic generation in a
-    two-dimensional microscale granular crystal" (equation labels of its source are cited below),
+    two-dimensional microscale granular crystal", arXiv:1602.04587 ("Eq." below is an equation of the preprint),
 
 p = v/D0 (along the wave), q = −u/D0, φ = Rθ/D0, a = D0/Δ0, τ = t/√(m/(2(g1+3k1))) so that p'' = ¼∇²p. (The paper
 prints τ = t/√(2m/(g1+3k1)); its own dispersion relation Ω_L = sin(ξ/2) needs the τ used here.)
 
-To second order, dp = p₊−p, dq = q₊−q, σ = φ₊+φ, D X = X_n − X_{n−1}, S X = X_n + X_{n−1} [eqp, eqq, eqr]:
+To second order, dp = p₊−p, dq = q₊−q, σ = φ₊+φ, D X = X_n − X_{n−1}, S X = X_n + X_{n−1} (Eqs. 8–10):
 
     p''  = ¼ D dp + (ε/8) D[dp² − α dq² + (2/√3) β σ dq]
     q''  = (μ1/4) D dq − (√3μ2/2) D σ + (ε/4) D[γ dp dq − √3 β σ dp]
@@ -63,10 +63,16 @@ def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: f
         Ĩ → Ĩ/(1−η),  α → α + 2h(1−5κ)/(2κ+3),  β → β(1−6h),  ε of the L mode → ε[1 − 6h(1−κ)/(2κ+3)]
 
     These leave out no power of η: to second order in the displacements the geometry enters through 1/(2R−Δ0) alone.
-    No second harmonic depends on γ. Definitions below eqr, right as printed; geometry is not in the paper.
+    No second harmonic depends on γ. Definitions below Eq. 10, right as printed; geometry is not in the paper.
 
     ν is in [−1, 0.5], inertia I/(mR²) > 0, and overlap_ratio in [0, 0.1]: 0 in the paper's geometry, 2.5e-4 of its
     silica spheres. Raises ValueError for values outside these ranges.
+
+    Examples
+    --------
+    >>> constants = ratios(0.17)  # silica, in the paper's geometry
+    >>> round(constants.kappa, 4), round(constants.alpha, 4)
+    (0.9071, 0.1691)
     """
     for name, value, least, most in (
         ("poisson_ratio", poisson_ratio, -1, 0.5),
@@ -92,7 +98,14 @@ def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: f
 
 
 def nonlinearity(ratios: Ratios, amplitude: float) -> float:
-    """ε = √3 D0(g2+3k2)/(g1+3k1) = −√3 a(2κ+3)/(4(κ+3)) of the amplitude a = D0/Δ0; the paper prints 3/2 for √3."""
+    """ε = √3 D0(g2+3k2)/(g1+3k1) = −√3 a(2κ+3)/(4(κ+3)) of the amplitude a = D0/Δ0; the paper prints 3/2 for √3.
+
+    Examples
+    --------
+    >>> constants = ratios(0.17)
+    >>> print(round(nonlinearity(constants, 0.2), 4))
+    -0.1067
+    """
     return -np.sqrt(3) * amplitude * (2 * ratios.kappa + 3) / (4 * (ratios.kappa + 3))
 
 
@@ -102,6 +115,13 @@ class Mode:
 
     L has p=1, q=f=0. TR (lower) and RT (upper) have p=0, q=Q>0 and Q²+f²=1; in the paper's notation Q̃=Q, Φ̃=if, whose
     "sum of squares" must be that of moduli. Other directions than y are those of `granular_analysis.theory.bloch.mode`.
+
+    Examples
+    --------
+    >>> constants = ratios(0.17)
+    >>> wave = mode("TR", 0.802, constants)
+    >>> round(wave.q**2 + wave.f**2, 12)
+    1.0
     """
 
     name: ModeName
@@ -121,8 +141,14 @@ class Mode:
 def dispersion(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> Floats:
     """Frequency Ω(ξ) of a mode at wavenumbers (...), rad per row in (0, π]; ValueError for others, and another name.
 
-    L:       Ω = sin(ξ/2)                                     [Ldisp: right as printed]
-    TR, RT:  (b − ĨΩ²)(A − Ω²) = c0², lower and upper root    [TRdisp: right as printed]
+    L:       Ω = sin(ξ/2)                                     Eq. 11, right as printed
+    TR, RT:  (b − ĨΩ²)(A − Ω²) = c0², lower and upper root    Eq. 12, right as printed
+
+    Examples
+    --------
+    >>> constants = ratios(0.17)
+    >>> dispersion([1.0, np.pi], "L", constants).round(4).tolist()
+    [0.4794, 1.0]
     """
     return _branch(wavenumbers, name, ratios)[0]
 
@@ -130,10 +156,16 @@ def dispersion(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> Floats
 def mode(name: ModeName, wavenumber: float, ratios: Ratios) -> Mode:
     """One plane-wave mode at wavenumber ξ, frequency and real amplitudes; raises what `dispersion` raises.
 
-        f/Q = (A − Ω²)/c0 = c0/(b − ĨΩ²)        [PhiQratio, which prints μ1(1−cos ξ) − Ω² for … − 2Ω²]
+        f/Q = (A − Ω²)/c0 = c0/(b − ĨΩ²)        Eq. 28, which has Ω² in place of 2Ω²
 
     At ξ=π the limit ξ→π⁻ is returned: of TR and RT one has f=0, the other Q=0⁺ (rounding leaves ~1e-16) and |f|=1, f>0
     if it is the lower root and f<0 if it is the upper.
+
+    Examples
+    --------
+    >>> constants = ratios(0.17)
+    >>> round(mode("TR", 1.475, constants).frequency, 4)
+    0.4974
     """
     frequency, q, f = (float(value) for value in _branch(wavenumber, name, ratios))
     return Mode(name, float(wavenumber), frequency, 1.0 if name == "L" else 0.0, q, f)
@@ -166,7 +198,7 @@ def _branch(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> tuple[Flo
 
 
 def source(mode: Mode, ratios: Ratios) -> float:
-    """Strength g of the drive: P1'' + w̃² P1 = i sin ξ · g e^{2iϑ} for complex fields, from D[…] of eqp.
+    """Strength g of the drive: P1'' + w̃² P1 = i sin ξ · g e^{2iϑ} for complex fields, from D[…] of Eq. 8.
 
     TR, RT: g = Q[α sin²(ξ/2) Q − (β/√3) sin ξ f];  L: g = −sin²(ξ/2), times `Ratios.longitudinal`.
     """
@@ -192,10 +224,17 @@ def doubled_frequency(mode: Mode, ratios: Ratios) -> float:
 def generated_amplitude(mode: Mode, ratios: Ratios) -> float:
     """Amplitude P̃1/i of the generated wave per ε, with prefactor 1 (complex fields); real fields take half of it.
 
-        TR, RT:  P̃1/i = sin ξ g/(w̃² − 4Ω²)      [P1TR, which prints 4/3 for 1]
+        TR, RT:  P̃1/i = sin ξ g/(w̃² − 4Ω²)      Eq. 26, which has 4/3 in place of 1
         L:       P̃1/i = ½ cot(ξ/2)                (times `Ratios.longitudinal`)
 
     with g of `source` and w̃ = sin ξ = Ω_L(2ξ). Where the denominator rounds to 0 it is ±inf, never nan.
+
+    Examples
+    --------
+    >>> constants = ratios(0.17)
+    >>> wave = mode("TR", 0.802, constants)
+    >>> print(round(abs(nonlinearity(constants, 0.2) * generated_amplitude(wave, constants)) / 2, 5))  # of D0
+    0.00195
     """
     w = doubled_frequency(mode, ratios)
     if mode.name == "L":  # w̃² − 4Ω² = −4 sin⁴(ξ/2), which a difference loses at small ξ
@@ -210,11 +249,18 @@ def second_harmonic_terms(
 ) -> tuple[Floats, Floats, Floats]:
     """The three waves of the second harmonic, real fields: generated, free forward, free backward, shaped like tau.
 
-        p_SH = (ε/2) Re {P̃1 e^{2iϑ} + P̃₊ e^{i(2ξn − w̃τ)} + P̃₋ e^{i(2ξn + w̃τ)}},  w̃ = Ω_L(2ξ)           [ansatzPTR]
-        P̃₊ = −(w̃ + 2Ω)/(2w̃) P̃1,  P̃₋ = −(w̃ − 2Ω)/(2w̃) P̃1                               [Pplus, Pminus: right]
+        p_SH = (ε/2) Re {P̃1 e^{2iϑ} + P̃₊ e^{i(2ξn − w̃τ)} + P̃₋ e^{i(2ξn + w̃τ)}},  w̃ = Ω_L(2ξ)           Eq. 25
+        P̃₊ = −(w̃ + 2Ω)/(2w̃) P̃1,  P̃₋ = −(w̃ − 2Ω)/(2w̃) P̃1                               Eqs. 30, 31, right as printed
 
     (with phase, 2ξn + 2·phase for 2ξn), without what a start at η > 0 adds. Breaks on resonance: generated and forward
     wave are infinite with a finite sum, which `second_harmonic` gives. Arguments as there.
+
+    Examples
+    --------
+    >>> constants = ratios(0.17)
+    >>> wave = mode("TR", 0.802, constants)
+    >>> [round(float(each), 4) for each in second_harmonic_terms(wave, constants, 0.2, 20.0)]
+    [-0.0019, -0.0017, 0.0002]
     """
     tau, half = np.asarray(tau, dtype=float), nonlinearity(ratios, amplitude) / 2
     w, twice = doubled_frequency(mode, ratios), 2 * mode.frequency
@@ -243,8 +289,15 @@ def second_harmonic(
     counts from the row where ϑ = −Ωτ + phase.
 
     Breaks when p_SH is no longer small (near the resonance for τ ≳ 1/|ε|) and where g ≈ 0 (the antiresonance): there p
-    is of order a⁴. Away from both, the relative error of p, q and φ falls as a². Source: eqP1TR and eqP1 with the
-    initial conditions IC, ICprime, solved by Duhamel's integral.
+    is of order a⁴. Away from both, the relative error of p, q and φ falls as a². Source: Eqs. 22 and 35 with the
+    initial conditions 17 and 18, solved by Duhamel's integral.
+
+    Examples
+    --------
+    >>> constants = ratios(0.17)
+    >>> wave = mode("TR", 0.802, constants)
+    >>> second_harmonic(wave, constants, 0.2, [0.0, 20.0]).round(4).tolist()
+    [0.0, -0.0034]
     """
     tau = np.asarray(tau, dtype=float)
     w, twice = doubled_frequency(mode, ratios), 2 * mode.frequency
@@ -270,6 +323,14 @@ def second_order(
 
     q and φ have no second-order term: by symmetry they hold odd harmonics only. What the paper sees in its simulated
     signals at the resonance is the third.
+
+    Examples
+    --------
+    >>> constants = ratios(0.17)
+    >>> wave = mode("TR", 0.802, constants)
+    >>> p, q, phi = second_order(wave, constants, 0.2, [0.0, 20.0])
+    >>> q.round(4).tolist()
+    [0.9731, 0.7157]
     """
     tau = np.asarray(tau, dtype=float)
     theta = mode.wavenumber * row - mode.frequency * tau + phase
@@ -280,12 +341,17 @@ def second_order(
 def resonance(ratios: Ratios) -> float:
     """Wavenumber where the TR mode's second harmonic is a free L wave, 2Ω_TR(ξ) = sin ξ, in the first zone for any ν.
 
-    Put Ω² = (1−C²)/4, C = cos ξ, into [TRdisp] and divide by 1−C: what remains is a cubic in C,
+    Put Ω² = (1−C²)/4, C = cos ξ, into Eq. 12 and divide by 1−C: what remains is a cubic in C,
 
         [2μ2(2+C) − Ĩ(1−C²)/4][μ1 − (1+C)/2]/2 = 3μ2²(1+C).
 
     Left minus right is μ1μ2 > 0 at C=−1, and negative at C=1 and wherever the first bracket, which is b − ĨΩ², crosses
     zero. So the least root in (−1, 1) has b − ĨΩ² > 0, the sign of the lower branch, for any inertia.
+
+    Examples
+    --------
+    >>> round(resonance(ratios(0.17)), 4)
+    1.4763
     """
     mu1, mu2 = ratios.mu1, ratios.mu2
     C = np.polynomial.Polynomial([0, 1])
@@ -296,13 +362,18 @@ def resonance(ratios: Ratios) -> float:
 
 
 def antiresonance(ratios: Ratios) -> float | None:
-    """Wavenumber in (0, π) where TR generates no p at order ε: Ω = sin(ξ/2)√(μ1 − 3μ2 α/β) [AntiRes, right as printed].
+    """Wavenumber in (0, π) where TR generates no p at order ε: Ω = sin(ξ/2)√(μ1 − 3μ2 α/β) (Eq. 29).
 
-    In [TRdisp], with ρ = α/β, λ = μ1 − 3μ2ρ and C = cos ξ, a factor 1−C divides out and the rest is linear in C:
+    In Eq. 12, with ρ = α/β, λ = μ1 − 3μ2ρ and C = cos ξ, a factor 1−C divides out and the rest is linear in C:
 
         C = [2μ2(1−2ρ) + Ĩλρ/2]/[2μ2(ρ−1) + Ĩλρ/2]
 
     None if that is no wavenumber of TR.
+
+    Examples
+    --------
+    >>> round(antiresonance(ratios(0.17)), 4)
+    2.1281
     """
     mu2, rho = ratios.mu2, ratios.alpha / ratios.beta
     rate = ratios.mu1 - 3 * mu2 * rho

@@ -52,6 +52,12 @@ class Problem:
         Spheres at rest, their materials and contacts.
     mode : Mode
         Bloch mode of the wave in the lattice with these effects; None without a wave.
+
+    Examples
+    --------
+    >>> problem = prepare(Scene.load("tr_periodic"))
+    >>> print(f"{len(problem.crystal)} spheres, {problem.mode.frequency:.4f} rad/t0, t0 = {problem.scale.time:.3e} s")
+    48 spheres, 0.2713 rad/t0, t0 = 4.981e-10 s
     """
 
     declared: Scene
@@ -212,6 +218,12 @@ def prepare(scene: Scene) -> Problem:
         If effects contradict each other (`granular_lmp.effects.selection.select`), a source or a monitor does not fit
         the crystal (`granular_lmp.scene.sources`, `granular_lmp.scene.monitors`), or the time step is beyond the
         stability limit of velocity Verlet.
+
+    Examples
+    --------
+    >>> problem = prepare(Scene.load("tr_periodic"))
+    >>> [effect.name for effect in problem.effects if effect.on]
+    ['adhesion', 'shear', 'rotation', 'tracking']
     """
     chosen = tuple(select(scene))
     problem = Problem(scene, scene, chosen, crystal_of(scene)) if scene.loose else _at_rest(scene, chosen)

@@ -11,7 +11,8 @@ class ProgressBar:
 
     Examples
     --------
-    >>> record = run(Scene.load("solitary_chain"), "runs/chain", progress=ProgressBar())
+    >>> scene = Scene.load("tr_periodic").with_values({"time.duration": 4.0})
+    >>> record = run(scene, "runs/shown", progress=ProgressBar())
     """
 
     def __init__(self) -> None:

@@ -171,6 +171,27 @@ class Contact:
         return ratios(self.poisson_ratio, self.inertia, self.overlap_ratio)
 
 
+def ratios_of(scene: Any) -> Ratios:
+    """Return the constants of the closed form for the crystal of a scene, in LAMMPS's geometry.
+
+    Raises TheoryError for what the closed form does not hold: another lattice, compression, which bends a contact that
+    turns (prestress), another law of shear or adhesion, spheres that do not turn, and contacts without shear.
+
+    Examples
+    --------
+    >>> constants = ratios_of(Scene.load("tr_resonant"))
+    >>> print(f"{constants.kappa:.4f} {constants.overlap_ratio:.2e}")
+    0.9071 2.50e-04
+    """
+    if scene.packing.lattice != "hexagonal" or scene.space == 3:
+        raise TheoryError(
+            f"the closed form does not hold packing.lattice = {scene.packing.lattice!r} in {scene.space}D"
+        )
+    chosen = scene.effects
+    switched = {"shear": chosen.shear is not False, "rotation": chosen.rotation is not False}
+    return Contact.of(scene.sphere, law=chosen.shear_law, **switched).closed
+
+
 def restitution_viscosity(restitution: float, kappa: float) -> float:
     """Return the viscosity in m/t0 of a Hertz contact at rest in which two spheres part with e times their speed.
 

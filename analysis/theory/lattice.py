@@ -5,7 +5,7 @@ three contacts ahead, in the directions n of 0°, 60° and 120° from a close-pa
 − here of (p, q), σ = φ₊ + φ, the tangent t = ẑ × n, D X = X_n − X_{n−1} and S X = X_n + X_{n−1} along each bond,
 
     stretch x = n·d          normal force  N = (2/3)(1 − (1−x)₊^{3/2})     [springN; in units of k1Δ0]
-    slip    s = t·d − σ      shear force   S = κ s (1−x)₊^{1/2}            [springS]
+    slip    s = t·d − σ      shear force   S = κ s (1−x)₊^{1/2}            (Eq. 5)
 
     (p, q)'' = C Σ_bonds D[n N + t S],    Ĩφ'' = C Σ_bonds S[S],    C = 1/(2(κ+3))
 
@@ -181,7 +181,7 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
 
 
 def initial_state(mode: Mode, amplitude: ArrayLike, phases: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
-    """State (..., 6 or 9, K) of a mode with amplitudes D0/Δ0 (...) at τ=0, ϑ = phases (K,) [ICqTR, ICrTR, IC]."""
+    """State (..., 6 or 9, K) of a mode with amplitudes D0/Δ0 (...) at τ=0, ϑ = phases (K,) (Eqs. 17, 20, 21)."""
     cos, sin = np.cos(phases), np.sin(phases)
     omega = mode.frequency
     moving = np.stack(

@@ -112,6 +112,12 @@ def build(scene: Scene) -> Deck:
     ------
     SceneError
         If effects contradict each other, or the time step is beyond the stability limit (`granular_lmp.problem`).
+
+    Examples
+    --------
+    >>> deck = build(Scene.load("tr_periodic"))
+    >>> deck
+    <Deck tr_periodic: TR xi=0.785398 a=0.2, 48 spheres>
     """
     return deck_of(planned(prepare(scene)))
 

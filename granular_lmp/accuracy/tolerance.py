@@ -104,6 +104,12 @@ def run(
     -----
     *Good values*: ``time.tolerance`` from 1e-2 to 1e-4. At 1e-5 some waves take more than 256 steps per sample, and
     below it the rounding of positions dominates (docs/accuracy.md).
+
+    Examples
+    --------
+    >>> record = run(Scene.load("tr_periodic").with_values({"time.duration": 10.0}), "runs/short")
+    >>> record.info["status"], record.tau.shape
+    ('finished', (21,))
     """
     folder = absolute(folder)
     options = Options(launcher, ranks, force, progress, kernel)
@@ -143,6 +149,14 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
         If the folder holds no run, a sweep, a finished run, a changed scene, or no checkpoint.
     LammpsMissingError, LammpsError, EffectError, ToleranceError, RunInterrupted
         As in `run`.
+
+    Examples
+    --------
+    >>> scene = Scene.load("tr_periodic").with_values({"time.duration": 4.0})
+    >>> record = run(scene, "runs/whole")
+    >>> resume("runs/whole")
+    Traceback (most recent call last):
+    granular_lmp.errors.RunFolderError: ...the run is finished; there is nothing to resume
     """
     folder = absolute(folder)
     if (folder / SWEEP).is_file():

@@ -25,7 +25,14 @@ DEEPEST = 0.625**0.4  # largest overlap of two equal spheres, in ℓ: (5μ/4m)^{
 
 @dataclass(frozen=True)
 class Scale:
-    """Mass m (kg), overlap Δ0 or ℓ (m) and time t0 (s)."""
+    """Mass m (kg), overlap Δ0 or ℓ (m) and time t0 (s).
+
+    Examples
+    --------
+    >>> scale = Scene.load("tr_periodic").scale
+    >>> print(f"{10 * scale.time:.2e} s are 10 t0")
+    4.98e-09 s are 10 t0
+    """
 
     mass: float
     length: float

@@ -46,6 +46,12 @@ class Sphere:
     -----
     Rigid spheres joined by contact springs: valid while the contact is small (Δ0 ≪ R) and the waves are much slower
     than the sound in the material. `granular_lmp.scene.scene` checks the ranges.
+
+    Examples
+    --------
+    >>> silica = Sphere(5e-7, 7.3e10, 0.17, work_of_adhesion=0.063, density=2200.0)
+    >>> print(f"{silica.static_overlap:.3e} m, {silica.normal_stiffness:.1f} N/m, {silica.time_scale:.3e} s")
+    2.499e-10 m, 594.1 N/m, 4.981e-10 s
     """
 
     radius: float

@@ -72,6 +72,13 @@ class Deck(HasCard):
     Notes
     -----
     To change the text use ``dataclasses.replace(deck, input_text=...)``; `granular_lmp.run` takes the edited deck.
+
+    Examples
+    --------
+    >>> deck = build(Scene.load("tr_periodic"))
+    >>> deck.write("decks/periodic")
+    >>> sorted(path.name for path in Path("decks/periodic").iterdir())
+    ['data.tr_periodic', 'in.tr_periodic', 'scene.toml']
     """
 
     problem: Problem

@@ -33,6 +33,13 @@ class ContactForces:
         vector. Walls resist none.
     wall : (C,) str array
         Face of the wall, "ylo" for the one below along y, as the fixes of the deck; "" between two spheres.
+
+    Examples
+    --------
+    >>> touched = {"monitor": [{"name": "line", "rows": [4, 4], "what": "contacts"}], "time.duration": 4.0}
+    >>> contacts = run(Scene.load("tr_periodic").with_values(touched), "runs/touched").monitor("line").contacts
+    >>> contacts.normal.shape  # times, and contacts of three spheres
+    (9, 15)
     """
 
     i: Integers

@@ -110,6 +110,13 @@ def export(record: Record, path: str | Path, monitor: str | None = None) -> None
         For another ending, a run without snapshots or without the monitor, or a file that cannot be written.
     PackageMissingError
         For netCDF without xarray, HDF5 without h5py, a crate without rocrate.
+
+    Examples
+    --------
+    >>> scene = Scene.load("tr_periodic").with_values({"time.duration": 4.0})
+    >>> export(run(scene, "runs/told"), "told.csv")
+    >>> Path("told.csv").read_text().splitlines()[0]
+    't_s,p_m,q_m,theta_rad'
     """
     path = Path(path)
     formats = FORMATS if monitor is None else {".csv": partial(_write_monitor, name=monitor)}

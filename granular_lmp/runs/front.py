@@ -57,6 +57,13 @@ class Front:
         Time of the crest since the beginning of the run, s, and its difference from that of every second sample.
     height : (n,) array
         Speed of the sphere at the crest, m/s.
+
+    Examples
+    --------
+    >>> scene = Scene.load("solitary_chain").with_values({"packing.rows": 20, "time.duration": 25.0})
+    >>> record = run(scene, "runs/front")
+    >>> front(record).between(0.05, 0.1).row.tolist()
+    [5, 6, 7, 8, 9, 10]
     """
 
     row: Integers
@@ -131,8 +138,11 @@ def front(
 
     Examples
     --------
-    >>> found = front(run(Scene.load("solitary_chain"), "runs/chain"))
-    >>> speed, error = found.speed  # m/s
+    >>> scene = Scene.load("solitary_chain").with_values({"packing.rows": 20, "time.duration": 25.0})
+    >>> record = run(scene, "runs/chain")
+    >>> speed, error = front(record).speed
+    >>> print(f"{speed:.2g} m/s")
+    6.7e+02 m/s
     """
     scene = motion.scene
     if of not in MOTIONS:

@@ -60,6 +60,13 @@ class MonitorRecord:
         Scene of the run that wrote it.
     folder : Path
         Folder of that run.
+
+    Examples
+    --------
+    >>> watched = {"monitor": [{"name": "line", "rows": [4, 6]}], "time.duration": 4.0}
+    >>> line = run(Scene.load("tr_periodic").with_values(watched), "runs/watched").monitor("line")
+    >>> line.displacement.shape, line.row.tolist()
+    ((9, 9, 2), [4, 4, 4, 5, 5, 5, 6, 6, 6])
     """
 
     monitor: Monitor

@@ -95,6 +95,13 @@ class Record(HasCard):
     -----
     p, q and φ are those of one sphere. They are those of the infinite lattice until the echo of the walls arrives
     (`Scene.echo_time`). ℓ, v and t0 are the units of an impact (`granular_lmp.crystal.scale`).
+
+    Examples
+    --------
+    >>> scene = Scene.load("tr_periodic").with_values({"time.duration": 10.0})
+    >>> record = run(scene, "runs/read")
+    >>> bool((Record.load("runs/read").p == record.p).all()), list(record.si)
+    (True, ['t_s', 'p_m', 'q_m', 'theta_rad'])
     """
 
     tau: Floats

@@ -140,6 +140,13 @@ class Snapshots:
         Scene of the run that wrote it.
     index : list of SnapshotPlace
         Place of each snapshot in the file.
+
+    Examples
+    --------
+    >>> scene = Scene.load("tr_periodic").with_values({"time.duration": 4.0, "output.particles": 2.0})
+    >>> snapshots = run(scene, "runs/seen").snapshots()
+    >>> snapshots.tau.tolist(), snapshots[-1].displacement.shape
+    ([0.0, 2.0, 4.0], (48, 2))
     """
 
     path: Path

@@ -61,6 +61,14 @@ def spectrum(tau: Floats, signals: Floats) -> Spectrum:
     -----
     *Good values*: a record of many periods from which transients have been cut off, ``signals[tau > 100]``, and samples
     of less than half a period of the highest frequency in it, as what lies above is folded down.
+
+    Examples
+    --------
+    >>> tau = np.linspace(0.0, 200.0, 401)
+    >>> found = spectrum(tau, 0.3 * np.cos(1.2 * tau))
+    >>> top = found.amplitude.argmax()
+    >>> print(f"{found.amplitude[top]:.2f} at {found.frequency[top]:.2f} rad/t0")
+    0.30 at 1.20 rad/t0
     """
     count = len(tau)
     if count < FEWEST or len(signals) != count:

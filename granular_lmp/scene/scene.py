@@ -92,6 +92,14 @@ class Scene(HasCard, Derived):
             wave=Wave(mode="TR", wavenumber=0.802, amplitude=0.2),
             time=Time(duration=120.0),
         )
+
+    Examples
+    --------
+    >>> scene = Scene.load("tr_periodic").with_values({"wave.amplitude": 0.1, "time.duration": 4.0})
+    >>> scene.wave.amplitude, scene.shape.rows
+    (0.1, 16)
+    >>> Scene.loads(scene.to_toml()) == Scene.from_dict(scene.to_dict()) == scene
+    True
     """
 
     sections = {

@@ -74,6 +74,13 @@ class Sweep(HasCard):
         of motion follow (`granular_lmp.runs.readouts`), "NAME.u1", "NAME.u1_error", …
     notes : list of str
         A sentence for values that coincide, which are one run, with what tells them apart.
+
+    Examples
+    --------
+    >>> scene = Scene.load("tr_periodic").with_values({"time.duration": 4.0})
+    >>> found = sweep(scene, {"wave.amplitude": [0.1, 0.2]}, "sweeps/read")
+    >>> print([f"{size:.1e}" for size in Sweep.load("sweeps/read").column("largest_p")])
+    ['5.6e-04', '1.1e-03']
     """
 
     folder: Path
@@ -236,6 +243,12 @@ def sweep(
         If the kernel is asked for and was not built.
     RunInterrupted
         On Ctrl-C; finished runs are kept.
+
+    Examples
+    --------
+    >>> scene = Scene.load("tr_periodic").with_values({"time.duration": 4.0})
+    >>> sweep(scene, {"wave.amplitude": [0.05, 0.1]}, "sweeps/amplitude")
+    <Sweep ...amplitude: wave.amplitude (2); 2 finished, 0 failed, 0 unfinished>
     """
     folder = absolute(folder)
     if kernel:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from granular_analysis.cli import scripts
+from granular_analysis.cli import DOORS, help_texts, scripts
 from granular_lmp.scene.shipped import SHIPPED
 from tests.house.test_python_of_docs import PYTHON, ROOT
 
@@ -127,6 +127,13 @@ def test_the_short_name_is_the_same_package_and_may_be_that_of_a_script(programs
     (tmp_path / "analysis.py").write_text("MINE = 1\n", encoding="utf-8")
     both = "import analysis, granular_analysis.compare; print(analysis.MINE)"
     assert started(programs / "python", "-c", both, cwd=tmp_path) == "1\n"
+
+
+def test_the_reference_has_the_help_of_every_door_of_analysis() -> None:
+    texts = help_texts()
+    assert set(texts) == {"granular-analysis", *(f"granular-analysis {door}" for door in DOORS)}
+    for name, text in texts.items():
+        assert text.startswith(f"usage: {name} ")
 
 
 def test_every_script_of_analysis_has_its_name_in_the_command() -> None:

@@ -10,10 +10,12 @@ from granular_analysis import second_harmonic as sh
 from granular_analysis.second_harmonic import ModeName
 from granular_analysis.theory import bloch, lattice
 from granular_analysis.theory.bloch import hexagonal
-from granular_analysis.theory.contact import LAWS, Contact, Law
+from granular_analysis.theory.contact import LAWS, Contact, Law, ratios_of
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.hierarchy import hierarchy_orders
 from granular_analysis.theory.timestep import limit, stepped
 from granular_analysis.theory.wave import Wave, residual, second_harmonic
+from granular_lmp import Scene
 
 NU = 0.17
 CONTACTS: dict[str, Contact] = {
@@ -175,3 +177,18 @@ def test_closed_form_and_crystal_are_of_one_contact(contact: Contact) -> None:
     assert crystal.turns == contact.turns
     if not contact.departures:
         assert (contact.closed.kappa, contact.closed.inertia) == (contact.kappa, contact.masses[2])
+
+
+def test_the_constants_of_a_scene_are_those_of_its_spheres_or_are_refused() -> None:
+    scene = Scene.load("tr_resonant")
+    sphere = scene.sphere
+    assert ratios_of(scene) == sh.ratios(sphere.poisson_ratio, overlap_ratio=sphere.overlap_ratio)
+    for name, message in {
+        "steel_compressed": "does not hold prestress = 1",
+        "tr_square": "does not hold packing.lattice = 'square' in 2D",
+        "fcc_transverse": "does not hold packing.lattice = 'fcc' in 3D",
+    }.items():
+        with pytest.raises(TheoryError, match=message):
+            ratios_of(Scene.load(name))
+    with pytest.raises(TheoryError, match="does not hold rotation = False"):
+        ratios_of(scene.with_values({"effects.rotation": False}))

@@ -142,7 +142,7 @@ def driven_amplitudes(wave: Wave, rows: ArrayLike) -> tuple[Complexes, Complexes
     ValueError
         For rows that are no such numbers, and what `linear_waves` raises.
 
-    Source: eqp to eqr of the paper with the boundary at row 0; not in the paper.
+    Source: Eqs. 8–10 of the paper with the boundary at row 0; not in the paper.
     """
     n, contact = _counted(rows), wave.contact
     waves, free = linear_waves(wave), free_wavenumber(2 * wave.mode.frequency, contact)
