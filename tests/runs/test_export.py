@@ -17,6 +17,7 @@ from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 from granular_lmp.errors import PackageMissingError, RunFolderError
 from granular_lmp.runs.export import export
+from granular_lmp.runs.front import Front
 from granular_lmp.runs.snapshots import Snapshots, Spheres
 from tests.manual import Measure, Mutant, off, verifies
 
@@ -201,6 +202,14 @@ def test_without_h5py_the_package_is_named(record: Record, tmp_path: Path, monke
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(PackageMissingError, match="h5py is not installed; pip install h5py"):
         export(record, tmp_path / "run.h5")
+
+
+def test_the_page_of_files_names_the_columns_of_the_tables(record: Record, tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs/reference/run-folder.md").read_text("utf-8")
+    export(record, tmp_path / "a.csv")
+    empty = Front(*(np.empty(0) for _ in range(6)))
+    heads = {*(tmp_path / "a.csv").read_text().partition("\n")[0].split(","), *record.columns, *empty.columns}
+    assert [name for name in sorted(heads) if f"`{name}`" not in page] == []
 
 
 def graph_of(metadata: str) -> dict[str, dict[str, Any]]:
