@@ -1,11 +1,11 @@
-"""How cost grows with the lattice: set-up, memory, speed, ranks, a checkpoint; and the error of the centre sphere.
+"""How cost grows with the lattice: set-up, memory, speed, ranks, kernel, a checkpoint; the error of the centre sphere.
 
     python -m benchmarks.scale [--spheres N ...] [--ranks N ...] [--repeats N]
 
 The base case's wave on rows × 100 spheres; each run crosses one checkpoint, half-way. The exponent below the table is
 that of the seconds a step takes: 1 where cost is linear in the spheres. *Processor* are the seconds of all ranks from
 the start of the program to its end, and *CPU use* is what LAMMPS says of its loop: below 100 % the machine did other
-work.
+work, and the rows of several ranks, which wait for each other, say nothing.
 """
 
 import argparse
@@ -27,15 +27,27 @@ from granular_analysis.measure.norms import slope
 from granular_lmp import Scene, build
 from granular_lmp.errors import LammpsError, LammpsMissingError
 from granular_lmp.lammps.installation import environment, lmp_command
+from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import DUMP, LOG, read_centre, read_log
 from granular_lmp.runs.options import core_count
 from granular_lmp.units import units_for
 
 COLUMNS = 100
+GRANULAR = "granular"
 WORK = 5e6  # particle-steps a run: a second or two on one core
 _GLANCE = 0.02  # s between two looks at a program
 HEAD = [
-    *("spheres", "ranks", "build, s", "set-up, s", "peak MB a rank", "loop, s", "÷ 1 rank", "M particle-steps/s"),
+    *(
+        "spheres",
+        "ranks",
+        "contacts",
+        "build, s",
+        "set-up, s",
+        "peak MB a rank",
+        "loop, s",
+        "÷ 1 rank",
+        "M particle-steps/s",
+    ),
     *("ns per contact and step", "checkpoint, s", "processor, s", "CPU use, %", "error of p", "of q"),
 ]
 
@@ -74,16 +86,18 @@ def sized(spheres: int) -> Scene:
     )
 
 
-def solve(scene: Scene, ranks: int, folder: Path) -> Run:
-    """Build, write and run a scene with ``lmp``; the peak is that of one rank."""
+def solve(scene: Scene, ranks: int, kernel: Path | None, folder: Path) -> Run:
+    """Build, write and run a scene with ``lmp``, whose contacts may be those of the kernel; the peak is of one rank."""
     started = time.perf_counter()
     deck = build(scene)
     deck.write(folder / "run")
     built = time.perf_counter()
     command = [*lmp_command(ranks), "-in", deck.input_name, "-log", LOG, "-screen", "none"]
-    command += ["-var", "checkpoint", str(scene.time.steps // 2 + 1)]  # one in the run
-    process = subprocess.Popen(command, cwd=folder / "run", env=environment(ranks), stdin=subprocess.DEVNULL)
-    peak, processor = _wait(process)
+    command += ["-var", "checkpoint", str(scene.time.steps // 2 + 1), *(library.SWITCHES if kernel else ())]
+    with library.offered(kernel) as more:
+        variables = environment(ranks) | more
+        process = subprocess.Popen(command, cwd=folder / "run", env=variables, stdin=subprocess.DEVNULL)
+        peak, processor = _wait(process)
     ended = time.perf_counter()
     if process.returncode:
         raise LammpsError(f"exit status {process.returncode}", " ".join(command), "")
@@ -155,14 +169,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     for scene in scenes.values():
         exact(scene)
     jobs = {
-        (spheres, ranks): partial(solve, scene, ranks) for spheres, scene in scenes.items() for ranks in options.ranks
+        (spheres, ranks, kind): partial(solve, scene, ranks, kernel)
+        for spheres, scene in scenes.items()
+        for kind, kernel in _kinds().items()
+        for ranks in options.ranks
     }
-    named = {f"{spheres} spheres, {ranks} ranks": job for (spheres, ranks), job in jobs.items()}
+    named = {f"{spheres} spheres, {ranks} ranks, {kind}": job for (spheres, ranks, kind), job in jobs.items()}
     rounds = [[run for _, run in done] for done in interleave(named, max(options.repeats, 1)).values()]
     runs = dict(zip(jobs, rounds, strict=True))
     print(machine() + "\n")
-    print(table(HEAD, [_line(ranks, done, runs.get((spheres, 1), done)) for (spheres, ranks), done in runs.items()]))
-    first = [runs[spheres, options.ranks[0]] for spheres in scenes]
+    print(table(HEAD, [_line(job, done, runs.get((job[0], 1, job[2]), done)) for job, done in runs.items()]))
+    first = [runs[spheres, options.ranks[0], GRANULAR] for spheres in scenes]
     if len(first) > 1:
         per_step = [min(run.loop / run.steps for run in done) for done in first]
         print(f"\nSeconds a step ∝ spheres^{slope([done[0].spheres for done in first], per_step):.3f}")
@@ -178,11 +195,20 @@ def _usual_ranks() -> list[int]:
     return [ranks for ranks in (1, 2, 4) if ranks <= core_count()]
 
 
-def _line(ranks: int, done: list[Run], single: list[Run]) -> list[str]:
+def _kinds() -> dict[str, Path | None]:
+    """Return LAMMPS's contacts and, where it was built, the kernel."""
+    try:
+        return {GRANULAR: None, "kernel": library.built()}
+    except LammpsMissingError:
+        return {GRANULAR: None}
+
+
+def _line(job: tuple[int, int, str], done: list[Run], single: list[Run]) -> list[str]:
     last, loops = done[-1], [run.loop for run in done]
     return [
         str(last.spheres),
-        str(ranks),
+        str(job[1]),
+        job[2],
         spread([run.build for run in done]),
         spread([run.setup for run in done]),
         f"{last.peak:.0f}",

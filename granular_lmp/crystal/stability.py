@@ -5,6 +5,10 @@ the largest eigenvalue θ of a small tridiagonal matrix and the residual of its 
 above the spectrum (Zhou & Li, Linear Algebra Appl. 435, 480 (2011)). Velocity Verlet is stable below Δt = 2/Ω_max.
 """
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +17,8 @@ from granular_lmp.crystal.modes import FULL, Physics, effective_inertia, effecti
 from granular_lmp.crystal.sphere import Sphere
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+_Components = Sequence[Floats | float]
 LANCZOS_STEPS = 60  # the bound is then 1e-3 above the top of sheets of 1600 and of 10000 spheres
 
 
@@ -42,6 +48,7 @@ def time_scale(contacts: Contacts, row_spacing: float) -> float:
     return float(row_spacing / 2 * np.sqrt(contacts.mass.sum() / squares))
 
 
+@lru_cache(maxsize=2)  # a run to a tolerance asks four times
 def frequency_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
     """Return a frequency that no motion of a crystal exceeds, rad/t0.
 
@@ -67,15 +74,16 @@ def frequency_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL)
     """
     if not physics.space:
         require_plane(contacts)
-    mass = np.repeat(np.column_stack([contacts.mass, effective_inertia(contacts)]), 3, axis=1)
+    mass = np.repeat([contacts.mass, effective_inertia(contacts)], 3, axis=0)
     inverse_root_mass = np.sqrt(sphere.mass / mass)
-    inverse_root_mass[:, np.setdiff1d(range(6), physics.coordinates)] = 0.0
-    per_mass = sphere.time_scale**2 / sphere.mass
+    inverse_root_mass[np.setdiff1d(range(6), physics.coordinates)] = 0.0
+    per_mass, springs = sphere.time_scale**2 / sphere.mass, list(_springs(contacts, physics))
 
     def apply(motion: Floats) -> Floats:
-        return inverse_root_mass * _restoring(contacts, inverse_root_mass * motion, physics) * per_mass
+        return inverse_root_mass * _restoring(springs, inverse_root_mass * motion) * per_mass
 
-    start = np.random.default_rng(0).standard_normal(mass.shape) * (inverse_root_mass > 0)
+    # Drawn sphere by sphere
+    start = np.random.default_rng(0).standard_normal(mass.T.shape).T * (inverse_root_mass > 0)
     diagonal, beside, vector, before = [], [0.0], start / np.linalg.norm(start), np.zeros_like(start)
     for _ in range(min(LANCZOS_STEPS, int(np.count_nonzero(inverse_root_mass)))):
         image = apply(vector)
@@ -114,31 +122,63 @@ def crude_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL) -> 
     return float(np.sqrt(2 * highest) * sphere.time_scale)
 
 
-def _restoring(contacts: Contacts, motion: Floats, physics: Physics) -> Floats:
-    """Return minus the forces and torques/R (N, 6) of the contacts on spheres that move by (u, φ)."""
-    still = np.zeros((1, 6))  # a wall, whose index is −1
-    moving = np.vstack([motion, still])
-    back = np.zeros_like(moving)
+@dataclass(frozen=True, eq=False)
+class _Springs:
+    """Some contacts, by the components along the axes in which spheres move; a component that is always 0 is a number.
+
+    `normal` are n, the next ones k, k_s and −f/|d|; `rolling` is k_r with the arms Rc/Ri and Rc/Rj, or None.
+    """
+
+    i: Integers
+    j: Integers
+    normal: _Components
+    stiffness: Floats
+    shear: Floats
+    turning: Floats
+    rolling: tuple[Floats, ...] | None
+    coordinates: Sequence[int]
+
+    def of(self, motion: Floats, first: int, end: Integers) -> _Components:
+        """Return three components of the motion (6, N + 1) of the spheres at one end, from the first one on."""
+        return [motion[each][end] if each in self.coordinates else 0.0 for each in range(first, first + 3)]
+
+
+def _springs(contacts: Contacts, physics: Physics) -> Iterator[_Springs]:
+    """Yield the contacts some at a time."""
     for part in contacts.parts():
-        _add_restoring(part, moving, physics, back)
-    return back[:-1]
+        normal = [part.normals[:, axis].copy() if axis in physics.coordinates else 0.0 for axis in range(3)]
+        arms = (part.radius[end] / part.radii for end in (part.j, part.i))
+        rolling = (effective_rolling(part, physics), *arms) if physics.rolling else None
+        shear = part.shear_stiffness * physics.shear
+        turning = -part.contact_force / part.length
+        yield _Springs(part.i, part.j, normal, part.normal_stiffness, shear, turning, rolling, physics.coordinates)
 
 
-def _add_restoring(contacts: Contacts, moving: Floats, physics: Physics, back: Floats) -> None:
-    """Add what some of the contacts do, in place, to `back` (N + 1, 6)."""
-    n, i = contacts.normals, contacts.i
-    u_i, u_j, turn_i, turn_j = (each for part in (moving[:, :3], moving[:, 3:]) for each in (part[i], part[contacts.j]))
-    apart = u_j - u_i
-    along = np.sum(n * apart, axis=1)
-    sideways = apart - along[:, None] * n
-    shear = contacts.shear_stiffness[:, None] * (sideways - np.cross(turn_i + turn_j, n)) * physics.shear
-    across = shear - (contacts.contact_force / contacts.length)[:, None] * sideways
-    pull = (contacts.normal_stiffness * along)[:, None] * n + across
-    wrench = np.cross(n, shear)
-    arm_i, arm_j = ((contacts.radius[end] / contacts.radii)[:, None] for end in (contacts.j, i))  # Rc/Ri, Rc/Rj
-    roll = effective_rolling(contacts, physics)[:, None] * (arm_j * turn_j - arm_i * turn_i)
-    for end, part in (
-        (i, np.hstack([-pull, -wrench - arm_i * roll])),
-        (contacts.j, np.hstack([pull, arm_j * roll - wrench])),
-    ):
-        np.add.at(back, end, part)
+def _restoring(springs: Sequence[_Springs], motion: Floats) -> Floats:
+    """Return minus the forces and torques/R (6, N) of the contacts on spheres that move by (u, φ), (6, N)."""
+    moving = np.column_stack([motion, np.zeros(6)])  # a wall, whose index is −1, is still
+    back = np.zeros_like(moving)
+    for each in springs:
+        ends, n = (each.i, each.j), each.normal
+        (u_i, turn_i), (u_j, turn_j) = ([each.of(moving, first, end) for first in (0, 3)] for end in ends)
+        apart = [b - a for a, b in zip(u_i, u_j, strict=True)]
+        along = sum(a * b for a, b in zip(n, apart, strict=True))
+        sideways = [a - along * b for a, b in zip(apart, n, strict=True)]
+        slip = _cross([a + b for a, b in zip(turn_i, turn_j, strict=True)], n)
+        shear = [each.shear * (a - b) for a, b in zip(sideways, slip, strict=True)]
+        normal = each.stiffness * along
+        pull = [normal * a + b + each.turning * c for a, b, c in zip(n, shear, sideways, strict=True)]
+        stiffness, arm_i, arm_j = each.rolling or (0.0, 0.0, 0.0)
+        roll = [stiffness * (arm_j * b - arm_i * a) for a, b in zip(turn_i, turn_j, strict=True)]
+        wrench = _cross(n, shear)
+        on_i = [*(-a for a in pull), *(-a - arm_i * b for a, b in zip(wrench, roll, strict=True))]
+        on_j = [*pull, *(arm_j * b - a for a, b in zip(wrench, roll, strict=True))]
+        for end, on in zip(ends, (on_i, on_j), strict=True):
+            for column in each.coordinates:
+                np.add.at(back[column], end, on[column])
+    return back[:, :-1]
+
+
+def _cross(a: _Components, b: _Components) -> _Components:
+    """Return a × b by components."""
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]

@@ -33,6 +33,7 @@ _PARTS = {
 # Measured, the most that a process held: 71 MB for 48 spheres, 170 MB for 90 000, 279 MB for 180 000
 _PROCESS = 71e6
 _SPHERE = 1160.0
+_NOT_PERFECT = 1000.0  # more, as all its contacts are known: 276 MB for 99 900 spheres of unequal densities
 # Without a wave also the record, while it is read: 300 MB for 1.0e6 places of a sphere, 479 MB for 2.0e6; and 40
 # bytes of each in the records of the other runs to a tolerance: 149 MB for 2.5e5 places in three runs
 _READ, _KEPT = 230.0, 40.0
@@ -126,6 +127,7 @@ def forecast(problem: Problem) -> Forecast:
     except GranularError as error:
         rate, overhead, basis = inf, nan, f"unknown: {error}"
     start = runs * overhead
+    of_sphere = _SPHERE if scene.perfect else _SPHERE + _NOT_PERFECT
     seconds = start + spheres * steps / rate
     return Forecast(
         spheres=spheres,
@@ -136,7 +138,7 @@ def forecast(problem: Problem) -> Forecast:
         start=None if isnan(start) else start,
         seconds=None if isnan(seconds) else seconds,
         basis=basis,
-        memory=_PROCESS + _SPHERE * spheres + (_READ + _KEPT * (runs - 1)) * kept,
+        memory=_PROCESS + of_sphere * spheres + (_READ + _KEPT * (runs - 1)) * kept,
         checkpoint=minutes_between(scene.output.checkpoint, spheres),
         kernel=start + spheres * steps / faster if faster else None,
         share=f"{rate / faster:.2f} of the loop in a short run just now" if faster else "",
