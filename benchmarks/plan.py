@@ -79,18 +79,19 @@ class Plan:
 
 def planned() -> str:
     """Return the table of the page."""
-    plans = [Plan(spheres, ranks) for spheres in (1e7, 1e8) for ranks in (64, 1024)]
+    sizes = {"10⁷": 1e7, "10⁸": 1e8}
+    plans = [(name, Plan(spheres, ranks)) for name, spheres in sizes.items() for ranks in (64, 1024)]
     return table(
         HEAD,
         [
             [
-                f"{plan.spheres:.0e}".replace("+0", ""),
+                name,
                 str(plan.ranks),
                 *(f"{seconds:.0f}" for seconds in (plan.build, plan.read, plan.loop)),
                 *(f"{size / 1e9:.2g}" for size in (plan.builder, plan.rank)),
                 ", ".join(f"{size / 1e9:.2g}" for size in plan.files),
             ]
-            for plan in plans
+            for name, plan in plans
         ],
     )
 
