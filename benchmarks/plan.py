@@ -88,7 +88,8 @@ def planned() -> str:
                 name,
                 str(plan.ranks),
                 *(f"{seconds:.0f}" for seconds in (plan.build, plan.read, plan.loop)),
-                *(f"{size / 1e9:.2g}" for size in (plan.builder, plan.rank)),
+                f"{plan.builder / 1e9:.0f}",
+                f"{plan.rank / 1e9:.2g}",
                 ", ".join(f"{size / 1e9:.2g}" for size in plan.files),
             ]
             for name, plan in plans
