@@ -16,7 +16,8 @@ network, displacements and velocities in both directions and spins. Of a wave in
 the rotation of its recorded sphere along each axis.
 
 Each run gets a figure ``compare.png`` in its folder, and of several runs it is said what differs between their scenes;
-the finished runs of a sweep are a line each, with what was varied in front, and without figures.
+the finished runs of a sweep are a line each, with what was varied in front, and one figure, ``compare.png`` in its
+folder: the largest of each signal over what was varied, with theory beside it (`granular_analysis.curves`).
 """
 
 import argparse
@@ -30,6 +31,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_analysis import curves
 from granular_analysis.measure.budget import Source, budget_lines, error_budget
 from granular_analysis.measure.reference import Reference
 from granular_analysis.measure.runs import load
@@ -314,7 +316,7 @@ def _cells(values: dict[str, float | None], names: Sequence[str] = COMPONENTS, w
 
 
 def figure(record: Record, comparison: Comparison) -> "Figure":
-    """Return each signal of the run over the reference, the difference below it in its own scale.
+    """Return each signal of the run that is not zero over the reference, the difference below it in its own scale.
 
     Of a run without a wave they are those of the sphere that moves most, in its direction.
 
@@ -327,19 +329,22 @@ def figure(record: Record, comparison: Comparison) -> "Figure":
         raise TheoryError(f"theory = None: {c.run} is compared with nothing")
     along_y = c.wave is None or c.direction == ALONG_Y
     labels = LABELS if along_y else OBLIQUE_LABELS
-    names, runs = signals_of(record), recorded(record)
-    result = Figure(figsize=(7.5, 7.0 * len(names) / 3))
+    runs, signals = recorded(record), dict(zip(signals_of(record), c.signals, strict=True))
+    # A signal that is zero by symmetry would fill two panels with rounding
+    drawn = {name: values for name, values in signals.items() if c.error.get(name, 0.0) is not None} or signals
+    high = 7.0 * len(drawn) / 3
+    result = Figure(figsize=(7.5, high))
     # Margins by hand: a layout that is sought draws every label twice, a quarter of the time of a comparison
-    result.subplots_adjust(left=0.13, right=0.98, bottom=0.12, top=0.92, hspace=0.35)
-    panels = result.subplots(2 * len(names), 1, sharex=True, height_ratios=[3, 1] * len(names))
-    for (signal, difference), name, values in zip(panels.reshape(-1, 2), names, c.signals, strict=True):
+    result.subplots_adjust(left=0.13, right=0.98, bottom=0.84 / high, top=1 - 0.56 / high, hspace=0.35)
+    panels = result.subplots(2 * len(drawn), 1, sharex=True, height_ratios=[3, 1] * len(drawn))
+    for (signal, difference), (name, values) in zip(panels.reshape(-1, 2), drawn.items(), strict=True):
         run, theory = _liveliest(runs.get(name, np.full_like(values, np.nan)), values)
         signal.plot(record.tau, run, color="black", label="LAMMPS")
         signal.plot(record.tau, theory, color="tab:red", linestyle="--", label=c.theory)
         signal.set_ylabel(labels[name])
         signal.set_title(_title(c.error, name), fontsize="small", pad=2, y=1.0)
         difference.plot(record.tau, run - theory, color="tab:grey", linewidth=0.8)
-        difference.set_ylabel("difference", fontsize="x-small")
+        difference.set_ylabel("difference", fontsize=8)
     result.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncols=2, frameon=False)
     panels[-1].set_xlabel("time τ" if c.mode else "time t/t₀")
     panels[-1].margins(x=0)
@@ -385,6 +390,8 @@ def main(argv: list[str] | None = None) -> int:
             save(figure(record, comparisons[-1]), Path(folder) / "compare.png")
     if swept:
         print(swept_table(swept, comparisons))
+        if drawn := curves.figure(swept, records, [each.signals for each in comparisons], LABELS):
+            save(drawn, swept.folder / "compare.png")
     else:
         print("\n".join([table(comparisons), *difference_lines(records, comparisons)]))
     if options.json:

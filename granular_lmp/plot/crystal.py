@@ -150,7 +150,8 @@ class _Scenery:
         self.crystal.show(moment)
         if self.fronts:
             self.fronts.show(moment.tau)
-        self.axes.set_title(clock(moment.tau, self.record.scene), fontsize="small", loc="left")
+        pad = 16 if self.crystal.narrow else None  # above the bar of length
+        self.axes.set_title(clock(moment.tau, self.record.scene), fontsize="small", loc="left", pad=pad)
         for mark, name in zip(self.marks, self.names, strict=True):
             mark.set_data([moment.tau], [np.interp(moment.tau, self.record.tau, self.record.signals[name])])
 

@@ -11,6 +11,7 @@ import argparse
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.lines import Line2D
 from scipy.optimize import minimize_scalar
 
 from granular_lmp.crystal.lattices import unit_lattice
@@ -19,7 +20,7 @@ from granular_lmp.crystal.quiet_ends import quiet_end, reflection
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import ViewError
-from granular_lmp.plot.signals import Picture, save
+from granular_lmp.plot.signals import LEGEND, Picture, save
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.absorption import quiet_end_of, waves_at_ends
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
@@ -28,6 +29,7 @@ from granular_lmp.studies.sweep import Sweep
 
 THICKNESSES = (5, 10, 20, 40)
 WAVENUMBERS = tuple(np.linspace(0.2, 2.9, 28).tolist())
+_TITLES = {"L": "longitudinal", "TR": "transverse-rotational", "RT": "rotational-transverse"}
 _NEAR = 6  # rows beside the source and the layer, in which waves decay that are not the one
 _LATE = 0.75  # share of a run, in which the front must have run to the layer and back
 
@@ -103,15 +105,20 @@ def figure(sweeps: Sequence[Sweep], wavenumbers: Sequence[float] = WAVENUMBERS) 
     panels = drawing.subplots(1, len(MODES), sharey=True)
     for panel, name in zip(panels, MODES, strict=True):
         for place, rows in enumerate(THICKNESSES):
-            panel.plot(wavenumbers, best(sphere, name, rows, wavenumbers), color=f"C{place}", label=f"{rows} rows")
+            reflections = best(sphere, name, rows, wavenumbers)
+            panel.plot(wavenumbers, reflections, color=f"C{place}", label=f"best layer, {rows} rows")
         for run in (each for each in runs if each.scene.wave.mode == name):
             rows, wavenumber = int(run.scene.absorb.rows), run.scene.wavenumber
             colour = f"C{THICKNESSES.index(rows)}" if rows in THICKNESSES else "black"
             panel.plot(wavenumber, expected(run.scene), "o", color=colour, markersize=7, fillstyle="none")
             panel.plot(wavenumber, measured(run), ".", color="black", markersize=4)
-        panel.set(title=name, xlabel=r"$\xi$ (rad per row)", yscale="log", ylim=(1e-6, 1))
+        panel.set(title=f"{_TITLES[name]} ({name})", xlabel=r"$\xi$ (rad per row)", yscale="log", ylim=(1e-6, 1))
     panels[0].set_ylabel(r"reflection $|r|$")
-    drawing.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", fontsize="small")
+    of_runs = {"linestyle": "none", "color": "black"}
+    ring = Line2D([], [], marker="o", markersize=7, fillstyle="none", label="theory, layer that ran", **of_runs)  # type: ignore[arg-type]
+    dot = Line2D([], [], marker=".", markersize=4, label="LAMMPS", **of_runs)  # type: ignore[arg-type]
+    lines, _ = panels[0].get_legend_handles_labels()
+    drawing.legend(handles=[*lines, ring, dot], loc="outside lower center", ncols=6, fontsize=LEGEND)
     return drawing
 
 

@@ -77,8 +77,9 @@ def draw_signals(
 def title(scene: Scene) -> str:
     """Return a title: name, and of a wave its mode and kind, ξ and direction that are used, and amplitude."""
     wave, name = scene.wave, scene.name.replace("_", " ")
-    if wave is None:
-        return f"{name}: {scene.moved_words}"
+    if scene.form == "none":
+        unit = "" if wave is None else rf", $D_0$ = {wave.amplitude:g} $\Delta_0$"
+        return f"{name}: {scene.moved_words}{unit}"
     kind = "" if scene.envelope.kind == "wave" else f" {scene.envelope.kind}"
     along = "" if scene.along == "y" else f" along {scene.along}"
     return (

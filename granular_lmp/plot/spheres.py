@@ -22,6 +22,7 @@ LARGEST_SHIFT = 0.5  # radii: largest D0 as drawn by the default magnification
 FEWEST_DRAWN = 8  # columns, with the copies of a narrow cell
 MOST_WITH_EDGES = 1500  # spheres; with more, edges and diameters would hide the colours
 _BAR = 0.25  # of the width, at most
+_NARROW = 0.6  # width over height, below which a title and the bar would stand on one another
 
 
 class SpheresInAxes:
@@ -66,7 +67,7 @@ class SpheresInAxes:
         self.discs = EllipseCollection(
             diameters, diameters, 0 * diameters, units="xy", offsets=self.rest, offset_transform=axes.transData,
             cmap=colouring.colours, edgecolors=np.where(held, "black", "none" if crowded else "0.3"),
-            linewidths=np.where(held, 1.5, 0.4),
+            linewidths=np.where(held, 0.7 if crowded else 1.5, 0.4),
         )  # fmt: skip
         largest = reach = 0.0
         for moment in moments:
@@ -94,6 +95,7 @@ class SpheresInAxes:
         again = f"\n{shape.columns} columns, drawn {self.copies} times" if self.copies > 1 else ""
         axes.set_xlabel(said + again, fontsize="small")
         _scale_bar(axes, high[0] - low[0], scene.sphere.radius)
+        self.narrow = bool(high[0] - low[0] < _NARROW * (high[1] - low[1]))
         figure = axes.get_figure()
         assert figure is not None
         figure.colorbar(self.discs, ax=axes, label=label_of(colouring, scene), fraction=0.05, pad=0.02)

@@ -186,7 +186,7 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
     others = [name for swept, name in zip(sweep.over, sweep.axes, strict=True) if swept != key]
     curves: dict[str, list[dict[str, Any]]] = {}
     for row in sweep.rows:
-        name = ", ".join(f"{other} = {row[other]}" for other in others)
+        name = ", ".join(f"{_in_words(other)} = {row[other]}" for other in others)
         if all(row["run"] != drawn["run"] for drawn in curves.setdefault(name, [])):
             curves[name].append(row)
     figure = Picture(figsize=(6.5, 4.0), layout="constrained")
@@ -202,9 +202,16 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
     comment = note(key, type(sweep.scene), bare=sweep.scene.bare_in(key.partition(".")[0])).partition("; ")[0]
     unit = comment.partition(", ")[0] if read_off else comment
     said = _LABELS.get(column, f"{column} ($D_0$)" if read_off else column)
-    axes.set(xlabel=f"{key} ({unit})" if unit else key, ylabel=said)
+    axes.set(xlabel=_in_words(key) + (f" ({unit.replace('xi', 'ξ')})" if unit else ""), ylabel=said)
     missing = "" if finished == len(sweep.rows) else f" ({finished} of {len(sweep.rows)} runs)"
-    axes.set_title(f"{sweep.scene.name}{missing}", fontsize="medium")
+    axes.set_title(f"{sweep.scene.name.replace('_', ' ')}{missing}", fontsize="medium")
     if len(curves) > 1:
         axes.legend(fontsize="small")
     return figure
+
+
+def _in_words(key: str) -> str:
+    """Return a dotted key in words, with its table where the name of the key alone would not say whose it is."""
+    table, _, name = key.rpartition(".")
+    words = name.replace("wavenumber", "wave number").replace("_", " ")
+    return words if table in ("wave", "time", "packing") else f"{words} of {table.replace('.', ' ')}"

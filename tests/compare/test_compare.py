@@ -12,16 +12,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis import compare
+from granular_analysis import compare, curves
 from granular_analysis.cases.figure2 import case as figure2
 from granular_analysis.cases.figure3 import case as figure3
 from granular_analysis.measure import signals
+from granular_analysis.measure.swept import Swept
 from granular_analysis.second_harmonic import generated_amplitude, mode, nonlinearity, ratios, second_harmonic
 from granular_analysis.theory import bloch
 from granular_analysis.theory.choice import THEORIES, best, trajectory, wave_of
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.record import read_status, write_status
+from granular_lmp.studies.sweep import sweep
 from tests.conftest import PAPER
 
 
@@ -415,3 +417,30 @@ def test_what_the_caption_of_figure_3_says_of_the_resonance(shown: Shown) -> Non
 def test_compare_is_imported_without_scipy() -> None:
     said = "import sys, granular_analysis.compare; sys.exit('scipy was loaded' if 'scipy' in sys.modules else 0)"
     assert subprocess.run([sys.executable, "-c", said], capture_output=True, text=True).stderr == ""
+
+
+def test_a_sweep_is_drawn_with_theory_beside_its_runs(tmp_path: Path) -> None:
+    scene = Scene.load("tr_periodic").with_values({"packing.rows": 8, "time.duration": 2.0})
+    over = {"wave.wavenumber": [np.pi / 2, np.pi / 4], "wave.amplitude": [0.05, 0.1]}
+    assert compare.main([str(sweep(scene, over, tmp_path / "sweep").folder)]) == 0
+    assert (tmp_path / "sweep" / "compare.png").is_file()
+    swept = Swept.load(tmp_path / "sweep")
+    assert swept is not None
+    records = [Record.load(folder) for folder in swept.folders]
+    signals = [compare.compare(record).signals for record in records]
+    figure = curves.figure(swept, records, signals, compare.LABELS)
+    assert figure is not None
+    assert len(figure.axes) == 3
+    for line, dots in zip(*(figure.axes[0].lines[start::2] for start in (0, 1)), strict=True):
+        np.testing.assert_allclose(line.get_xdata(), [np.pi / 4, np.pi / 2], rtol=1e-12)
+        np.testing.assert_allclose(line.get_ydata(), dots.get_ydata(), rtol=0.02)
+        assert line.get_label().startswith("theory, amplitude 0.")
+    largest = {(record.scene.wavenumber, record.scene.wave.amplitude): np.abs(record.p).max() for record in records}
+    assert figure.axes[0].lines[3].get_ydata().tolist() == [largest[xi, 0.1] for xi in sorted(over["wave.wavenumber"])]
+    assert figure.axes[-1].get_xlabel() == "wave number (rad per row)"
+
+
+def test_a_signal_that_is_zero_by_symmetry_has_no_panel(small: Scene, tmp_path: Path) -> None:
+    record = run(small.with_values({"wave.mode": "L"}), tmp_path / "run")
+    drawn = compare.figure(record, compare.compare(record, "second-order"))
+    assert [axes.get_ylabel() for axes in drawn.axes] == [compare.LABELS["p"], "difference"]

@@ -59,7 +59,9 @@ def test_the_figure_has_a_panel_a_mode_and_a_mark_a_run(monkeypatch: pytest.Monk
     monkeypatch.setattr(reflection, "THICKNESSES", (4, 10))
     sweep: Any = SimpleNamespace(folder=tmp_path, having=lambda status: [{"run": name} for name in runs])
     panels = reflection.figure([sweep], wavenumbers=(1.0, 1.5)).axes
-    assert [panel.get_title() for panel in panels] == ["L", "TR", "RT"]
+    assert [panel.get_title() for panel in panels] == [
+        f"{reflection._TITLES[name]} ({name})" for name in ("L", "TR", "RT")
+    ]
     assert [len(panel.lines) for panel in panels] == [2, 6, 2]  # two lines; a ring and a dot of each run
     with pytest.raises(ViewError, match="no run is finished"):
         reflection.figure([SimpleNamespace(folder=tmp_path, having=lambda status: [])], wavenumbers=(1.0,))  # type: ignore[list-item]

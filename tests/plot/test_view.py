@@ -220,11 +220,11 @@ def test_what_a_run_cannot_show_is_refused(options: dict[str, Any], message: str
 
 def test_a_sweep_is_a_curve_for_each_value_of_the_shorter_key(swept: Sweep, tmp_path: Path) -> None:
     (axes,) = view.sweep_figure(swept, "largest_q").axes
-    assert axes.get_xlabel() == "wave.wavenumber (rad per row, xi)"
+    assert axes.get_xlabel() == "wave number (rad per row, ξ)"
     for place, line in enumerate(axes.get_lines()):
         np.testing.assert_array_equal(line.get_xdata(), swept.over["wave.wavenumber"])
         np.testing.assert_array_equal(line.get_ydata(), swept.column("largest_q")[place::2])
-        assert line.get_label() == f"wave.amplitude = {swept.over['wave.amplitude'][place]}"
+        assert line.get_label() == f"amplitude = {swept.over['wave.amplitude'][place]}"
     assert view.view(swept.folder, tmp_path / "curve.png") == []
     assert (tmp_path / "curve.png").stat().st_size > 1000
 

@@ -162,7 +162,7 @@ def test_where_two_keys_are_rounded_together_the_dimensions_are_what_was_asked_f
     assert dict(data.sizes) == {"wave.direction_asked": 2, f"{KEY}_asked": 2}
     assert data[KEY].values.ravel().tolist() == list(done.column(KEY))
     curves = view.sweep_figure(done).axes[0].get_lines()
-    assert [line.get_label() for line in curves] == [f"{KEY}_asked = 1.0", f"{KEY}_asked = 1.6"]
+    assert [line.get_label() for line in curves] == ["wave number asked = 1.0", "wave number asked = 1.6"]
 
 
 def test_a_frequency_is_that_of_the_wave_that_ran() -> None:

@@ -300,7 +300,7 @@ def _panel(axes: Axes, study: Study, levels: Sequence[Setting], name: str) -> No
             if beside and (family == FORMULA or not 1 / BEYOND < error / usual < BEYOND):
                 axes.annotate(
                     s.name, (s.seconds, error), xytext=beside[0], textcoords="offset points",
-                    ha=beside[1], va="center", fontsize="x-small",
+                    ha=beside[1], va="center", fontsize=8,
                 )  # fmt: skip
     low, high = axes.get_ylim()
     if (study.floor[name] or 0.0) > low:

@@ -211,7 +211,7 @@ def draw(found: Parts) -> Figure:
     left.set(
         xlabel="rows from the source to the interface", ylabel=r"$p$ at $2\Omega$ over $a^2$ ($1/D_0$)", ylim=(0, None)
     )
-    left.legend(frameon=False, fontsize="x-small", loc="lower right")
+    left.legend(frameon=False, fontsize=8, loc="lower right")
     turn = np.linspace(0, 2 * np.pi, 200)
     circle = found.interface + np.mean(np.abs(before)) * np.exp(1j * turn)
     right.plot(circle.real, circle.imag, color="tab:blue", linewidth=0.8)

@@ -67,7 +67,7 @@ def draw(runs: dict[str, dict[int, Front]]) -> Figure:
     speeds.axhline(CHAIN, color="grey", linewidth=0.8, linestyle="--")
     speeds.set(xlabel="distance (diameters)", ylabel=r"speed / height$^{1/5}$; dashed: a chain", ylim=(0.85, 1.0))
     letter((heights, speeds))
-    heights.legend(fontsize="x-small", frameon=False, ncols=max(len(runs), 1))
+    heights.legend(fontsize=8, frameon=False, ncols=max(len(runs), 1))
     return figure
 
 

@@ -147,7 +147,7 @@ def _frictions(axes: Axes, records: Sequence[Record]) -> None:
     axes.semilogx(frictions, largest, "o-", markersize=4, linewidth=0.8, color="black", label=r"$\max|p|$")
     scene = runs[0].scene
     axes.set_title(rf"(d) contacts that slide, $a$ = {scene.wave.amplitude:g}, $\xi$ = {scene.wavenumber:.3f}")
-    axes.legend(frameon=False, fontsize="x-small")
+    axes.legend(frameon=False, fontsize=8)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -19,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from scipy.stats import norm
 
@@ -31,6 +32,7 @@ from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
 NOISES = (0.001, 0.01, 0.05)
+_STYLES = ("-", "--", ":")
 SETS = 500
 QUANTILE = 1.959964  # of a 95 % interval
 _START = 1.1  # times the true value
@@ -184,16 +186,27 @@ def draw(found: Mapping[tuple[str, float, str], Floats]) -> Figure:
     for axes, own in zip(panels, names, strict=True):
         axes.axvspan(-1, 1, color="0.94")
         axes.plot(x, norm.cdf(QUANTILE * x), color="black", label="Gaussian")
+        keys = list(dict.fromkeys(key for name, _, key in found if name == own))
         for (name, noise, key), values in found.items():
             if name == own:
                 shares = (np.arange(len(values)) + 0.5) / len(values)
-                axes.step(
-                    np.sort(values), shares, lw=1, label=f"{key.rpartition('.')[2].replace('_', ' ')}, {noise:.1%}"
-                )
+                colour, style = f"C{keys.index(key)}", _STYLES[NOISES.index(noise)]
+                label = named(key, keys) if noise == NOISES[0] else None
+                axes.step(np.sort(values), shares, lw=1, color=colour, linestyle=style, label=label)
         axes.set(xlabel="departure over half the 95 % interval", title=own, xlim=(-2, 2))
-        axes.legend(fontsize=6, loc="upper left")
+        axes.legend(fontsize=8, loc="upper left", frameon=False)
+    handles = [Line2D([], [], color="black", lw=1, ls=style) for style in _STYLES]
+    words = [f"noise {noise:.1%}" for noise in NOISES]
+    drawing.legend(handles, words, loc="outside lower center", ncols=len(NOISES), fontsize=8, frameon=False)
     panels[0].set_ylabel("share of sets up to it")
     return drawing
+
+
+def named(key: str, keys: Sequence[str]) -> str:
+    """Return the words of a key, with its table where another key of the panel has the same."""
+    table, _, name = key.rpartition(".")
+    alike = sum(each.rpartition(".")[2] == name for each in keys) > 1
+    return name.replace("_", " ") + (f" of the {table}" if alike else "")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -233,7 +233,7 @@ def _shares(axes: Axes, found: Comparison) -> None:
             axes.plot(line.frequency, line.reflection[0], marker, color=colour, markersize=4, fillstyle="none")
     axes.set_title(found.name, fontsize="medium")
     axes.set_ylim(-0.02, 1.02)
-    axes.legend(frameon=False, fontsize="x-small")
+    axes.legend(frameon=False, fontsize=8)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -99,9 +99,7 @@ def draw(points: Sequence[Point], record: Record) -> Figure:
         own = sorted((p for p in points if p.kind == kind), key=lambda p: p.seconds)
         axes.loglog([p.seconds for p in own], [p.error for p in own], style, color="black", markersize=5, label=kind)
         for p in own:
-            axes.annotate(
-                f"{p.setting:.3g}", (p.seconds, p.error), (4, 4), textcoords="offset points", fontsize="x-small"
-            )
+            axes.annotate(f"{p.setting:.3g}", (p.seconds, p.error), (4, 4), textcoords="offset points", fontsize=8)
     scene = record.scene
     axes.set(xlabel="seconds", ylabel=r"root mean square error of all spheres ($D_0$)")
     axes.set_title(
