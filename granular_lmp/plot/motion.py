@@ -65,4 +65,4 @@ def _label(record: Record) -> str:
     scene = record.scene
     struck = scene.loose and leads(scene.striker, scene.start, scene.sphere.radius)
     unit = "that of the striker" if struck else in_si(_unit(record), "m/s")
-    return f"speed ({unit})"
+    return f"speed (unit: {unit})"

@@ -79,7 +79,7 @@ def title(scene: Scene) -> str:
     wave, name = scene.wave, scene.name.replace("_", " ")
     if scene.form == "none":
         unit = "" if wave is None else rf", $D_0$ = {wave.amplitude:g} $\Delta_0$"
-        return f"{name}: {scene.moved_words}{unit}"
+        return f"{name}: {scene.moved_words.removeprefix('which ')}{unit}"
     kind = "" if scene.envelope.kind == "wave" else f" {scene.envelope.kind}"
     along = "" if scene.along == "y" else f" along {scene.along}"
     return (
