@@ -45,14 +45,17 @@ class Workers(Executor):
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="worker")  # one thread waits for one process
         self._mine = threading.local()
         self._processes: dict[Connection, subprocess.Popen[bytes]] = {}
-        self._stopping = False
+        self._starting = self._stopping = False
 
     def start(self, ready: Callable[[], Any]) -> "list[Future[Any]]":
         """Start all processes, each with the call `ready`, so that they import while the caller prepares the others."""
-        return [self.submit(ready) for _ in range(self._count)]
+        found = [self.submit(ready) for _ in range(self._count)]
+        self._starting = True
+        return found
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
         """Schedule a call and return its future, which raises WorkerError if the process dies."""
+        self._starting = False
         return self._threads.submit(self._call, function, args, kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -70,8 +73,11 @@ class Workers(Executor):
         if kind is not None:
             self._stopping = True
             self._threads.shutdown(wait=False, cancel_futures=True)
-            for line in list(self._processes):
-                _send(line, _STOP)
+            for line, process in list(self._processes.items()):
+                if self._starting:  # there is nothing to finish, and a process that imports hears nothing
+                    process.kill()
+                else:
+                    _send(line, _STOP)
         return super().__exit__(kind, error, trace)
 
     def _call(self, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:

@@ -7,6 +7,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,14 @@ def test_processes_that_are_started_early_answer_the_calls() -> None:
         early = {future.result() for future in workers.start(os.getpid)}
         assert len(early) == 2
         assert workers.submit(os.getpid).result() in early
+
+
+def test_leaving_by_an_exception_does_not_wait_for_processes_that_start() -> None:
+    began = time.monotonic()
+    with suppress(KeyboardInterrupt), Workers(2) as workers:
+        workers.start(partial(time.sleep, 30.0))
+        raise KeyboardInterrupt
+    assert time.monotonic() - began < 15
 
 
 def test_an_error_of_a_call_is_the_caller_s() -> None:
