@@ -18,14 +18,20 @@ from granular_lmp.scene.scene import Scene
 def called_for(case: Case) -> Finding:
     material, sphere = case.scene.material, case.scene.sphere
     if material.work_of_adhesion == 0:
-        return Finding(False, 0.0, "J/m2 of work of adhesion: Hertz contacts that compression holds")
+        return Finding(False, 0.0, "the work of adhesion is 0: compression holds Hertz contacts")
     holding = material.pull_off_force + sphere.contact_force
-    return Finding(True, material.pull_off_force / holding, "of the force that holds the contacts at rest is adhesion")
+    return Finding(
+        True, material.pull_off_force / holding, "adhesion provides {} of the force that holds the contacts at rest"
+    )
 
 
 def loose(case: Case) -> Finding:
     pull = case.scene.material.pull_off_force
-    return Finding(True, pull, "N part two spheres") if pull else Finding(False, inf, "spheres part without a pull")
+    return (
+        Finding(True, pull, "a pull of {} N parts two spheres")
+        if pull
+        else Finding(False, inf, "spheres part without a pull")
+    )
 
 
 def loss(case: Case) -> str:

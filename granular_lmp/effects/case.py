@@ -30,7 +30,7 @@ NOTHING = 1e-12  # rounding of a number of order 1 that vanishes by symmetry
 
 
 class Finding(NamedTuple):
-    """Result of a rule: whether the effect is called for, the number behind it, and the text behind the number."""
+    """Result of a rule: whether the effect is called for, the number behind it, and a sentence that has it at {}."""
 
     called_for: bool
     number: float

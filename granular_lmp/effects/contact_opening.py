@@ -30,10 +30,10 @@ def called_for(case: Case) -> Finding:
     pulled = np.abs(case.stretches[0])
     left = float(np.min(case.overlaps - case.ends - pulled))
     if left > 0 and not case.scene.perfect and (meeting := _meeting(case)):
-        return Finding(True, float(meeting), "pairs of spheres that do not touch at rest are near enough to meet")
+        return Finding(True, float(meeting), "{} pairs of spheres that do not touch at rest are near enough to meet")
     if left > 0:
-        return Finding(False, left, "of the static overlap is left at the contact that is pulled most" + _most(case))
-    return Finding(True, -left, "of the static overlap is how far the contact that is pulled most opens" + _most(case))
+        return Finding(False, left, "the contact that is pulled most keeps {} of the static overlap" + _most(case))
+    return Finding(True, -left, "the contact that is pulled most opens by {} of the static overlap" + _most(case))
 
 
 def _most(case: Case) -> str:
@@ -60,7 +60,7 @@ def _meeting(case: Case) -> int:
 
 def loose(case: Case) -> Finding:
     force = case.scene.packing.contact_force
-    pressed = "N press the contacts together" if force else "no force holds the contacts together"
+    pressed = "{} N press the contacts together" if force else "no force holds the contacts together"
     return Finding(True, force or inf, pressed)
 
 

@@ -54,7 +54,7 @@ def called_for(case: Case) -> Finding:
     return Finding(
         expected(case.scene),
         speed * case.scene.time.duration,
-        f"D0 is how far slip that winds up moves spheres in the run, {period:.2g} D0 a period",
+        f"slip that winds up moves spheres by {{}} D0 in the run, {period:.2g} D0 a period",
     )
 
 

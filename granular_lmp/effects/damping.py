@@ -10,21 +10,21 @@ from granular_lmp.scene.scene import Scene
 
 def called_for(case: Case) -> Finding:
     if case.viscosity == 0:
-        return Finding(False, 0.0, "N s/m of viscosity, and no restitution below 1")
+        return Finding(False, 0.0, "the viscosity is 0, and the restitution 1")
     if case.scene.wave is None:
-        return Finding(True, case.viscosity, "m/t0 is the dashpot of a contact at rest")
+        return Finding(True, case.viscosity, "the dashpot of a contact at rest is {} m/t0")
     rate = case.decay_rate
     if case.scene.wave.form == "driven":
-        return Finding(True, rate, "per tau is the decay rate of the wave on its way from the driven row")
+        return Finding(True, rate, "the wave decays by {} per tau on its way from the driven row")
     if case.scene.source:
-        return Finding(True, rate, "per tau is the decay rate of the wave that is the unit of the sources")
+        return Finding(True, rate, "the wave that is the unit of the sources decays by {} per tau")
     left = case.amplitude_left
-    return Finding(True, rate, f"per tau is the decay rate of the wave, of which {left:.3g} is left at the end")
+    return Finding(True, rate, f"the wave decays by {{}} per tau, and {left:.3g} of it is left at the end")
 
 
 def loose(case: Case) -> Finding:
     restitution = case.scene.effects.restitution
-    return Finding(restitution < 1, restitution, "is the restitution of a collision")
+    return Finding(restitution < 1, restitution, "the restitution of a collision is {}")
 
 
 def loss(case: Case) -> str:

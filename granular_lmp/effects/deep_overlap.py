@@ -93,8 +93,8 @@ def small_overlaps(case: Case) -> Finding:
 def chosen_step(case: Case) -> Finding:
     time = case.scene.time
     if time.tolerance is None:
-        return Finding(False, time.step, "t0 is the step")
-    return Finding(False, time.tolerance, "chooses the step")
+        return Finding(False, time.step, "the step is {} t0")
+    return Finding(False, time.tolerance, "a tolerance of {} chooses the step")
 
 
 def never(scene: Scene) -> bool:

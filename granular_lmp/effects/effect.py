@@ -8,7 +8,6 @@ only if its line in `granular_analysis.theory.catalogue` names it.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from math import isfinite
 from typing import Any
 
 from granular_lmp.effects.case import Case, Finding
@@ -148,7 +147,7 @@ class Chosen:
     on, called_for : bool
         True if the effect is in the deck, and if the scene calls for it.
     number, reason : float, str
-        Number behind `called_for`, and the text that follows the number.
+        Number behind `called_for`, and a sentence that has the number at {}, if it has one.
     guard : str
         Title of the guard in the deck, or "" without one.
     cost : str
@@ -169,8 +168,8 @@ class Chosen:
 
     @property
     def finding(self) -> str:
-        """Number and text in one sentence, or the text alone if the number is infinite."""
-        return f"{self.number:.4g} {self.reason}" if isfinite(self.number) else self.reason
+        """The sentence with the number in it."""
+        return self.reason.replace("{}", f"{self.number:.4g}")
 
     @property
     def judged(self) -> bool:

@@ -48,9 +48,9 @@ def motion(problem: Prepared) -> list[str]:
 def called_for(case: Case) -> Finding:
     end = quiet_end_of(case.scene)
     if end is None:
-        return Finding(False, 0.0, "rows at each end absorb the wave")
+        return Finding(False, 0.0, "no rows absorb the wave")
     oblique = "; of waves along y, while oblique ones are not judged" if not case.scene.uniform_rows else ""
-    return Finding(True, end.reflection, f"of the amplitude comes back from {end.rows} rows at an end{oblique}")
+    return Finding(True, end.reflection, f"{{}} of the amplitude comes back from {end.rows} rows at an end{oblique}")
 
 
 def loss(case: Case) -> str:

@@ -23,7 +23,7 @@ from granular_lmp.scene.scene import Scene
 def called_for(case: Case) -> Finding:
     effects, sphere = case.scene.effects, case.scene.sphere
     if effects.rolling_stiffness == 0:
-        return Finding(False, 0.0, "N/m of rolling stiffness: spheres roll freely")
+        return Finding(False, 0.0, "the rolling stiffness is 0: spheres roll freely")
     if effects.rolling_friction == 0:  # refused below, where the effect is not forced off
         return Finding(True, np.inf, "no cap of the rolling force is declared")
     if case.scene.wave is None:
@@ -33,7 +33,7 @@ def called_for(case: Case) -> Finding:
     at_rest = sphere.contact_law.sliding_force(sphere.static_overlap)
     cap = effects.rolling_friction * at_rest / (sphere.normal_stiffness * sphere.static_overlap)  # in k1 Δ0
     ratio = force * case.scene.wave.amplitude / cap
-    return Finding(True, ratio, "of the cap of rolling friction is the largest rolling force")
+    return Finding(True, ratio, "the largest rolling force is {} of the cap of rolling friction")
 
 
 def loss(case: Case) -> str:

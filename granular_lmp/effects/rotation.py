@@ -61,7 +61,7 @@ def called_for(case: Case) -> Finding:
         return Finding(True, inf, case.every_mode)
     moved, spin = kinetic_parts(wave_contacts(case.scene), case.scene.sphere, case.mode)
     share = spin / (moved + spin)
-    reason = f"of the kinetic energy of {case.wave_words} is rotation"
+    reason = f"rotation has {{}} of the kinetic energy of {case.wave_words}"
     if case.mode.cell:
         return Finding(True, share, reason + ", and branches are counted with it")
     if case.every_mode:

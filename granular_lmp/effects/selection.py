@@ -60,7 +60,7 @@ def select(scene: Scene) -> list[Chosen]:
         rule = effect.rule(scene)
         assert rule is not None
         case, possible = Case(scene, dict(on), modes), on.get(effect.needs, True)
-        needed = Finding(False, 0.0, f"needs {effect.needs}, which is off")
+        needed = Finding(False, 0.0, f"{effect.name} needs {effect.needs}, which is off")
         finding = rule(case) if possible else needed
         on[effect.name] = _is_on(effect, scene, finding.called_for, possible)
         loss = effect.loss(case) if finding.called_for and not scene.loose else "nothing"

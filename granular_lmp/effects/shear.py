@@ -20,18 +20,22 @@ from granular_lmp.scene.scene import Scene
 def called_for(case: Case) -> Finding:
     lattice, sphere = wave_contacts(case.scene), case.scene.sphere
     if sphere.contact_force and not bears_compression(lattice, shear=False):
-        return Finding(True, sphere.contact_force, "N press a lattice together that would buckle without shear forces")
+        return Finding(
+            True, sphere.contact_force, "{} N press a lattice together that would buckle without shear forces"
+        )
     if case.scene.wave is None:
         return Finding(True, inf, case.every_mode)
     _, shear = contact_stretches(lattice, sphere, case.mode)
     largest = float(np.max(np.abs(shear)))
     if case.every_mode:
-        return Finding(True, largest, f"D0, and {case.every_mode}")
+        return Finding(True, largest, f"contacts are sheared by {{}} D0, and {case.every_mode}")
     if largest <= NOTHING and not case.scene.uniform_rows:
-        return Finding(True, largest, "D0, but where the spheres of a row do not move alike contacts are sheared")
-    return Finding(
-        largest > NOTHING, largest, f"D0 is the shear displacement of the contact sheared most by {case.wave_words}"
-    )
+        return Finding(
+            True,
+            largest,
+            "the wave shears contacts by {} D0, but where the spheres of a row do not move alike others are sheared",
+        )
+    return Finding(largest > NOTHING, largest, f"{case.wave_words} shears contacts by up to {{}} D0")
 
 
 def loose(case: Case) -> Finding:
@@ -39,7 +43,9 @@ def loose(case: Case) -> Finding:
     if not case.scene.lattice.sheet:
         return Finding(False, inf, "nothing is sheared in a chain")
     rubs = float(effects.friction) > 0
-    return Finding(rubs, inf, f"by the {effects.shear_law} law" if rubs else "effects.friction is 0")
+    return Finding(
+        rubs, inf, f"contacts are sheared by the {effects.shear_law} law" if rubs else "effects.friction is 0"
+    )
 
 
 def loss(case: Case) -> str:

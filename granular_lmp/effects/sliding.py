@@ -98,12 +98,16 @@ def called_for(case: Case) -> Finding:
         opened = "dashpots pull contacts, which then bear" if damped else "contacts open, and an open one bears"
         return Finding(True, ratio, f"{opened} no shear force (friction {case.friction:g})")
     if case.scene.effects.friction == AUTO:
-        return Finding(False, ratio, f"of the sliding force is the largest shear force (friction {case.friction:.3g})")
-    return Finding(ratio >= 1, ratio, f"of the sliding force is the largest shear force (friction {case.friction:g})")
+        return Finding(
+            False, ratio, f"the largest shear force is {{}} of the sliding force (friction {case.friction:.3g})"
+        )
+    return Finding(
+        ratio >= 1, ratio, f"the largest shear force is {{}} of the sliding force (friction {case.friction:g})"
+    )
 
 
 def loose(case: Case) -> Finding:
-    return Finding(True, float(case.scene.effects.friction), "is the coefficient of friction")
+    return Finding(True, float(case.scene.effects.friction), "friction is {}")
 
 
 def loss(case: Case) -> str:

@@ -54,7 +54,7 @@ def called_for(case: Case) -> Finding:
     if case.scene.wave is None:
         return Finding(case.on["rotation"], inf, "spheres turn")
     angle = case.mode.f * case.scene.displacement_amplitude / case.scene.sphere.radius
-    return Finding(case.on["rotation"], abs(angle), "rad is the largest angle of a sphere")
+    return Finding(case.on["rotation"], abs(angle), "the largest angle of a sphere is {} rad")
 
 
 def loss(case: Case) -> str:

@@ -14,8 +14,8 @@ from granular_lmp.scene.scene import Scene
 
 def called_for(case: Case) -> Finding:
     if case.scene.space == 3:
-        return Finding(False, 0.0, "of twist is resisted: contacts twist freely about their normals")
-    return Finding(False, 0.0, "rad of twist: spheres that move in the plane twist no contact")
+        return Finding(False, 0.0, "no twist is resisted: contacts twist freely about their normals")
+    return Finding(False, 0.0, "spheres that move in the plane twist no contact")
 
 
 def loss(case: Case) -> str:

@@ -21,11 +21,13 @@ def called_for(case: Case) -> Finding:
     if case.scene.wave is None:
         return loose(case)
     if not shape.faces or not shape.lattice.sheet and shape.along_y:
-        return Finding(False, float(shape.rows), "rows in a periodic cell are the infinite lattice")
+        return Finding(False, float(shape.rows), "{} rows in a periodic cell are the infinite lattice")
     if not {HELD, WALL} & {*shape.faces.values()}:
-        return Finding(False, case.scene.echo_time, "tau is when the echo of the free faces reaches the centre")
+        return Finding(False, case.scene.echo_time, "the echo of the free faces reaches the centre at tau = {}")
     what = "faces" if not shape.infinite else "held rows"
-    return Finding(True, case.scene.echo_time, f"tau is when the echo of the {what} reaches the centre")
+    if case.scene.echo_time == inf:
+        return Finding(True, inf, f"no echo of the {what} reaches the centre")
+    return Finding(True, case.scene.echo_time, f"the echo of the {what} reaches the centre at tau = {{}}")
 
 
 def loss(case: Case) -> str:

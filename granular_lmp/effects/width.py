@@ -71,12 +71,16 @@ def _is_pressed_chain(scene: Scene) -> bool:
 def called_for(case: Case) -> Finding:
     columns, fewest = float(case.scene.shape.columns), case.scene.lattice.fewest_columns
     if not case.scene.lattice.sheet:
-        return Finding(False, columns, "column: a chain has no other")
+        return Finding(False, columns, "a chain has {} column")
     if "sides" in case.scene.shape.faces:
-        return Finding(True, columns, f"columns between sides that are {case.scene.shape.sides}")
+        return Finding(True, columns, f"{{}} columns are between sides that are {case.scene.shape.sides}")
     if case.scene.uniform_rows:
-        return Finding(False, columns, f"columns; {fewest} stand for any number where all of a row move alike")
-    return Finding(True, columns, "columns; the spheres of a row do not move alike in this wave")
+        return Finding(
+            False,
+            columns,
+            f"all spheres of a row move alike, so that {fewest} columns stand for any number; here are {{}}",
+        )
+    return Finding(True, columns, "the spheres of a row do not move alike in this wave; here are {} columns")
 
 
 def loss(case: Case) -> str:

@@ -105,7 +105,7 @@ def effects_of(problem: Problem) -> dict[str, dict[str, Any]]:
             "on": effect.on,
             "called_for": effect.called_for,
             "number": _finite(effect.number),
-            "reason": effect.finding if problem.scene.loose else effect.reason,
+            "reason": effect.finding,
             "guard": effect.guard,
         }
         for effect in problem.effects

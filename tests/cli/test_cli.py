@@ -246,14 +246,14 @@ def test_effects_gives_a_reason_with_a_number(capsys: pytest.CaptureFixture[str]
     table = [line.split() for line in out.splitlines() if not line.startswith(" ")]
     assert [words[0] for words in table[2:-1]] == [row.name for row in EFFECTS]
     assert "201 rows x 3 columns = 603 spheres, 2400 steps" in out
-    assert "0.02193 of the kinetic energy of a TR wave is rotation" in out
+    assert "rotation has 0.02193 of the kinetic energy of a TR wave" in out
     assert "without it: the frequency is 0.3809 per tau instead of 0.2769" in out
 
 
 def test_an_effect_forced_off_is_a_warning_with_a_number(capsys: pytest.CaptureFixture[str]) -> None:
     status, _, err = cli(capsys, "effects", "tr_nonresonant", "--set", "effects.rotation=false")
     assert status == 0
-    assert "warning: effects.rotation is off, but 0.02193 of the kinetic energy" in err
+    assert "warning: effects.rotation is off, but rotation has 0.02193 of the kinetic energy" in err
     assert "without it the frequency is 0.3809 per tau instead of 0.2769: 37.56% off" in err
     assert cli(capsys, "effects", "l_wave", "--set", "effects.rotation=false")[2] == ""
 

@@ -1,5 +1,6 @@
 """Effects: when a scene calls for one, what the deck then holds, that LAMMPS takes every combination; the guards."""
 
+import re
 from dataclasses import fields, replace
 from itertools import product
 from math import pi, sqrt
@@ -98,7 +99,7 @@ def test_damping_is_on_when_it_is_given() -> None:
 
 def test_what_is_forced_off_though_called_for_is_a_warning_with_a_number() -> None:
     (warning,) = warnings(select(PAPER.with_values({"effects.shear_law": "incremental", "effects.rotation": False})))
-    assert "effects.rotation is off, but 0.02193 of the kinetic energy" in warning
+    assert "effects.rotation is off, but rotation has 0.02193 of the kinetic energy" in warning
     assert "37.56% off" in warning
     assert warnings(select(PAPER)) == []
     assert warnings(select(PAPER.with_values({"wave.mode": "L", "effects.rotation": False}))) == []
@@ -622,3 +623,10 @@ def test_the_mode_of_a_wave_is_asked_for_once_for_each_lattice(monkeypatch: pyte
     monkeypatch.setattr("granular_lmp.problem.mode_of", counted)
     prepare(Scene.load("tr_nonresonant"))
     assert len(asked) == len({*asked}) <= 6
+
+
+@pytest.mark.parametrize("name", ["tr_damped", "quiet_ends", "solitary_chain", "monolayer_rocking"])
+def test_the_reason_of_an_effect_is_a_sentence_with_its_number(name: str) -> None:
+    for effect in prepare(Scene.load(name)).effects:
+        assert not re.search(r"\{|\binf\b|^[\d.e-]+ (?!pairs|rows|columns|N |of the amplitude)", effect.finding)
+        assert "{}" not in effect.reason or f"{effect.number:.4g}" in effect.finding
