@@ -5,6 +5,7 @@ arrows implies is left out, and so is ``errors``, which every room imports.
 """
 
 import ast
+from functools import cache
 from graphlib import TopologicalSorter
 from html import escape
 from pathlib import Path
@@ -20,6 +21,7 @@ Arrows = set[tuple[str, str]]
 _WIDTH, _BOX, _HEIGHT, _STEP, _LEFT = 980, 130, 30, 52, 150
 
 
+@cache
 def imported(source: str) -> set[str]:
     """Return the rooms of the package that a source imports; in ``analysis``, those of ``granular_lmp`` too."""
     names: set[str] = set()

@@ -5,7 +5,7 @@ import os
 import shutil
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from granular_lmp.errors import LammpsMissingError, RunInterrupted  # noqa: E402
 from granular_lmp.lammps.installation import has_package  # noqa: E402
 from granular_lmp.lammps.kernel import library  # noqa: E402
 from granular_lmp.runs import routes  # noqa: E402
+from granular_lmp.studies import forecast  # noqa: E402
 
 pytest_plugins = ["tests.durations", "tests.manual.recorder"]
 
@@ -60,6 +61,11 @@ def kernel_lacks() -> str:
     if not has_package("PLUGIN"):
         return "LAMMPS without the package PLUGIN"
     return "" if shutil.which("c++") else "no C++ compiler"
+
+
+def members(every: Iterable[Any], *more: Any) -> list[Any]:
+    """Return the values of a parameter; those of `more` are for `make stability`: their likes fail with them."""
+    return [pytest.param(each, marks=pytest.mark.more) if each in more else each for each in every]
 
 
 @pytest.fixture(scope="session")
@@ -122,6 +128,20 @@ def stop(fast_looks: None) -> Callable[..., None]:
             run(scene, folder, progress=interrupt, **options)
 
     return stopped
+
+
+@pytest.fixture
+def tried(monkeypatch: pytest.MonkeyPatch) -> list[Scene]:
+    """Scenes whose speed was asked for, each said to make 1e6 sphere-steps a second and to start in 0.5 s."""
+    scenes: list[Scene] = []
+
+    def speed(scene: Scene, kernel: bool = False) -> tuple[float, float]:
+        if not kernel:
+            scenes.append(scene)
+        return 1e6, 0.5
+
+    monkeypatch.setattr(forecast, "speed", speed)
+    return scenes
 
 
 @pytest.fixture

@@ -192,12 +192,14 @@ def roll_rows(contacts: Contacts, wavevectors: NDArray) -> NDArray:
 
 def _rows(contacts: Contacts, on_i: NDArray, on_j: NDArray) -> NDArray:
     """Return one row a contact over the freedoms of all spheres, from its parts (..., C, 6) on spheres i and j."""
-    count, spheres, pairs = len(contacts), len(contacts.mass), np.flatnonzero(~contacts.on_wall)
-    rows = np.zeros((*on_i.shape[:-2], count, spheres, 6), dtype=complex)
-    rows[..., np.arange(count), contacts.i, :] += on_i
-    rows[..., pairs, contacts.j[pairs], :] += on_j[..., pairs, :]
-    rows = rows.reshape(*on_i.shape[:-2], count, 6 * spheres)
-    return rows.real if spheres == 1 and len(pairs) == count else rows
+    spheres, pairs = len(contacts.mass), ~contacts.on_wall
+    if spheres == 1:
+        rows = on_i + pairs[:, None] * on_j
+        return rows.real if pairs.all() else rows
+    rows = np.zeros((*on_i.shape[:-1], spheres, 6), dtype=complex)
+    rows[..., np.arange(len(contacts)), contacts.i, :] = on_i
+    rows[..., np.flatnonzero(pairs), contacts.j[pairs], :] += on_j[..., pairs, :]
+    return rows.reshape(*on_i.shape[:-1], 6 * spheres)
 
 
 def _springs(

@@ -245,6 +245,7 @@ def test_a_step_beside_a_tolerance_is_refused_and_one_replaces_the_other() -> No
         plan(prepare(CHAIN.with_values({"time.tolerance": 1e-9, "time.duration": 1e6})))
 
 
+@pytest.mark.usefixtures("tried")
 def test_a_sweep_and_the_commands_take_a_tolerance(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = CHAIN.with_values({"packing.rows": 6, "time.duration": 10.0})
     done = sweep(scene, {"time.tolerance": [1e-2, 1e-3]}, tmp_path / "sweep")

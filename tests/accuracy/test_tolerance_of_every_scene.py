@@ -11,7 +11,7 @@ from granular_lmp import ImpactScene, Scene, run, run_impact
 from granular_lmp.accuracy import noise
 from granular_lmp.errors import ToleranceError
 from granular_lmp.scene.shipped import shipped
-from tests.conftest import PAPER
+from tests.conftest import PAPER, members
 
 TOLERANCE = 1e-2
 # Rows of a monitor near what moves first, where the centre sphere is not reached in 20 tau
@@ -25,7 +25,19 @@ def errors_of(info: dict[str, Any]) -> dict[str, float]:
     return {name: error for name, error in every.items() if error is not None and name not in info.get("noise", {})}
 
 
-@pytest.mark.parametrize("name", shipped("*/scene.toml"))
+# Waves whose likes are shipped too
+MORE = (
+    "fcc_transverse",
+    "l_beam",
+    "monolayer_vertical",
+    "tr_antiresonant",
+    "tr_nonresonant",
+    "tr_impurity",
+    "tr_periodic",
+)
+
+
+@pytest.mark.parametrize("name", members(shipped("*/scene.toml"), *MORE))
 def test_every_shipped_wave_meets_a_tolerance(name: str, tmp_path: Path) -> None:
     scene = Scene.load(name)
     changes: dict[str, Any] = {"time.tolerance": TOLERANCE, "time.duration": 5.0}

@@ -57,7 +57,7 @@ class Outcome:
 
 
 @pytest.fixture(
-    scope="module", params=["sample", pytest.param("grid", marks=pytest.mark.slow)], ids=lambda name: f"{name}:"
+    scope="module", params=["sample", pytest.param("grid", marks=pytest.mark.more)], ids=lambda name: f"{name}:"
 )
 def outcomes(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[Outcome]:
     """Every wave of a set at every tolerance, through `refine`."""

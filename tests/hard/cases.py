@@ -27,11 +27,11 @@ ROUGH = ("secant", "incremental")
 DEGENERATE: tuple[tuple[ModeName, float], ...] = (("L", 0.0), ("TR", 0.0), ("L", 0.4), ("RT", 0.4))
 
 FAST: Mapping[str, Measure] = {
-    "resonance": partial(at_the_resonance, 8, 34, 0.05, 200),
+    "resonance": partial(at_the_resonance, 8, 34, 0.05, 100),
     "blow-up of a large wave": partial(blow_up, 8, 34, 1.2, 0.0125, 60),
-    "antiresonance": at_the_antiresonance,
+    "antiresonance": partial(at_the_antiresonance, duration=40.0),
     **{
-        f"{mode}, xi = {2 * pi * cycles / rows:.4g}": partial(end, mode, cycles, rows, 0.025, 20)
+        f"{mode}, xi = {2 * pi * cycles / rows:.4g}": partial(end, mode, cycles, rows, 0.025, 8 if rows > 100 else 20)
         for mode in MODES
         for cycles, rows in ENDS
     },
@@ -74,7 +74,7 @@ FAST: Mapping[str, Measure] = {
     "a breather": partial(breathes, 100),
     "order of a breather": order_of_breathers,
     **{name: partial(space.wave, name) for name in ("hcp next to a zone edge", "fcc under load")},
-    "spheres that leave their substrate": space.leaving,
+    "spheres that leave their substrate": partial(space.leaving, duration=6.0),
     "a layer for long": partial(space.kept, 10_000),
     "a layer that buckles": space.buckling,
 }
@@ -101,7 +101,9 @@ LONG: Mapping[str, Measure] = {
     "a chain of 1e5": partial(long_chain, 100_000, 20.0),
     "a breather, long": partial(breathes, 2000),
     "a plate": partial(space.wave, "plate of 12 layers on a substrate", duration=3.0),
+    "antiresonance, long": at_the_antiresonance,
     "pulse, long": pulse,
+    "spheres that leave their substrate for long": space.leaving,
     "parting velocity, four steps": parting,
     "a layer for a million steps": partial(space.kept, 1_000_000),
 }

@@ -17,6 +17,7 @@ import pytest
 
 from granular_analysis.cli import main as analysis_main
 from granular_lmp.cli import main
+from granular_lmp.plot.movie import write_movie
 from tests.house.test_site import loaded
 
 ROOT = Path(__file__).parents[2]
@@ -100,8 +101,18 @@ def same(word: str, other: str) -> bool:
 each_page = pytest.mark.parametrize("name", PAGES)
 
 
-@pytest.mark.slow
+@pytest.fixture
+def short_movies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lets movies have three frames; tests/plot draws whole ones."""
+
+    def short(figure: Any, show: Any, count: int, *others: Any) -> None:
+        write_movie(figure, show, min(count, 3), *others)
+
+    monkeypatch.setattr("granular_lmp.plot.crystal.write_movie", short)
+
+
 @each_page
+@pytest.mark.usefixtures("short_movies")
 def test_every_command_of_the_tutorial_runs_and_prints_what_the_page_shows(name: str, tmp_path: Path) -> None:
     assert follow(PAGES[name].read_text("utf-8"), tmp_path) == []
 

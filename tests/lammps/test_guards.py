@@ -50,10 +50,9 @@ WALLED = STANDING.with_values(
 # --- random scenes ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", [0, 1])
 @pytest.mark.parametrize("family", FAMILIES)
-def test_a_guard_misses_nothing_and_stops_no_valid_run(family: str, number: int, tmp_path: Path) -> None:
-    openings, slip = compared(random_scene(family, number), tmp_path / "run")
+def test_a_guard_misses_nothing_and_stops_no_valid_run(family: str, tmp_path: Path) -> None:
+    openings, slip = compared(random_scene(family, 0), tmp_path / "run")  # make guards takes 29 of each family
     for comparison in (openings, slip):
         assert not comparison.missed, comparison
         assert not comparison.stopped, comparison

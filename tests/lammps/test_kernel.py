@@ -59,9 +59,9 @@ def short(name: str, **values: object) -> Scene:
 
 
 def brief(scene: Scene) -> Scene:
-    """Return a scene with at most 1e5 sphere-steps, but for four samples."""
+    """Return a scene with at most 3e4 sphere-steps, but for four samples."""
     time, particles = scene.time, scene.output.particles
-    duration = max(4 * time.sample, 1e5 / scene.shape.spheres * (time.timestep or 0.05))
+    duration = max(4 * time.sample, 3e4 / scene.shape.spheres * (time.timestep or 0.05))
     snapshots = {"output.particles": 0.0} if scene.wave is not None and particles > duration else {}
     return scene.with_values({"time.duration": min(time.duration, duration)} | snapshots)
 

@@ -222,6 +222,7 @@ def test_csv_in_si_units_is_what_pandas_reads(record: Record, tmp_path: Path) ->
         export(record, tmp_path / "run.nc", "line")
 
 
+@pytest.mark.usefixtures("tried")
 def test_check_names_monitors_with_their_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "sheet.toml"
     path.write_text(SHEET.to_toml(), encoding="utf-8")

@@ -22,7 +22,7 @@ from granular_lmp.errors import CrystalError, RunInterrupted, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.runs.launch import resume
 from granular_lmp.studies.identity import names_of
-from tests.conftest import PAPER
+from tests.conftest import PAPER, members
 from tests.manual import Measure, Mutant, verifies
 from tests.scene.test_sources import crystal_of, worst
 from tests.scene.test_sources import extrapolated as extrapolated_fields
@@ -68,7 +68,12 @@ FACES: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("changes", FACES.values(), ids=FACES)
+# Of each, a case with one feature more stands beside it
+MORE = ("free sides", "an oblique wave between sides", "a wall", "walls along three sides", "walls under load")
+MORE += ("walls that adhere under load", "a chain between walls under load", "unequal spheres between walls")
+
+
+@pytest.mark.parametrize("name", members(FACES, *MORE))
 @verifies(
     "Faces held, free or walls, 27 crystals: every sphere in LAMMPS, in D0",
     reference="other code: the network of the same faces",
@@ -78,9 +83,8 @@ FACES: dict[str, dict[str, Any]] = {
         "granular_lmp/lammps/ends.py", "against.law(own.radius), problem", "against.law(1.01 * own.radius), problem"
     ),
 )
-def test_every_sphere_moves_as_in_the_network_of_the_same_faces(
-    changes: dict[str, Any], tmp_path: Path, measured: Measure
-) -> None:
+def test_every_sphere_moves_as_in_the_network_of_the_same_faces(name: str, tmp_path: Path, measured: Measure) -> None:
+    changes = FACES[name]
     # Contacts with walls are the stiffest: a row turns faster there, and half the step leaves 1/16 of the error
     steps = (0.025, 0.0125) if WALL in changes.values() else STEPS
     pair = extrapolated(SHEET.with_values(changes), tmp_path, steps)

@@ -246,6 +246,7 @@ def test_commands_of_a_linear_wave_refuse_an_impact(capsys: pytest.CaptureFixtur
     assert "wave: missing table; this scene has sources, strikers or a [start] alone" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("tried")
 def test_check_and_effects_say_what_a_run_does(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "solitary_chain", "--set", "striker.1.velocity=2.0"]) == 0
     assert "a chain of 60 spheres that just touch, struck at 2 m/s" in capsys.readouterr().out

@@ -98,6 +98,7 @@ def test_a_scene_with_a_state_reads_back_what_it_writes() -> None:
     assert "start" not in CHAIN.to_dict()
 
 
+@pytest.mark.usefixtures("tried")
 def test_a_file_with_a_state_is_an_impact(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(with_state(CHAIN, [[0, 0, 0, 0, 0, 1.0, 0]]).to_toml())

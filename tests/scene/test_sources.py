@@ -283,6 +283,7 @@ def test_no_closed_form_holds_sources_and_the_network_judges_them(tmp_path: Path
     assert compare.compare(record).theory == NETWORK
 
 
+@pytest.mark.usefixtures("tried")
 def test_effects_and_check_name_sources_with_their_cost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "sheet.toml"
     path.write_text(SHEET.to_toml(), encoding="utf-8")

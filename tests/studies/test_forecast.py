@@ -31,20 +31,6 @@ print(1024 * int(re.search(r"VmHWM:\\s+(\\d+) kB", open("{STATUS}").read())[1]))
 """
 
 
-@pytest.fixture
-def tried(monkeypatch: pytest.MonkeyPatch) -> list[Scene]:
-    """Scenes whose speed was asked for, each said to make 1e6 sphere-steps a second and to start in 0.5 s."""
-    scenes: list[Scene] = []
-
-    def speed(scene: Scene, kernel: bool = False) -> tuple[float, float]:
-        if not kernel:
-            scenes.append(scene)
-        return 1e6, 0.5
-
-    monkeypatch.setattr(forecast, "speed", speed)
-    return scenes
-
-
 @pytest.mark.parametrize(("scene", "tolerance"), [(WAVE, None), (CHAIN, None), (CHAIN, 1e-2)])
 def test_check_says_what_a_run_then_is(
     scene: Scene, tolerance: float | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -131,7 +117,7 @@ def test_the_memory_is_that_of_a_run(tried: list[Scene], tmp_path: Path) -> None
     assert not peak < 2 * forecast_of(prepare(scene.with_values({"output.rows": [0, 0]}))).memory
 
 
-def test_check_says_the_defaults_that_depend_on_a_wave(capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_says_the_defaults_that_depend_on_a_wave(tried: list[Scene], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "solitary_chain", "--set", "packing.first=wall"]) == 0
     (line,) = (each for each in capsys.readouterr().out.splitlines() if each.startswith("default "))
     assert 'effects.shear_law = "incremental", effects.friction = 0.0: as there is no [wave]' in line

@@ -14,6 +14,7 @@ from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import loaded, present
 from granular_lmp import Record, Scene, run
+from tests.conftest import members
 
 TAU = {"time.duration": 10.0, "output.particles": 5.0}
 MEASURED = {
@@ -51,7 +52,7 @@ def record_of(name: str, folder: Path, **values: Any) -> Record:
     return run(Scene.load(shipped).with_values(TAU | changes | values), folder / "run")
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", members(CASES, "vertical", "rocking", "soft substrate"))
 def test_a_scene_in_space_moves_as_its_network(name: str, tmp_path: Path) -> None:
     record = record_of(name, tmp_path, **{"time.tolerance": 1e-5})
     found = compare(record)

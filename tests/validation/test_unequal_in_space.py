@@ -19,6 +19,7 @@ from granular_lmp import Record, Scene, build, run
 from granular_lmp.crystal.balance import BALANCED
 from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.problem import prepare
+from tests.conftest import members
 
 Changes = dict[str, Any]
 STEPS = (0.02, 0.01)
@@ -131,14 +132,20 @@ def forces_in_lammps(scene: Scene, folder: Path) -> np.ndarray:
     return forces / unit
 
 
-@pytest.mark.parametrize("name", CASES)
+# Of each, a case with one feature more stands beside it
+MORE = ("a layer", "a layer that lost contacts", "a layer of 1 % spheres", "a layer in a box", "an island")
+MORE += ("a layer that is pressed together", "a larger sphere", "rows of steel on a substrate")
+MORE += ("fcc", "fcc under load", "hcp", "a film")
+
+
+@pytest.mark.parametrize("name", members(CASES, *MORE))
 def test_a_crystal_of_unequal_spheres_in_space_is_at_rest_in_lammps(name: str, tmp_path: Path) -> None:
     forces = forces_in_lammps(scene_of(name), tmp_path / "deck")
     assert len(forces)
     assert np.abs(forces).max() < BALANCED + ROUNDED
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", members(CASES, *MORE))
 def test_every_unequal_sphere_in_space_moves_as_in_its_network(name: str, tmp_path: Path) -> None:
     record, fields = extrapolated(scene_of(name), tmp_path)
     assert all(guard["quiet"] for guard in record.info["guards"].values())

@@ -86,7 +86,9 @@ def test_a_row_that_moves_with_the_velocity_of_now_is_wrong_in_first_order(tmp_p
 
 @pytest.mark.parametrize("changes", [{}, {"wave.mode": "L"}], ids=["TR", "L"])
 def test_a_pulse_is_that_of_second_order_on_a_sheet(changes: dict[str, Any], tmp_path: Path) -> None:
-    scene = Scene.load("tr_pulse").with_values({"wave.amplitude": 0.02, "time.duration": 40.0} | changes)
+    scene = Scene.load("tr_pulse").with_values(
+        {"wave.amplitude": 0.02, "time.duration": 40.0, "output.particles": 8.0} | changes
+    )
     found = sheets.compare(run(scene, tmp_path / "run"))
     beyond = found.beyond[1:]
     whole = sheets.relative(found.linear[1:] + found.second[1:], found.run[1:])
@@ -102,7 +104,7 @@ def test_a_pulse_is_that_of_second_order_on_a_sheet(changes: dict[str, Any], tmp
 def test_a_beam_displaces_the_lattice_by_more_than_its_second_harmonic(tmp_path: Path) -> None:
     beam = {"packing.rows": 48, "packing.columns": 48, "packing.ends": "periodic", "envelope.width": 6.0}
     scene = PAPER.with_values(
-        beam | {"wave.wavenumber": np.pi / 4, "wave.amplitude": 0.02, "time.duration": 40.0, "output.particles": 4.0}
+        beam | {"wave.wavenumber": np.pi / 4, "wave.amplitude": 0.02, "time.duration": 40.0, "output.particles": 8.0}
     )
     found = sheets.compare(run(scene, tmp_path / "run"))
     static, harmonic = (np.sqrt(np.mean(found.around(found.beyond, multiple) ** 2)) for multiple in (0, 2))
