@@ -248,7 +248,7 @@ def _at_rest(scene: Scene, chosen: tuple[Chosen, ...]) -> Problem:
     values: dict[str, Any] = {f"packing.{key}": getattr(shape, key) for key in ("rows", "columns", "ends")}
     if scene.wave is not None and scene.wave.frequency is not None:
         values["wave.wavenumber"] = scene.wave.wavenumber
-    values |= {effect.switch: effect.on for effect in chosen if effect.switch.startswith("effects.")}
+    values |= {effect.switch: effect.on for effect in chosen if effect.switch == f"effects.{effect.name}"}
     if quiet := quiet_end_of(scene):
         values["absorb.rows"] = quiet.rows
     resolved = scene.with_values(values)

@@ -207,8 +207,11 @@ def _collide(options: Options) -> int:
     write_numbers(result, errors)
     if result.sticks:
         say("the bodies stick together")
-    if collision.contact.normal == "jkr":
-        remark("note: LAMMPS ends the contact at the largest pull, and loses half of the energy of JKR's theory")
+    if collision.contact.normal == "jkr" and collision.contact.parting == "load":
+        remark(
+            "note: LAMMPS ends the contact at the largest pull, and loses half of the energy of JKR's theory; "
+            'contact.parting = "distance" with --kernel loses all'
+        )
     say(f"{'after the collision':24}{'':>18}{'change with the step':>22}")
     for name, value in result.numbers().items():
         say(f"{name:24}{value:18.10g}{errors[name]:22.1e}")

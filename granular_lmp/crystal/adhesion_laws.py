@@ -236,6 +236,8 @@ class Jkr(_Law):
 
 
 _STEPS = 8
+# Where a JKR contact ends at a given distance, y = 1/6, over where it ends under a given load, y = 1/2
+LATER = 9 * 6 ** (-4 / 3) * 2 ** (4 / 3)
 AdhesionLaw = Dmt | Jkr
 ADHESION_LAWS: dict[str, type[Dmt] | type[Jkr]] = {"dmt": Dmt, "jkr": Jkr}
 

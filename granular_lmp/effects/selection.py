@@ -11,6 +11,7 @@ from granular_lmp.effects.damping import DAMPING
 from granular_lmp.effects.deep_overlap import DEEP_OVERLAP, LONG_STEP
 from granular_lmp.effects.effect import Chosen, Effect
 from granular_lmp.effects.guard import Guard, Prepared
+from granular_lmp.effects.late_parting import LATE_PARTING
 from granular_lmp.effects.quiet_ends import QUIET_ENDS
 from granular_lmp.effects.rolling import ROLLING
 from granular_lmp.effects.rotation import ROTATION
@@ -27,7 +28,7 @@ from granular_lmp.scene.schema import AUTO
 # In the order in which they build on one another
 EFFECTS: tuple[Effect, ...] = (
     *(ADHESION, SHEAR, ROTATION, TRACKING, DAMPING, SLIDING, CONTACT_OPENING),
-    *(ROLLING, TWISTING, WALLS, QUIET_ENDS, WIDTH),
+    *(ROLLING, TWISTING, LATE_PARTING, WALLS, QUIET_ENDS, WIDTH),
 )
 # Limits of what a run shows, which fail it: of the model of spheres that meet, and of the time of a wave; no effects of
 # a deck

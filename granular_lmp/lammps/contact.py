@@ -10,7 +10,7 @@ LAMMPS 22Jul2025 differs from these equations as follows, measured in ``tests/va
 * ``coeff_restitution`` yields the requested restitution e to the error of the step. ``tsuji`` does not (0.616 for a
   requested 0.5) and is not offered here. LAMMPS refuses both with an adhesive law.
 * The sliding limit of Hertz contacts is μ times the normal force *with* its damping part, that of DMT contacts without.
-* A contact by "jkr" begins at overlap 0 and ends at the largest pull, not at the largest distance.
+* A contact by "jkr" begins at overlap 0 and ends at the largest pull, not at the largest distance as `LATE` does.
 * A wall has the material of the spheres, E* = E/(2(1−ν²)), G* likewise; Rc and the lever arm are R.
 
 https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/fix_wall_gran.html
@@ -24,6 +24,7 @@ from granular_lmp.crystal.adhesion_laws import AdhesionLaw
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.units import AnyUnits
 
+LATE = "jkr/distance"  # the kernel's name of "jkr" with late parting; LAMMPS knows no such law
 NORMAL_LAWS = ("dmt", "hertz", "jkr")
 # The laws differ in the effect of the overlap on the shear force (docs/choosing-a-shear-law.md). "rescaled" is
 # "secant" with a shear displacement that shrinks with the contact radius on unloading.
@@ -44,6 +45,7 @@ def model(
     rolling: tuple[float, float, float] | None = None,
     twisting: bool = False,
     shear_modulus: float | None = None,
+    late_parting: bool = False,
 ) -> str:
     """Return the contact model of two equal spheres, as `pair` and `wall` take it.
 
@@ -71,6 +73,8 @@ def model(
         Resistance to twisting, ``twisting marshall``, with the stiffness and the friction of the shear force.
     shear_modulus : float, optional
         Effective shear modulus G*, Pa, in place of that of the sphere's material.
+    late_parting : bool
+        Contacts by "jkr" end at the largest distance: `LATE`.
 
     Returns
     -------
@@ -98,7 +102,7 @@ def model(
     force = f"hertz/material {modulus!r} {loss!r} {sphere.poisson_ratio!r}"
     if normal != "hertz":
         half_adhesion = units.number(sphere.work_of_adhesion / 2, mass=1, time=-2)  # LAMMPS's γ
-        force = f"{normal} {modulus!r} {loss!r} {sphere.poisson_ratio!r} {half_adhesion!r}"
+        force = f"{LATE if late_parting else normal} {modulus!r} {loss!r} {sphere.poisson_ratio!r} {half_adhesion!r}"
     stiffness = "NULL" if shear_modulus is None else repr(units.number(8 * shear_modulus, mass=1, length=-1, time=-2))
     slip = f"{_MINDLIN.get(shear)} {stiffness} {shear_damping!r} {friction}"
     slip = "linear_nohistory 0.0 0.0" if shear == "none" else slip

@@ -40,6 +40,8 @@ def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judg
             deck, edits = (what, what.edits()) if isinstance(what, Deck) else (deck_of(prepare(what)), [])
         if options.kernel:
             library.refuse_other_contacts(deck.input_text)
+        else:
+            library.refuse_own_contacts(deck.input_text)
         return begin(Simulation(deck, edits, judge, options.kernel), folder, options, seconds)
 
 

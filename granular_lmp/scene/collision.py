@@ -5,7 +5,7 @@ is +x, its tangent +y, and spins are about z. In the scene that it declares (`Co
 one above the other: its normal is +y there, and its tangent −x. `granular_lmp.studies.collide` reads the results.
 
 By the law "jkr" the contact snaps in at overlap 0, where it pulls with (8/9) F at once, and holds until the pull is the
-largest, F, at `Collision.pull_off_distance` beyond overlap 0.
+largest, F, or with ``contact.parting = "distance"`` until the distance is, at `Collision.pull_off_distance` beyond 0.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from math import ceil, gamma, pi, sqrt
 from pathlib import Path
 from typing import Any, Self
 
-from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, LATER, AdhesionLaw
 from granular_lmp.crystal.lattices import FREE, SQUARE, WALL
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
@@ -23,7 +23,7 @@ from granular_lmp.scene.document import Document
 from granular_lmp.scene.files import first_file
 from granular_lmp.scene.refusals import SKIN
 from granular_lmp.scene.schema import choice, count, number
-from granular_lmp.scene.sections import RESCALED, SHEAR_LAWS
+from granular_lmp.scene.sections import DISTANCE, LOAD, RESCALED, SHEAR_LAWS
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.strikers import scale_of
@@ -47,6 +47,7 @@ class Contact:
 
     normal: str = choice("with adhesion, without, with adhesion beyond contact", NORMAL_LAWS, default="dmt")
     shear: str = choice("what the shear force follows", TANGENTIAL_LAWS, default="secant")
+    parting: str = choice("where jkr ends: largest pull, or distance (with --kernel)", (LOAD, DISTANCE), default=LOAD)
     friction: float = number("", "mu", 0.0, 1e4, default=0.0)
     restitution: float = number("", "e of an impact along the normal", 0.01, 1.0, default=1.0)
     shear_damping: float = number("", "of shear over that of normal motion", 0.0, 100.0, default=0.0)
@@ -154,6 +155,7 @@ class Collision(Document):
         step = self.elastic_contact_time / impact.steps / unit
         effects: dict[str, Any] = {"friction": law.friction, "shear_law": law.shear} if self.rubs else {}
         effects |= {"restitution": law.restitution, "shear_damping": law.shear_damping} if law.restitution < 1 else {}
+        effects |= {"parting": DISTANCE} if law.parting == DISTANCE else {}
         return {
             "name": self.name,
             "description": self.description,
@@ -228,13 +230,13 @@ class Collision(Document):
 
     @property
     def pull_off_distance(self) -> float:
-        """Distance beyond overlap 0 at which the contact ends in LAMMPS, m.
+        """Distance beyond overlap 0 at which the contact ends, m.
 
         By the law "jkr" it is 2^{−4/3} Δ0 = (3π² w² Rc/64 E*²)^{1/3}, where the pull is F and a constant load would
         part the bodies. The published loss of a collision takes the contact to 6^{−4/3} 9 Δ0, twice as far, where it
-        ends if the distance is prescribed (`granular_analysis.theory.jkr`).
+        ends if the distance is prescribed, ``contact.parting = "distance"`` (`granular_analysis.theory.jkr`).
         """
-        return -float(self.law.pull_off_overlap)
+        return -float(self.law.pull_off_overlap) * (LATER if self.contact.parting == DISTANCE else 1.0)
 
     @property
     def elastic_overlap(self) -> float:

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any, Literal
 
+from granular_lmp.crystal.adhesion_laws import LATER
 from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL
 from granular_lmp.crystal.scale import DEEPEST
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.derived import Derived
 from granular_lmp.scene.places import place_troubles
+from granular_lmp.scene.sections import DISTANCE
 from granular_lmp.scene.strikers import leads, striker_troubles
 from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
 
@@ -156,13 +158,21 @@ def restitution_of_adhesion(scene: Derived) -> str:
 
 @_line("physics")
 def adhesion_beyond_the_list(scene: Derived) -> str:
-    reach = scene.material.pull_off_distance / scene.material.radius
+    further = LATER if scene.effects.parting == DISTANCE else 1.0
+    reach = further * scene.material.pull_off_distance / scene.material.radius
     if reach <= SKIN:
         return ""
     return (
         f"sphere.work_of_adhesion = {scene.material.work_of_adhesion!r}: the contact would hold until {reach:.3g} "
         f"radii beyond overlap 0; at most {SKIN} is allowed, where the neighbour list of LAMMPS ends"
     )
+
+
+@_line("not built")
+def late_parting_beside_walls(scene: Derived) -> str:
+    if scene.effects.parting != DISTANCE or WALL not in (scene.packing.first, scene.packing.last, scene.packing.sides):
+        return ""
+    return f'effects.parting = "{DISTANCE}": must be "load" beside walls, whose contacts LAMMPS has'
 
 
 @_line("physics")

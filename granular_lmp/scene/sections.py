@@ -315,6 +315,9 @@ class Time(Remembering, Sampled):
     allow_echo: bool = flag("run past the echo of the walls at the centre", default=False, bare=NOT_BARE)
 
 
+LOAD, DISTANCE = "load", "distance"  # where a contact that adheres beyond an overlap of 0 parts
+
+
 def _unwaved(rule: Rule, default: Any) -> Any:
     """Return a dataclass field of a key that a scene without ``[wave]`` has alone."""
     return field(default=default, metadata={"rule": replace(rule, bare=Bare(rule, default, only=True))})
@@ -360,6 +363,7 @@ class Effects(Remembering):
     )
     rolling_friction: float = number("", "largest rolling over normal force", 0, 1e4, default=0.0, bare=NOT_BARE)
     restitution: float = number("", "of a Hertz contact; 1: none lost", 0, 1, open_low=True, default=1.0)
+    parting: str = choice("where a JKR contact ends: largest pull, or distance", (LOAD, DISTANCE), default=LOAD)
     shear_damping: float = _unwaved(
         Rule(float, "", "dashpot of shear over that of normal motion", Interval(0, 100)), default=1.0
     )

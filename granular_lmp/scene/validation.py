@@ -26,7 +26,7 @@ from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.places import AtPlaces
 from granular_lmp.scene.schema import AUTO, shown
-from granular_lmp.scene.sections import Absorb, Effects, Envelope, Output, Packing, Time, Wave
+from granular_lmp.scene.sections import DISTANCE, Absorb, Effects, Envelope, Output, Packing, Time, Wave
 from granular_lmp.scene.shape import LARGEST_CELL, SNAP
 
 # LAMMPS's DEM contact laws hold for rigid spheres with a small overlap.
@@ -42,6 +42,10 @@ FEWEST_RADIANS = 4.0  # phase of the wave in a standard deviation of a packet: 3
 def check_adhesion_law(material: Sphere, effects: Effects, inclusions: Sequence[Inclusion] = ()) -> None:
     """Check that spheres whose adhesion acts beyond contact do adhere, those of inclusions too."""
     if material.adhesion_law == Sphere.adhesion_law:
+        if effects.parting == DISTANCE:
+            raise SceneError(
+                f'effects.parting = "{DISTANCE}": needs sphere.adhesion_law = "jkr"; other contacts end at overlap 0'
+            )
         return
     if material.work_of_adhesion == 0 or effects.adhesion is False:
         raise SceneError(

@@ -110,8 +110,8 @@ def test_a_resolved_scene_says_all_and_resolves_to_itself() -> None:
     problem = prepare(scene)
     resolved, effects = problem.scene, problem.effects
     assert (resolved.packing.rows, resolved.packing.columns, resolved.packing.ends) == (8, 3, "periodic")
-    switched = [effect for effect in effects if effect.switch.startswith("effects.")]
-    assert len(switched) == len(fields(resolved.effects)) - 8  # less the law and the coefficients
+    switched = [effect for effect in effects if effect.switch == f"effects.{effect.name}"]
+    assert len(switched) == len(fields(resolved.effects)) - 9  # less the law, the parting and the coefficients
     assert [getattr(resolved.effects, effect.name) for effect in switched] == [effect.on for effect in switched]
     assert (prepare(resolved).scene, prepare(resolved).effects) == (resolved, effects)
     assert build(resolved).input_text == build(scene).input_text

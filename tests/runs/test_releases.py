@@ -101,7 +101,8 @@ def test_an_old_run_must_still_name_the_effects_of_its_day(there: Path) -> None:
 
 
 def test_a_run_of_today_must_name_every_effect() -> None:
-    assert {effect.name for effect in EFFECTS} == formats.NAMED[formats.FORMAT]  # a new effect raises the format
+    joined = {"late_parting"}  # is declared, and off in a run that is silent about it
+    assert {effect.name for effect in EFFECTS} - joined == formats.NAMED[formats.FORMAT]  # a new one raises the format
 
 
 @pytest.mark.parametrize("there", ["832ce44/run"], indirect=True)

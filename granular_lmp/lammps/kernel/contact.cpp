@@ -6,6 +6,8 @@
        dmt              f_N = K a d - F - c v,      limit = mu |K a d + F|,     a = sqrt(Rc d),  F = 4 pi gamma Rc
        jkr              f_N = K a^3/Rc - 4 sqrt(pi gamma E a^3) - c v,          limit = mu |f_N + c v + 2 F|,
                         d = a^2/Rc - 2 sqrt(pi gamma a/E),                      F = 3 pi gamma Rc
+       jkr/distance     the same, but a contact ends at the largest distance, a^3 = pi gamma Rc^2/4E, and not at the
+                        largest pull, 9 times that: LAMMPS does not have it
        mindlin          f_S = -8 G a s - xt c w;    mindlin/force sums -8 G a w dt instead of s
 
    with v and w the normal and tangential velocities of the surfaces, with the full radii, and c the dashpot: eta, or of
@@ -50,7 +52,7 @@ namespace {
 enum Shear { NONE, SECANT, INCREMENTAL };    // tangential linear_nohistory, mindlin, mindlin/force
 
 struct Law {    // of two types
-  bool known = false, jkr = false, cohesive = false, restitution = false;
+  bool known = false, jkr = false, late = false, cohesive = false, restitution = false;
   Shear kind = NONE;
   double stiffness = 0, modulus = 0, surface = 0;    // K = 4/3 E, E and gamma of the contact
   double shear = 0, friction = 0;                    // 8 G, mu
@@ -258,10 +260,10 @@ class PairKernel : public Pair {
     return z * z * area;
   }
 
-  // JKR's contacts begin at an overlap of 0 and end at the largest pull, as LAMMPS has it
+  // JKR's contacts begin at an overlap of 0 and end at the largest pull, as LAMMPS has it, or at the largest distance
   static bool holds_apart(const Law &c, double gap, double Rc)
   {
-    const double a = std::cbrt(9 * M_PI * c.surface * Rc * Rc / (4 * c.modulus));
+    const double a = std::cbrt((c.late ? 1 : 9) * M_PI * c.surface * Rc * Rc / (4 * c.modulus));
     return gap < 2 * std::sqrt(M_PI * c.surface * a / c.modulus) - a * a / Rc;
   }
 
@@ -397,11 +399,12 @@ class PairKernel : public Pair {
     Words words{this, count, given};
     Law found;
     found.known = true;
-    const std::string normal = words.one_of({"hertz/material", "dmt", "jkr"}, "normal law");
+    const std::string normal = words.one_of({"hertz/material", "dmt", "jkr", "jkr/distance"}, "normal law");
     const double E = words.number(), loss = words.number(), nu = words.number();
     found.modulus = E / (2 * (1 - nu * nu));
     found.stiffness = 4.0 / 3.0 * found.modulus;
-    found.jkr = normal == "jkr";
+    found.late = normal == "jkr/distance";
+    found.jkr = normal == "jkr" || found.late;
     found.cohesive = normal != "hertz/material";
     if (found.cohesive) found.surface = words.number();
     words.one_of({"tangential"}, "word");
@@ -453,7 +456,11 @@ class PairKernel : public Pair {
   {
     if (laws.empty()) laws.resize((atom->ntypes + 1) * (atom->ntypes + 1));
     const Law found = read(count - std::min(count, 2), words + std::min(count, 2));
+    char *const normal = words[2];
+    static char jkr[] = "jkr";
+    if (found.late) words[2] = jkr;
     granular->coeff(count, words);
+    words[2] = normal;
     adopt();
     int low[2], high[2];
     for (int side = 0; side < 2; side++) utils::bounds(FLERR, words[side], 1, atom->ntypes, low[side], high[side], error);

@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import LammpsMissingError, LaunchError, one_line
+from granular_lmp.lammps.contact import LATE
 from granular_lmp.lammps.installation import environment_with, has_package, lammps_module
 from granular_lmp.lammps.outputs import writable
 
@@ -43,7 +44,7 @@ _ANEW = f"delete it, and build it again with: {_BUILD}"
 _SEAL = b"granular-lmp kernel, sha256 of all before: "
 # A contact as `granular_lmp.lammps.contact` writes it, of the kinds that the kernel knows
 _KNOWN = re.compile(
-    r"((?:dmt|jkr)(?: \S+){4}|hertz/material(?: \S+){3})"
+    r"((?:dmt|jkr(?:/distance)?)(?: \S+){4}|hertz/material(?: \S+){3})"
     r" tangential (mindlin(?:/force)? \S+ \S+ \S+|linear_nohistory 0\.0 0\.0) damping (velocity|coeff_restitution)"
 )
 
@@ -244,6 +245,12 @@ def refuse_other_contacts(deck: str) -> None:
                 f"kernel=True: does not know the contact '{contact}': must be of DMT, JKR or Hertz, with the secant or "
                 "the incremental shear law or none, without rolling and twisting; run it without"
             )
+
+
+def refuse_own_contacts(deck: str) -> None:
+    """Raise LaunchError if the text of a deck has a contact that the kernel alone knows."""
+    if re.search(rf"^pair_coeff +\S+ +\S+ +{LATE} ", deck, re.MULTILINE):
+        raise LaunchError('effects.parting = "distance": only the kernel has it; run it with kernel=True')
 
 
 def description() -> dict[str, str]:

@@ -1,0 +1,65 @@
+"""Late parting: a JKR contact that is pulled holds up to the largest distance, not up to the largest pull.
+
+In y of `granular_lmp.crystal.adhesion_laws.Jkr` the overlap at the end is δ0 y^{1/3} (3y − 2) with
+
+    y = 1/6   at a given distance, −9·6^{−4/3} δ0: bodies that fly apart lose 7.09 (w⁵Rc⁴/E*²)^{1/3}
+    y = 1/2   under a given load, −2^{−4/3} δ0, where LAMMPS ends it: they lose 3.50
+
+Of the two LAMMPS has the second; the first needs the kernel. It is declared, as no wave calls for it by itself.
+
+Sources: as of `granular_analysis.theory.jkr`.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from granular_lmp.effects.case import Case, Finding
+from granular_lmp.effects.effect import Effect
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.sections import DISTANCE
+
+_LOST = 0.5061  # 1 − 3.5026/7.0922
+
+
+def finding(case: Case) -> Finding:
+    if case.scene.material.adhesion_law != "jkr":
+        return Finding(False, 0.0, "contacts of this law end at overlap 0")
+    return Finding(
+        False, _LOST, "of the energy that parts two spheres is lost where a contact ends at the largest pull"
+    )
+
+
+def declared(scene: Scene) -> bool:
+    return scene.effects.parting == DISTANCE
+
+
+def law(scene: Scene, on: bool) -> Mapping[str, Any]:
+    return {"late_parting": True} if on else {}
+
+
+def loss(case: Case) -> str:
+    return "nothing"
+
+
+def refuse(case: Case) -> str:
+    if not case.on["late_parting"]:
+        return ""
+    if case.contacts.on_wall.any():
+        return f'effects.parting = "{DISTANCE}": must be "load" beside walls and substrates, whose contacts LAMMPS has'
+    if not case.scene.perfect:
+        return f'effects.parting = "{DISTANCE}": is not built for unequal or missing spheres; must be "load"'
+    return ""
+
+
+LATE_PARTING = Effect(
+    "late_parting",
+    finding,
+    loose=finding,
+    cost="1.00",
+    loss=loss,
+    law=law,
+    refuse=refuse,
+    in_all=False,
+    switch="effects.parting",
+    declared=declared,
+)
