@@ -16,7 +16,7 @@ from granular_lmp.lammps.outputs import DUMP, SNAPSHOTS, read_centre
 from granular_lmp.problem import prepare
 from granular_lmp.runs.export import export
 from tests.conftest import PAPER
-from tests.manual import Measure, Mutant, verifies
+from tests.manual import Measure, Mutant, off, verifies
 
 QUARTER = 0.7853981633974483  # rad per row: one wavelength is eight rows
 SILICA = {"youngs_modulus": 73e9, "poisson_ratio": 0.17, "work_of_adhesion": 0.063}
@@ -111,7 +111,16 @@ BULK = ("fcc", "fcc, longitudinal", "cubic", "hcp")
 
 
 @pytest.mark.parametrize("name", CRYSTALS)
-def test_a_wave_in_a_crystal_of_many_layers_or_laws_keeps_its_shape(name: str, tmp_path: Path) -> None:
+@verifies(
+    "LAMMPS in space: fcc, cubic, hcp, films, square, honeycomb, JKR, measured stiffnesses; departure over its bound",
+    reference="other code: the linear wave of the package, with the frequency of velocity Verlet",
+    tolerance=1.0,
+    reason="the bound: the amplitude, 1e-4, and (Ωh)²/7 of Verlet's velocity",
+    mutant=Mutant("granular_lmp/effects/rotation.py", "v_D0*d_vphi{axis}/v_R/v_t0", "1.01*v_D0*d_vphi{axis}/v_R/v_t0"),
+)
+def test_a_wave_in_a_crystal_of_many_layers_or_laws_keeps_its_shape(
+    name: str, tmp_path: Path, measured: Measure
+) -> None:
     bare = {key: value for key, value in LAYER.items() if key != "substrate" or name not in BULK}
     scene = PAPER.with_values(bare | {"time.duration": 10.0} | CRYSTALS[name])
     problem = prepare(scene)
@@ -120,7 +129,8 @@ def test_a_wave_in_a_crystal_of_many_layers_or_laws_keeps_its_shape(name: str, t
     turning = stepped(problem.mode.frequency, scene.time.step)
     expected = (shape * np.exp(-1j * turning * record.tau)[:, None]).real
     # The second order in the amplitude, and Verlet's velocity
-    assert np.abs(motion(record) - expected).max() < scene.wave.amplitude + (turning * scene.time.step) ** 2 / 7
+    bound = scene.wave.amplitude + (turning * scene.time.step) ** 2 / 7
+    measured(off(motion(record), expected, size=bound))
 
 
 @pytest.mark.parametrize("name", ["p", "q", "phi"])

@@ -579,7 +579,18 @@ def drift(crystal: Crystal, one: Wave, size: float) -> float:
 # --- where it ends ----------------------------------------------------------------------------------------------------
 
 
-def test_contacts_open_and_slide_where_the_network_says() -> None:
+@verifies(
+    "Validity of a wave: stretch that opens and shear that slides a contact, layered crystal",
+    reference="other code: the network at sixty phases",
+    tolerance=0.003,
+    reason="sixty phases miss the largest by up to 4e-4, and the next order is 1e-3 of it",
+    mutant=Mutant(
+        "analysis/theory/validity.py",
+        "np.abs(np.sum(strain.slip**2, axis=-1))) / 2)",
+        "np.abs(np.sum(strain.slip**2, axis=-1))) / 2.1)",
+    ),
+)
+def test_contacts_open_and_slide_where_the_network_says(measured: Measure) -> None:
     vectors, basis = ROWS
     crystal = Crystal.of(vectors, basis, R, DENSITY * np.array([1.0, 2.0]), [SILICA])
     one = wave(crystal, [2 * np.pi / 4 / A, 2 * np.pi / 3 / vectors[1, 1]], 2)
@@ -599,8 +610,8 @@ def test_contacts_open_and_slide_where_the_network_says() -> None:
         closed = now.overlap > 0
         opened.append(1 - now.overlap[closed].min() / D)
         slid.append(np.max(np.abs(now.shear) / (now.repulsion + 2 * state.pairs.F)))
-    assert said.opening == pytest.approx(max(opened), rel=3e-3)
-    assert said.friction == pytest.approx(max(slid), rel=3e-3)
+    measured(said.opening / max(opened) - 1)
+    measured(said.friction / max(slid) - 1)
 
 
 def test_several_waves_reach_no_farther_than_is_said_of_them_together() -> None:
