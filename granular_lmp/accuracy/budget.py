@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.accuracy.ladder import phase_error
 from granular_lmp.accuracy.oscillator import late_shear, oscillator_of
 from granular_lmp.accuracy.rounding import judged, linear_signals, rounding, walls
+from granular_lmp.accuracy.verlet import phase_error
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.selection import order
 from granular_lmp.scene.linear import mode_of

@@ -1,21 +1,15 @@
 """The first time step for a tolerance, which follows from the frequencies of the wave.
 
-Velocity Verlet advances a mode of frequency ω too fast by (ωh)²/24. In the relative L2 norm over a run of duration τ
-the errors are
-
-    e = (ωh)² ωτ/(24√3)                                     for one run with the step h
-    E² = (6/√5 e²)² + (9/20 (ωh)² e)²,  h the finer step    for the Richardson extrapolation of two runs
-
-Linear theory suffices for the first step. It gives the frequency Ω of the wave and that of the free L wave of wave
+Linear theory suffices for the first step: the error of velocity Verlet (`granular_lmp.accuracy.verlet`) is that of the
+phase. It gives the frequency Ω of the wave and that of the free L wave of wave
 vector 2k, which is part of the second harmonic; the driven part, at 2Ω, errs like a wave of frequency 2^{1/3} Ω. The
 error itself is estimated from the runs, from which the next steps follow (`granular_lmp.accuracy.extrapolation`). A
 ladder that starts too coarse costs a run more, half as long at most as the others; the tolerance is met either way.
 """
 
-from math import hypot, sqrt
-
 from granular_lmp.accuracy import collisions
 from granular_lmp.accuracy.halving import Plan
+from granular_lmp.accuracy.verlet import pair_error
 from granular_lmp.crystal.modes import bloch_mode, highest_frequency
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import Deck, deck_of
@@ -33,17 +27,6 @@ MOST_STEPS = 10**9
 def with_step(scene: Scene, step: float) -> Scene:
     """Return the scene with a time step (τ) in place of its tolerance."""
     return scene.with_values({"time.timestep": step})
-
-
-def phase_error(frequency: float, step: float, duration: float) -> float:
-    """Return e, the relative L2 error of a wave (rad/t0) over a run with the step and the duration (τ)."""
-    return (frequency * step) ** 2 * frequency * duration / (24 * sqrt(3))
-
-
-def pair_error(frequency: float, step: float, duration: float) -> float:
-    """Return E, the relative L2 error of the extrapolation of two runs, the finer of which has this step (τ)."""
-    e = phase_error(frequency, step, duration)
-    return hypot(6 / sqrt(5) * e**2, 9 / 20 * (frequency * step) ** 2 * e)
 
 
 def deciding_frequency(scene: Scene) -> float:

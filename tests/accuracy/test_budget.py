@@ -18,7 +18,8 @@ from granular_analysis.theory.timestep import limit, stepped
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy import budget as known
-from granular_lmp.accuracy.ladder import phase_error, with_step
+from granular_lmp.accuracy.ladder import with_step
+from granular_lmp.accuracy.verlet import phase_error
 from granular_lmp.problem import prepare
 from granular_lmp.scene.linear import mode_of
 from tests.compare.test_compare import from_theory

@@ -28,9 +28,9 @@ from granular_lmp.accuracy.ladder import (
     with_step,
 )
 from granular_lmp.accuracy.noise import counted
+from granular_lmp.accuracy.refinement import refine
 from granular_lmp.accuracy.richardson import combined_record, judge
 from granular_lmp.accuracy.rounding import floor, linear_signals, rounding
-from granular_lmp.accuracy.tolerance import refine
 from granular_lmp.errors import RunFolderError, SceneError, ToleranceError
 from granular_lmp.problem import largest_step, prepare
 from granular_lmp.runs.record import read_status

@@ -13,7 +13,7 @@ import pytest
 
 from granular_lmp import Record, Scene
 from granular_lmp.accuracy.ladder import RUNGS, first_step
-from granular_lmp.accuracy.tolerance import refine
+from granular_lmp.accuracy.refinement import refine
 from granular_lmp.problem import prepare
 from tests.stand_in import status_of
 from tests.stepped_waves import Stepped, Wave, scene_of
