@@ -196,6 +196,7 @@ def branch_names(shapes: NDArray, along: NDArray) -> tuple[str, ...]:
     return tuple("L" if branch == longitudinal else next(others) for branch in range(len(shapes)))
 
 
+@lru_cache(maxsize=1)  # rules ask again and again
 def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
     """Return the amplitudes of δN and δS of contacts in a wave of the perfect lattice, (C,) each, in units of D0.
 
@@ -206,6 +207,8 @@ def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[N
     of_part = _moduli if mode.cell else _in_phase
     for block, some in zip(blocks(len(contacts)), contacts.parts(), strict=True):
         normal[block], shear[block] = of_part(some, sphere, mode)
+    for each in (normal, shear):
+        each.setflags(write=False)  # callers share them
     return normal, shear
 
 
