@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _LEAST = 0.2  # A crest below this share of the largest speed of its sphere is a ripple ahead of the front
-_STILL = 1e-5  # A sphere that stays below this share of the largest speed of all is not reached
+_STILL = 1e-3  # A sphere that stays below this share of the largest speed of all is not reached
 _BESIDE = 0.5  # radii: a sphere this far from the line lies on it, as where radii differ; no neighbour does
 _UNITS = {"distance": "_m", "arrival": "_s", "error": "_s", "height": "_m_s"}
 # The part of a sphere's velocity (T, n, d) that counts, from the unit vector of the front's way
