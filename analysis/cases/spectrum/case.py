@@ -166,14 +166,16 @@ def _amplitudes(axes: Axes, points: Sequence[Point], marker: str, colour: str, *
         axes.semilogy(*np.reshape(these, (-1, 2)).T, marker, **marks, label=label if labelled else None)
 
 
-def to_csv(points: Sequence[Point]) -> str:
-    """Return the points as CSV: what was varied by the key of the scene, then the generated wave in εD0.
+def to_csv(points: Sequence[Point], records: Sequence[Record]) -> str:
+    """Return the points as CSV: what was varied by the key of the scene, then the generated wave in D0.
 
     Each number is in the shortest form that reads back to the same.
     """
-    lines = ["wave.mode,wave.amplitude,wave.wavenumber,generated,standard_error,theory,deviation"]
+    lines = ["wave.mode,wave.amplitude,wave.wavenumber,generated_D0,standard_error_D0,theory_D0,deviation"]
     for each in sorted(points, key=lambda point: (point.mode, point.amplitude, point.wavenumber)):
-        numbers = (each.amplitude, each.wavenumber, each.value, each.error, each.predicted, each.deviation)
+        epsilon = abs(nonlinearity(_wave(records, each.mode).contact, each.amplitude))
+        amplitudes = (epsilon * number for number in (each.value, each.error, each.predicted))
+        numbers = (each.amplitude, each.wavenumber, *amplitudes, each.deviation)
         lines.append(",".join([each.mode, *(repr(float(number)) for number in numbers)]))
     return "\n".join(lines) + "\n"
 
@@ -195,7 +197,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     points = [point(record) for record in records]
     print(table(points, records))
     if chosen.csv:
-        write(Path(chosen.csv), to_csv(points))
+        write(Path(chosen.csv), to_csv(points, records))
     save(draw(points, records), chosen.output)
     return 0
 
