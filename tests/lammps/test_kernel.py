@@ -36,7 +36,7 @@ from granular_lmp.scene.shipped import shipped
 from granular_lmp.studies import collide, cost
 from granular_lmp.studies.kick import run_kicked
 from granular_lmp.studies.sweep import sweep
-from tests.conftest import kernel_lacks
+from tests.conftest import kernel_lacks, place_kernel
 from tests.hard.guard_study import FAMILIES, random_scene
 from tests.house.test_docs import ROOT
 from tests.manual import Measure, Mutant, verifies
@@ -364,11 +364,7 @@ def test_a_kernel_that_was_not_built_is_an_error(tmp_path: Path, monkeypatch: py
 def copied(built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The kernel in a cache of its own, in a folder that LAMMPS could not name."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / 'für "uns" & andere'))
-    place = library.library()
-    place.parent.mkdir(mode=0o755, parents=True)
-    place.write_bytes(built.read_bytes())
-    place.chmod(0o755)
-    return place
+    return place_kernel(built.read_bytes())
 
 
 def test_a_kernel_loads_from_any_folder(copied: Path, tmp_path: Path) -> None:

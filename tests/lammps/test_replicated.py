@@ -14,6 +14,8 @@ from granular_lmp.lammps import replicated, start
 from granular_lmp.lammps.datafile import read
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.installation import lmp_command
+from granular_lmp.runs.folder import locked
+from granular_lmp.runs.routes import run_input
 from granular_lmp.studies.kick import kicked
 
 GLASS = {"youngs_modulus": 73e9, "poisson_ratio": 0.17, "work_of_adhesion": 0.063}
@@ -62,7 +64,11 @@ def started(scene: Scene, folder: Path, *, all_spheres: bool, ranks: int = 1) ->
     )
     text = deck.input_text[: deck.input_text.index("# --- contacts")]
     (folder / "in.start").write_text(f"{text}\npair_style zero 1100\npair_coeff * *\n{dump}\n")
-    subprocess.run([*lmp_command(ranks), "-in", "in.start", "-screen", "none"], cwd=folder, check=True)
+    if ranks == 1:
+        with locked(folder) as lock:
+            run_input(folder, "in.start", lock)
+    else:
+        subprocess.run([*lmp_command(ranks), "-in", "in.start", "-screen", "none"], cwd=folder, check=True)
     lines = (folder / "start").read_text().splitlines()
     return np.array([line.split() for line in lines[9:]], dtype=float), lines[4:8]
 

@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 from collections.abc import Callable
+from functools import cache
 from itertools import cycle
 from pathlib import Path
 
@@ -20,17 +21,29 @@ from granular_lmp.runs.adopt import adopt
 Left = Callable[..., Path]
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Folders in which plain lmp ran the deck of a scene with -var, each made once."""
+
+    @cache
+    def folder_of(text: str, variables: tuple[str, ...], ranks: int) -> Path:
+        folder = tmp_path_factory.mktemp("lmp") / "left"
+        deck = build(Scene.loads(text))
+        deck.write(folder)
+        pairs = [word for variable in variables for word in ("-var", *variable.split("="))]
+        command = [*lmp_command(ranks), "-in", deck.input_name, "-screen", "none", *pairs]
+        subprocess.run(command, cwd=folder, check=True)
+        return folder
+
+    return folder_of
+
+
 @pytest.fixture
-def left(small: Scene, tmp_path: Path) -> Left:
+def left(small: Scene, made: Callable[..., Path], tmp_path: Path) -> Left:
     """Run the small scene's deck with plain lmp and -var, and return its folder."""
 
     def make(*variables: str, scene: Scene = small, ranks: int = 1) -> Path:
-        folder = tmp_path / "left"
-        build(scene).write(folder)
-        pairs = [word for variable in variables for word in ("-var", *variable.split("="))]
-        deck = build(scene).input_name
-        subprocess.run([*lmp_command(ranks), "-in", deck, "-screen", "none", *pairs], cwd=folder, check=True)
-        return folder
+        return Path(shutil.copytree(made(scene.to_toml(), variables, ranks), tmp_path / "left"))
 
     return make
 
