@@ -33,7 +33,8 @@ def main(argv: list[str] | None = None) -> int:
     os.environ["MPLBACKEND"] = "agg"  # pictures go to files; matplotlib is not imported where it knows not the backend
     started = time.perf_counter()
     try:
-        options = parsers()[0].parse_args(argv)
+        words = sys.argv[1:] if argv is None else argv
+        options = parsers(words)[0].parse_args(words)
         _refuse_deleted_folder()
         command: Callable[[argparse.Namespace], int] = options.command
         with collected() as seconds:

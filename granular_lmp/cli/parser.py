@@ -1,5 +1,7 @@
 """The parser of the command line: which commands there are, in the order of their list."""
 
+from collections.abc import Sequence
+
 from granular_lmp import __version__
 from granular_lmp.cli import (
     machine_commands,
@@ -12,9 +14,19 @@ from granular_lmp.cli import (
 from granular_lmp.cli.arguments import Commands
 from granular_lmp.cli.completion import Parser
 
+# To make the parsers of all commands takes as long as to read and check a scene
+GROUPS = {
+    scene_commands: ("init", "list", "schema", "check", "build", "effects"),
+    modes_command: ("modes",),
+    run_commands: ("run", "resume", "adopt", "accept"),
+    study_commands: ("sweep", "scatter", "cost", "kick", "collide"),
+    view_commands: ("view", "front", "export"),
+    machine_commands: (),  # completion asks for all
+}
 
-def parsers() -> tuple[Parser, Commands]:
-    """Return the parser, and its commands."""
+
+def parsers(words: Sequence[str] = ()) -> tuple[Parser, Commands]:
+    """Return the parser, and its commands: all, or the group of the command with which a command line begins."""
     parser = Parser(
         prog="granular-lmp",
         description="Waves in crystals of adhesive spheres, through LAMMPS.",
@@ -25,7 +37,7 @@ def parsers() -> tuple[Parser, Commands]:
         "--profile", action="store_true", help="before COMMAND: say on standard error where its time went, by phase"
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for group in (scene_commands, modes_command, run_commands, study_commands, view_commands, machine_commands):
+    for group in [group for group, names in GROUPS.items() if set(words[:1]) & set(names)] or GROUPS:
         group.add_to(commands)
     parser.set_defaults(parser=parser)  # for the command that completes all others
     return parser, commands

