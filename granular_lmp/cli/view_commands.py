@@ -17,7 +17,11 @@ def add_to(commands: Commands) -> None:
     view = add(commands, "view", _view, "draw a run, with its spheres if it holds snapshots of them, or a sweep")
     view.add_argument("folder", metavar="DIR", help="a run folder or a sweep folder; with --at-rest also a scene")
     view.add_argument(
-        "-o", "--output", metavar="FILE", required=True, help="PNG, PDF or SVG; of a run also a movie, GIF or MP4"
+        "-o",
+        "--output",
+        metavar="FILE",
+        required=True,
+        help="PNG, PDF or SVG; of a run also a movie, GIF or MP4, or a page, HTML",
     )
     view.add_argument("--tau", type=float, help="of a run: which snapshot (default: the last)")
     view.add_argument(

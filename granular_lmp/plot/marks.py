@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.disorder import Inclusion, chosen_of
@@ -35,7 +36,7 @@ class Marks:
         place[snapshots.spheres[drawn]] = np.arange(len(drawn))
         self.lines: list[tuple[Line2D, Integers]] = []
         handles: dict[str, Line2D] = {}
-        for kind, marker, spheres in _marked(scene):
+        for kind, marker, spheres in marked(scene):
             seen = place[spheres][place[spheres] >= 0]
             if not len(seen):
                 continue
@@ -45,8 +46,9 @@ class Marks:
             self.lines.append((line, indices))
             handles.setdefault(kind, line)
         if side.page == (0, 1):
-            for ends in _interfaces(scene, snapshots):
+            for ends in interfaces(scene, snapshots):
                 (line,) = axes.plot(*ends, color="black", linestyle="--", linewidth=1.2, zorder=4)
+                line.set_path_effects([withStroke(linewidth=3, foreground="white")])
                 handles.setdefault("interface", line)
         self.legend(axes, handles, snapshots, drawn)
 
@@ -69,7 +71,7 @@ class Marks:
             line.set_data(*centres[indices].T)
 
 
-def _marked(scene: Scene) -> Iterator[tuple[str, str, Integers]]:
+def marked(scene: Scene) -> Iterator[tuple[str, str, Integers]]:
     """Yield kind, marker ("" for the usual one) and spheres of each mark."""
     atoms = crystal_of(scene).atoms
     for source in scene.source:
@@ -102,7 +104,7 @@ def _of_inclusion(scene: Scene, inclusion: Inclusion, number: int) -> Integers:
     return np.flatnonzero(np.isin(own, numbers[chosen_of(lattice, inclusion, number, scene.disorder.seed)]))
 
 
-def _interfaces(scene: Scene, snapshots: Snapshots) -> Iterator[tuple[Floats, Floats]]:
+def interfaces(scene: Scene, snapshots: Snapshots) -> Iterator[tuple[Floats, Floats]]:
     """Yield the ends of each interface seen from the top, x (2,) and y (2,)."""
     x, y = snapshots.rest[:, 0], snapshots.rest[:, 1]
     row = snapshots.crystal.arrays["row"]

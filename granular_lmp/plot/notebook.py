@@ -1,4 +1,4 @@
-"""Cards of a scene, a record, a sweep and a deck in a notebook: a line, a small table and a small picture."""
+"""Cards of a scene, a record, a sweep and a deck in a notebook, and the page of snapshots, which can be played."""
 
 from base64 import b64encode
 from collections.abc import Mapping
@@ -13,9 +13,11 @@ from granular_lmp.errors import ViewError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.plot.crystal import run_figure
 from granular_lmp.plot.motion import chain_figure
+from granular_lmp.plot.page import page
 from granular_lmp.plot.signals import dispersion_figure, png
 from granular_lmp.plot.view import sweep_figure
 from granular_lmp.runs.record import Record
+from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.sweep import Sweep
 
@@ -30,7 +32,7 @@ def html(thing: Any) -> str:
     Raises
     ------
     TypeError
-        For what is none of the four.
+        For what is none of the five.
     """
     raise TypeError(f"{type(thing).__name__}: a notebook has no picture of it")
 
@@ -89,6 +91,12 @@ def _(deck: Deck) -> str:
     }
     text = f"<details><summary>{escape(deck.input_name)}</summary><pre>{escape(deck.input_text)}</pre></details>"
     return _card(repr(deck), facts, dispersion_figure(deck.scene), text)
+
+
+@html.register
+def _(snapshots: Snapshots) -> str:
+    frame = 'style="width: 100%; height: 620px; border: 0"'
+    return f'<iframe {frame} title="{escape(repr(snapshots))}" srcdoc="{escape(page(snapshots))}"></iframe>'
 
 
 def _card(title: str, facts: Mapping[str, str], picture: Figure | None, more: str = "") -> str:

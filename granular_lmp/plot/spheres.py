@@ -9,7 +9,7 @@ from matplotlib.axis import Axis
 from matplotlib.collections import EllipseCollection, LineCollection
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
-from granular_lmp.crystal.lattices import lattice_constant
+from granular_lmp.crystal.lattices import Shape, lattice_constant
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.colours import Colouring, Floats, Side, label_of
 from granular_lmp.plot.marks import Marks
@@ -55,7 +55,7 @@ class SpheresInAxes:
             raise ViewError(f"rows = {count}: none of the recorded spheres is in these rows around the centre")
         self.stretch = amplitude * factor
         self.colouring, self.scene, self.side = colouring, scene, side
-        self.copies = -(-FEWEST_DRAWN // shape.columns) if shape.along_x and 0 in side.page else 1
+        self.copies = copies_of(shape) if 0 in side.page else 1
         width = shape.columns * shape.lattice.column_distance(lattice_constant(scene.sphere))
         beside = np.arange(self.copies)[:, None, None] * np.array([width, 0.0])
         self.rest = (side.flat(snapshots.rest[self.drawn]) + beside).reshape(-1, 2)
@@ -117,6 +117,11 @@ class SpheresInAxes:
             dark = self.colouring.dark(np.asarray(self.discs.norm(values)))
             self.hands.set_color(["white" if each else "0.2" for each in dark])
             self.hands.set_segments(list(np.stack([centres - hand, centres + hand], axis=1)))
+
+
+def copies_of(shape: Shape) -> int:
+    """Return how many times a cell that is periodic along x is drawn side by side."""
+    return -(-FEWEST_DRAWN // shape.columns) if shape.along_x else 1
 
 
 def round_below(value: float) -> float:

@@ -7,12 +7,13 @@ import numpy as np
 
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.errors import RunFolderError, ViewError
-from granular_lmp.lammps.outputs import SWEEP
+from granular_lmp.lammps.outputs import SWEEP, writable
 from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.crystal import run_figure, run_movie
 from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.plot.motion import chain_figure
 from granular_lmp.plot.movie import MOVIES
+from granular_lmp.plot.page import page
 from granular_lmp.plot.signals import Picture, save
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
@@ -53,7 +54,7 @@ def view(
     fps: float | None = None,
     size: tuple[int, int] | None = None,
 ) -> list[str]:
-    """Draw a run folder or a sweep folder into a picture, a run folder into a movie, or the crystal of a scene at rest.
+    """Draw a run or a sweep folder into a picture, a run into a movie or a page, or the crystal of a scene at rest.
 
     Of a run without a wave a chain is drawn over time, and a sheet at `tau`.
 
@@ -62,7 +63,7 @@ def view(
     folder : path
         Run folder or sweep folder; with `at_rest` anything that `Scene.load` reads.
     path : path
-        File whose suffix sets the format.
+        File whose suffix sets the format; ".html" is a page in which time, colours and side are chosen.
     tau, colour, magnify, rows, fronts, side
         Options for a run, as in `run_figure`.
     column : str, optional
@@ -132,6 +133,12 @@ def view(
             raise ViewError(str(missing)) from missing
         save(record.plot(), path, size)
         return [*lacks, f"{missing}; drawn are p, q and phi of the centre sphere"]
+    if path.suffix.lower() == ".html":
+        _refuse(folder, "a page, where it is chosen", of_a_run)
+        with writable(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(page(snapshots), encoding="utf-8")
+        return lacks
     drawn: dict[str, Any] = {"colour": colour, "magnify": magnify, "rows": rows, "fronts": fronts, "side": side}
     if movie:
         run_movie(record, snapshots, path, **drawn, fps=fps, size=size)

@@ -17,6 +17,7 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.card import HasCard
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import PER_SAMPLE, SNAPSHOTS, SnapshotPlace, read_snapshot, whole_snapshots
@@ -129,7 +130,7 @@ def finest(folder: Path, name: str) -> Path | None:
 
 
 @dataclass(frozen=True, repr=False)
-class Snapshots:
+class Snapshots(HasCard):
     """Snapshots of a run: ``snapshots[i]`` reads one, ``snapshots.tau`` holds their times.
 
     Attributes

@@ -1,5 +1,8 @@
 """A free sheet on a substrate without a wave, unequal spheres shaken at a corner: each command takes it."""
 
+import json
+from base64 import b64decode
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +14,7 @@ from granular_analysis.measure import reference
 from granular_analysis.measure.outside import sites
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
-from granular_lmp.errors import SceneError
+from granular_lmp.errors import SceneError, ViewError
 from granular_lmp.plot.crystal import run_figure
 from granular_lmp.plot.view import view
 
@@ -75,6 +78,25 @@ def test_it_is_drawn_with_its_source_and_its_monitor_marked_and_a_bar_of_length(
     assert bar.txt_label.get_text() == "1 µm"  # at most a quarter of 7.7 µm, which are 15.4 radii
     assert bar.size_bar.get_children()[0].get_width() == pytest.approx(2.0)  # radii of half a micrometre
     np.testing.assert_array_equal(axes.collections[0].get_array(), shaken.displacement[-1, :, 2])
+
+
+def test_its_page_holds_every_motion_and_is_what_a_notebook_shows_of_snapshots(shaken: Record, tmp_path: Path) -> None:
+    assert shaken.folder is not None
+    path = tmp_path / "sheet.html"
+    assert view(shaken.folder, path) == []
+    text = path.read_text("utf-8")
+    assert "http" not in text  # nothing is loaded from elsewhere
+    (line,) = (line for line in text.splitlines() if line.startswith("const data = "))
+    data = json.loads(line.removeprefix("const data = ").removesuffix(";"))
+    whole = np.frombuffer(b64decode(data["displacement"]["values"]), "<i2").reshape(shaken.displacement.shape)
+    moved = whole * data["displacement"]["largest"] / (2**15 - 1)
+    # Half of a step of 16 bits
+    np.testing.assert_allclose(moved, shaken.displacement, rtol=0, atol=1.6e-5 * np.abs(shaken.displacement).max())
+    assert [(each["kind"], each["spheres"]) for each in data["marks"]] == [("source", [0]), ("monitor", [39])]
+    shown = shaken.snapshots()._repr_html_()
+    assert unescape(shown.partition('srcdoc="')[2].partition('"></iframe>')[0]) == text
+    with pytest.raises(ViewError, match="--tau: is not for a page, where it is chosen"):
+        view(shaken.folder, path, tau=1.0)
 
 
 def test_inclusions_and_interfaces_are_marked_in_a_picture(tmp_path: Path) -> None:
