@@ -73,6 +73,7 @@ def test_the_wheel_holds_both_packages_typed_and_every_shipped_file(built: Path)
         "granular_analysis/theory/dop853.json",
         "analysis/__init__.py",  # the short name
         "granular_analysis/theory/loops.c",
+        "granular_lmp/plot/page.html",
     }
     for package in ("granular_lmp", "granular_analysis"):
         wanted |= {path.relative_to(ROOT).as_posix() for path in (ROOT / package).rglob("*.py")}
@@ -80,7 +81,7 @@ def test_the_wheel_holds_both_packages_typed_and_every_shipped_file(built: Path)
     wanted |= {
         path.relative_to(ROOT).as_posix()
         for path in (ROOT / "granular_analysis").rglob("*")
-        if path.suffix in (".toml", ".json")
+        if path.suffix in (".toml", ".json", ".md")
     }
     held = {name for name in names(one(built, ".whl")) if ".dist-info/" not in name}
     assert held == wanted
