@@ -45,7 +45,7 @@ def write_crate(record: Record, path: Path) -> None:
     optional_package("rocrate")
     crate = optional_package("rocrate.rocrate").ROCrate(version="1.1")
     crate.metadata.extra_contexts.append(TERMS)
-    crate.name, crate.description = record.scene.name, str(record)
+    crate.name, crate.description = record.scene.name, record.scene.description or str(record)
     names = _names(record.folder)
     files = {name: crate.add_file(record.folder / name, name, properties=_said(record.folder / name)) for name in names}
     crate.root_dataset["conformsTo"] = _entity(crate, PROFILE, "CreativeWork", name="Process Run Crate", version="0.5")
