@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular_analysis.theory.chain import Array, Chain, Floats, acceleration, energies, forces, linear_stiffness
+from granular_analysis.theory.chain_loop import chain_slope
 from granular_analysis.theory.integrator import dop853
 
 Scheme = tuple[float, ...]
@@ -114,7 +115,8 @@ def integrate(chain: Chain, u: Floats, v: Floats, times: ArrayLike, rtol: float 
         return np.stack([y[1], acceleration(chain, y[0] * length, y[1] * speed) * (length / speed**2)])
 
     start = np.stack([u / length, v / speed])
-    states = dop853(derivative, start, np.asarray(times, dtype=float) * (speed / length), rtol, rtol, np.inf)
+    slope = chain_slope(chain, length, speed) or derivative
+    states = dop853(slope, start, np.asarray(times, dtype=float) * (speed / length), rtol, rtol, np.inf)
     return states[:, 0] * length, states[:, 1] * speed
 
 

@@ -169,6 +169,29 @@ VECTORS void plane(const Pairs *p, const double *motion, const double *slip, dou
   }
 }
 
+/* Spheres in a row of chain.py without dashpots: displacements and velocities in units of chain_motion.py. */
+typedef struct {
+  whole spheres;
+  const double *stiffness, *overlap, *load, *mass;
+  double length, scale;
+} Chain;
+
+void chain(const Chain *c, const double *state, double *rate)
+{
+  const whole n = c->spheres;
+  double left = 0, behind = 0; /* the sphere to the left of a contact, and the force of that before it */
+  for (whole i = 0; i <= n; i++) {
+    const double right = i < n ? state[i] * c->length : 0, depth = left - right + c->overlap[i];
+    const double force = depth > 0 ? depth * sqrt(depth) * c->stiffness[i] : 0;
+    if (i > 0) {
+      rate[i - 1] = state[n + i - 1];
+      rate[n + i - 1] = (behind - force + c->load[i - 1]) / c->mass[i - 1] * c->scale;
+    }
+    left = right;
+    behind = force;
+  }
+}
+
 /* Waves on the phase torus of K points, real or complex, as of lattice.py: a state has the rows p, q, φ, their rates,
    with `history` the shear of the contacts ahead, and with `works` the work of the shear law as of energy.py, (6 to 10,
    K) a wave. */

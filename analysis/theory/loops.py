@@ -49,10 +49,10 @@ def library() -> ctypes.CDLL | None:
     found.weighted.argtypes = [size, size, pointer, pointer, size, pointer]
     found.errors.argtypes = [size, size, *[pointer] * 5, size, number, pointer]
     found.plane.argtypes = [pointer] * 6
-    found.torus.argtypes = found.torus_complex.argtypes = [pointer] * 3
+    found.chain.argtypes = found.torus.argtypes = found.torus_complex.argtypes = [pointer] * 3
     found.stepped.argtypes = [*[pointer] * 3, number, size]
     found.stages.argtypes = [*[size] * 4, *[pointer] * 5]
-    for name in ("weighted", "errors", "plane", "torus", "torus_complex", "stages", "stepped"):
+    for name in ("weighted", "errors", "plane", "chain", "torus", "torus_complex", "stages", "stepped"):
         getattr(found, name).restype = None
     return found
 

@@ -309,24 +309,24 @@ class Mixed:
 def second_order(
     crystal: Crystal, waves: Sequence[Wave], time: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)
 ) -> tuple[Floats, Floats]:
-    """Return first and second order of the waves together, real fields (T, B, 6), on the cell at a translation.
+    """Return first and second order of the waves together, real fields (..., T, B, 6), on the cells at translations.
 
     Parameters
     ----------
     waves : single ones; the crystal starts with their sum, and without anything of second order
     time : (T,)
-    translation : (3,) a vector of the lattice
+    translation : (..., 2 or 3) vectors of the lattice
     """
-    t, place = np.asarray(time, dtype=float), crystal.position + padded(translation)
-    first = np.zeros((len(t), len(crystal), 6))
+    t, place = np.asarray(time, dtype=float), crystal.position + padded(translation)[..., None, :]
+    first = np.zeros((*place.shape[:-2], len(t), len(crystal), 6))
     second = np.zeros_like(first)
     for each in waves:
         motion = np.multiply.outer(np.exp(-1j * each.frequency * t), each.shape)
-        first += np.real(motion * np.exp(1j * place @ each.wavevector)[:, None])
+        first += np.real(motion * np.exp(1j * place @ each.wavevector)[..., None, :, None])
     for i, j in combinations_with_replacement(range(len(waves)), 2):
         for partner in (waves[j], waves[j].reversed):
             mixed = Mixed(crystal, waves[i], partner)
-            field = mixed.signal(t) * np.exp(1j * place @ mixed.wavevector)[:, None]
+            field = mixed.signal(t) * np.exp(1j * place @ mixed.wavevector)[..., None, :, None]
             second += np.real(field) * (0.5 if i == j else 1.0)
     return first, second
 

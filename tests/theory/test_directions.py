@@ -577,7 +577,7 @@ def test_the_map_never_meets_gamma():
     assert np.linalg.norm(zone_map.wave_vectors(zone_map.POINTS), axis=-1).min() > 1e-3
 
 
-@pytest.mark.parametrize("poisson_ratio", [-1.0, SILICA, 0.5])
+@pytest.mark.parametrize("poisson_ratio", [-1.0, 0.5])  # silica's is drawn below
 def test_the_map_is_written_for_any_material(tmp_path, poisson_ratio, monkeypatch):
     monkeypatch.setattr(zone_map, "POINTS", 40)
     target = tmp_path / "new folder" / "map.png"

@@ -9,6 +9,9 @@ import pytest
 
 from granular_analysis.theory import energy as energy_of_waves
 from granular_analysis.theory import lattice, loops, timestep
+from granular_analysis.theory.chain import acceleration, compressed
+from granular_analysis.theory.chain_loop import chain_slope
+from granular_analysis.theory.chain_motion import integrate as integrate_chain
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.lattice_loop import torus_slope
 from granular_analysis.theory.neighbours import ring_neighbours, torus_neighbours
@@ -213,6 +216,24 @@ def test_jkr_contacts_and_rings_are_left_to_numpy() -> None:
     assert torus_slope(state, Contact(0.17), ring_neighbours()) is None
     assert torus_slope(state, Contact(0.17, adhesion_law="jkr"), torus) is None
     assert torus_slope(np.zeros((6, 201)), Contact(0.17), torus_neighbours(0.8, 201)) is None
+
+
+@compiled
+@pytest.mark.parametrize("force", [0.0, 0.1], ids=["touching", "pressed"])
+def test_a_chain_moves_as_by_numpy(force: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    stiffness = np.append(0.0, RNG.uniform(1, 2, 20))  # free at the left, a wall at the right
+    chain = compressed(np.append(RNG.uniform(1, 2, 19), np.inf), stiffness, force)
+    state, slope = RNG.normal(size=(2, 20)), chain_slope(chain, 0.7, 1.3)
+    assert slope is not None
+    assert chain_slope(replace(chain, restitution=0.9), 1.0, 1.0) is None
+    rate = np.empty_like(state)
+    slope(0.0, state, rate)
+    known = np.stack([state[1], acceleration(chain, 0.7 * state[0], 1.3 * state[1]) * (0.7 / 1.3**2)])
+    assert np.allclose(rate, known, rtol=0, atol=1e-14 * np.abs(known).max())
+    asked = np.zeros(20), np.eye(20)[0], [4.0]  # later, rounding decides which step meets a collision
+    found = integrate_chain(chain, *asked, rtol=1e-11)
+    monkeypatch.setattr(loops, "library", lambda: None)
+    assert np.allclose(found, integrate_chain(chain, *asked, rtol=1e-11), rtol=0, atol=1e-11)
 
 
 @compiled

@@ -219,7 +219,10 @@ def rows(printed: str, kind: str) -> list[dict[str, float]]:
     return [dict(zip(head[-len(line) + 1 :], map(float, line[1:]), strict=True)) for line in lines]
 
 
-def test_the_command_prints_resonances_and_writes_all_waves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_resonances_and_writes_all_waves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(saw, "POINTS", 24)
     saw.main(["monolayer_vertical", "-o", str(tmp_path / "saw.png")])
     said = capsys.readouterr().out
     assert "surface 3410.8 m/s" in said
@@ -242,6 +245,7 @@ def test_another_density_of_the_substrate_changes_the_leak(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(saw, "POINTS", 12)
+    monkeypatch.setattr(saw, "save", lambda figure, path: None)
     scene = Scene.load("monolayer_vertical").with_values({"substrate.density": 4400.0})
     (tmp_path / "heavy.toml").write_text(scene.to_toml())
     found = []
@@ -258,6 +262,7 @@ def test_the_command_takes_a_plate_and_a_film(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(saw, "POINTS", 12)
+    monkeypatch.setattr(saw, "save", lambda figure, path: None)
     plate = ["monolayer_vertical", "--thickness", "2e-6", "-o", str(tmp_path / "saw.png")]
     saw.main([*plate, "--limit", "0.2"])
     assert not rows(capsys.readouterr().out, "resonance")  # nothing leaks from a plate

@@ -1,0 +1,34 @@
+"""The slope of `granular_analysis.theory.chain_motion` in one call of `granular_analysis.theory.loops`.
+
+The formulas are those of `chain.acceleration`, which is the reference; chains with dashpots are left to it.
+"""
+
+import ctypes
+
+import numpy as np
+
+from granular_analysis.theory import loops
+from granular_analysis.theory.chain import Chain
+
+
+class _Chain(ctypes.Structure):
+    """`Chain` of loops.c."""
+
+    _fields_ = [
+        ("spheres", ctypes.c_ssize_t),
+        *((name, ctypes.c_void_p) for name in ("stiffness", "overlap", "load", "mass")),
+        *((name, ctypes.c_double) for name in ("length", "scale")),
+    ]
+
+
+def chain_slope(chain: Chain, length: float, speed: float) -> loops.Slope | None:
+    """Return the slope of displacements and velocities (2, n) in units of a length and a speed, in times of both.
+
+    It is None where the loop does not hold the chain.
+    """
+    loop = loops.library()
+    if loop is None or chain.damped:
+        return None
+    arrays = tuple(np.ascontiguousarray(each) for each in (chain.stiffness, chain.overlap, chain.load, chain.mass))
+    data = _Chain(len(chain), *map(loops.address, arrays), length, length / speed**2)
+    return loops.Slope(loop.chain, data, arrays)
