@@ -19,7 +19,7 @@ from granular_analysis.measure.arrivals import fronts
 from granular_analysis.measure.points import Point
 from granular_analysis.measure.surface import BRANCH, Film, is_surface_wave
 from granular_analysis.theory.bloch import branch_among, frame, in_plane
-from granular_analysis.theory.branches import named_branch
+from granular_analysis.theory.branches import branch_named, names_of
 from granular_analysis.theory.crystal import PLANE, Crystal, Modes
 from granular_analysis.theory.estimation import Estimate, Loss, Parameter, estimate
 from granular_analysis.theory.scenes import Setting
@@ -158,22 +158,26 @@ def _branches(found: _Found, points: Sequence[Point]) -> NDArray[np.intp]:
     hertz = found.modes.frequencies / (2 * np.pi)
     chosen = np.argmin(np.abs(hertz - np.array([each.value for each in points])[:, None]), axis=1)
     numbers = [str(branch + 1) for branch in range(hertz.shape[1])]
+    known: dict[bytes, dict[str, int]] = {}  # names at each wave vector
     for n, each in enumerate(points):
         if each.branch in numbers:
             chosen[n] = numbers.index(each.branch)
         elif each.branch:
             try:
-                chosen[n] = _named(found, n, each.branch)
+                chosen[n] = _named(found, n, each.branch, known)
             except ValueError as error:
                 raise ValueError(f"line {each.line}: branch: {error}") from error
     return chosen
 
 
-def _named(found: _Found, number: int, name: str) -> int:
-    """Return the branch of a name at the wave vector of a point."""
+def _named(found: _Found, number: int, name: str, known: dict[bytes, dict[str, int]]) -> int:
+    """Return the branch of a name at the wave vector of a point; names found are kept in `known`."""
     if len(found.crystal) == 1 and found.crystal.freedoms in (PLANE, PLANE[:2]):  # of the modes that are there
         return int(branch_among(name, in_plane(found.modes.shapes[number]), found.wavevectors[number]))
-    return named_branch(found.crystal, found.wavevectors[number], name)
+    place = found.wavevectors[number].tobytes()
+    if place not in known:
+        known[place] = names_of(found.crystal, found.wavevectors[number], found.modes.shapes[number])
+    return branch_named(known[place], name)
 
 
 def _frequencies(scene: Scene, points: Sequence[Point]) -> Floats:

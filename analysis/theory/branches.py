@@ -5,15 +5,16 @@ mirror, of one sphere a cell. S1, S2, … and H1, H2, … are even and odd acros
 branch has its number in a cell of several spheres alone.
 """
 
-from functools import lru_cache
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.crystal import Crystal, padded
 from granular_analysis.theory.errors import TheoryError
 
+Complexes = NDArray[np.complex128]
 NAMES = ("L", "TR", "RT")
 
 
@@ -22,21 +23,24 @@ def named_branch(crystal: Crystal, wavevector: ArrayLike, name: str) -> int:
 
     Raises ValueError for a name that none of the crystal's branches has there.
     """
-    known = _known(crystal, tuple(np.asarray(wavevector, dtype=float).tolist()))
+    return branch_named(names_of(crystal, wavevector), name)
+
+
+def branch_named(known: Mapping[str, int], name: str) -> int:
+    """Return the branch of a name among those of `names_of`; ValueError if it is none of them."""
     if name in known:
         return known[name]
     raise TheoryError(f"mode = {name!r} is none of this crystal; allowed: {', '.join(known)}")
 
 
-@lru_cache(maxsize=64)  # several branches at one wave vector are asked for one by one
-def _known(crystal: Crystal, wavevector: tuple[float, ...]) -> dict[str, int]:
-    return names_of(crystal, wavevector)
+def names_of(crystal: Crystal, wavevector: ArrayLike, shapes: Complexes | None = None) -> dict[str, int]:
+    """Return the branches by name, at a wave vector (2,) or (3,); those that symmetry names before their numbers.
 
-
-def names_of(crystal: Crystal, wavevector: ArrayLike) -> dict[str, int]:
-    """Return the branches by name, at a wave vector (2,) or (3,); those that symmetry names before their numbers."""
+    shapes : of the modes there, if they are known.
+    """
     k = np.asarray(wavevector, dtype=float)
-    shapes, solid, along = crystal.modes(k).shapes, 2 in crystal.freedoms, padded(k) / np.linalg.norm(k)
+    solid, along = 2 in crystal.freedoms, padded(k) / np.linalg.norm(k)
+    shapes = crystal.modes(k).shapes if shapes is None else shapes
     found: dict[str, Any] = {}
     flat = solid and crystal.symmetry is not None and crystal.symmetry.normal[2] != 0
     level = crystal.parity(shapes, k) if flat else np.zeros(len(shapes))

@@ -216,7 +216,8 @@ class _Search:
 
     def _solved(self, residuals: Callable[[Floats], Floats], start: Floats, loss: Loss, tolerance: float) -> Any:
         ends = dict.fromkeys(("xtol", "ftol", "gtol"), tolerance)
-        found = least_squares(residuals, start, jac="3-point", loss=loss, **ends)
+        slopes = "3-point" if tolerance == _EXACT else "2-point"
+        found = least_squares(residuals, start, jac=slopes, loss=loss, **ends)
         if found.status < 1:
             names = ", ".join(each.name for each in self.parameters)
             raise ValueError(f"the search for {names} does not end: start nearer, or free fewer keys")

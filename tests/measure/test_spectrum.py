@@ -13,6 +13,7 @@ from granular_analysis.cases.spectrum import case as spectrum_figure
 from granular_analysis.measure import spectrum
 from granular_analysis.measure.runs import by_wave, sweep
 from granular_analysis.theory.choice import wave_of
+from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.ladder import with_step
 from tests.stand_in import leave_folder, leave_sweep
@@ -46,6 +47,20 @@ def located(name: str, records: Iterable[Record]) -> tuple[float, float]:
     if name == "resonance":
         return spectrum.locate_resonance(records)
     return spectrum.locate_antiresonance(map(spectrum.point, records))
+
+
+@pytest.fixture
+def one_theory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noisy records of one scene share its wave, and all that theory makes of it."""
+    waves: dict[int, Wave] = {}
+
+    def shared(record: Record) -> Wave:
+        key = id(record.scene)
+        if key not in waves:
+            waves[key] = wave_of(record)
+        return waves[key]
+
+    monkeypatch.setattr(spectrum, "wave_of", shared)
 
 
 each_location = pytest.mark.parametrize("name", ROWS)
@@ -90,7 +105,7 @@ def test_a_fundamental_that_drifts_is_no_second_harmonic() -> None:
     assert abs(spectrum.point(record.with_signals(p=drifting)).deviation) < 1e-5
 
 
-def test_the_standard_error_is_the_spread_of_noisy_measurements() -> None:
+def test_the_standard_error_is_the_spread_of_noisy_measurements(one_theory: None) -> None:
     record, random = of_theory("TR", 17), np.random.default_rng(1)
     points = [spectrum.point(noisy(record, 1e-5, random)) for _ in range(1000)]
     off = [(point.value - point.predicted) / point.error for point in points]
@@ -126,7 +141,7 @@ def test_the_location_is_that_of_the_spheres_that_ran(name: str, poisson_ratio: 
 
 
 @each_location
-def test_the_error_of_a_location_is_its_spread(name: str) -> None:
+def test_the_error_of_a_location_is_its_spread(name: str, one_theory: None) -> None:
     # Eight times as close, so that the polynomial is right to less than the noise; 240.6/1024 and 347.0/1024 of 2π
     first = {"resonance": 236, "antiresonance": 342}[name]
     clean = [of_theory("TR", k, rows=1024) for k in range(first, first + 10)]
