@@ -16,7 +16,8 @@
 # docs/verification.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md; and the network beside
 # LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
-# make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
+# make bench (our run beside other codes, with the error of each; with BESIDE=COMMIT also beside an earlier commit of this
+# repository), make scale (cost up to a million spheres),
 # make docs (the documentation site, into site/), make rooms (the drawing of docs/architecture.md),
 # make notebook (the tutorials, executed, into docs/tutorial.ipynb and tutorial-fit.ipynb; half a minute),
 # make versioned-docs (the site of this version beside those of others, onto the branch gh-pages: RELEASING.md),
@@ -98,6 +99,7 @@ mutants: .venv/ready
 
 bench: .venv/ready
 	$(BIN)/python -m benchmarks -o figures/bench.png
+	$(if $(BESIDE),$(BIN)/python -m benchmarks.earlier $(BESIDE))
 
 scale: .venv/ready
 	$(BIN)/python -m benchmarks.scale

@@ -41,19 +41,29 @@ def to_tolerance(scene: Scene, folder: Path, options: Options) -> Record:
         check_floor(problem.scene, linear_signals(problem.scene))
     kernel = {"kernel": library.description()} if options.kernel else {}
     with begun(problem.scene, folder, options) as info:
-        return refine(problem, folder, one_of(options), options.progress, info | kernel)
+        return refine(problem, folder, one_of(options, problem), options.progress, info | kernel)
 
 
 def resumed(folder: Path, info: dict[str, Any], progress: Progress | None) -> Record:
     """Continue the runs of a scene with a tolerance, of whose folder `info` is ``run.json``."""
-    one = continued(one_of(options_of(folder, info)), lambda place, part: launch.resume(place, progress=part))
+    problem = prepare(scene_of(folder))
+    begins = one_of(options_of(folder, info), problem)
+    one = continued(begins, lambda place, part: launch.resume(place, progress=part))
     with locked(folder):
-        return refine(prepare(scene_of(folder)), folder, one, progress, info)
+        return refine(problem, folder, one, progress, info)
 
 
-def one_of(options: Options) -> One:
-    """Return what makes a run with a step; forced, because its folder may exist and hold files of the user."""
-    return lambda scene, place, part: launch.launch(scene, place, replace(options, force=True, progress=part))
+def one_of(options: Options, problem: Problem) -> One:
+    """Return what makes a run with a step; forced, because its folder may exist and hold files of the user.
+
+    What is decided of a wave does not depend on the step, and is not decided again.
+    """
+
+    def made(scene: Scene, place: Path, progress: Progress | None) -> Record:
+        what = scene if problem.mode is None else replace(problem, scene=scene, declared=scene)
+        return launch.launch(what, place, replace(options, force=True, progress=progress))
+
+    return made
 
 
 def refine(problem: Problem, folder: Path, one: One, progress: Progress | None, info: dict[str, Any]) -> Record:

@@ -11,7 +11,7 @@ from granular_lmp.errors import RunInterrupted
 from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, write_files
-from granular_lmp.problem import prepare
+from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import scene_of
@@ -24,8 +24,8 @@ from granular_lmp.runs.simulation import Judge, Simulation, nothing_more
 from granular_lmp.scene.scene import Scene
 
 
-def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judge = nothing_more) -> Record:
-    """Run the deck of a scene with a time step, or a deck, in `folder`, which is created, and return its record.
+def launch(what: Scene | Problem | Deck, folder: str | Path, options: Options, judge: Judge = nothing_more) -> Record:
+    """Run the deck of a scene or problem with a time step, or a deck, in `folder`, and return its record.
 
     `judge` returns more entries of ``run.json`` from the record of a run that did not fail.
 
@@ -37,7 +37,8 @@ def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judg
     folder = absolute(folder)
     with collected() as seconds:
         with phase("build"):
-            deck, edits = (what, what.edits()) if isinstance(what, Deck) else (deck_of(prepare(what)), [])
+            problem = prepare(what) if isinstance(what, Scene) else what
+            deck, edits = (problem, problem.edits()) if isinstance(problem, Deck) else (deck_of(problem), [])
         if options.kernel:
             library.refuse_other_contacts(deck.input_text)
         else:

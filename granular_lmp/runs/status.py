@@ -67,7 +67,8 @@ def how_to_accept(folder: Path) -> str:
 def write_status(folder: str | Path, info: dict[str, Any]) -> None:
     """Write ``run.json``, and into it the digest of all that it says."""
     sealed = info | {SEAL: seal_of(info)}
-    replace_text(Path(folder) / STATUS, json.dumps(sealed, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    indent = None if info.get("status") == "running" else 2  # that of a run on its way is written once more
+    replace_text(Path(folder) / STATUS, json.dumps(sealed, indent=indent, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def seal_of(info: dict[str, Any]) -> str:
