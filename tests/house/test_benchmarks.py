@@ -122,7 +122,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def measured(head: str) -> list[dict[str, float]]:
-    """Return the rows of the table of RESULTS.md whose head begins so, medians by column; without those of the kernel."""
+    """Return medians by column of the rows, without the kernel, of the table of RESULTS.md whose head begins so."""
     rest = (ROOT / "benchmarks/RESULTS.md").read_text("utf-8").partition(f"| {head} |")[2]
     title, _, *lines = rest.splitlines()
     names = [*head.split(" | "), *title.strip("| ").split(" | ")]
