@@ -74,7 +74,7 @@ def budget_of(record: Record) -> dict[str, Source]:
     tolerance=0.1,
     reason="the law is that of the phase of the linear wave; envelope and a² = 0.04 are a few per cent",
     mutant=Mutant(
-        "granular_lmp/accuracy/ladder.py",
+        "granular_lmp/accuracy/verlet.py",
         "(frequency * step) ** 2 * frequency * duration / (24 * sqrt(3))",
         "(frequency * step) ** 2 * frequency * duration / (20 * sqrt(3))",
     ),
