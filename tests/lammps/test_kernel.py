@@ -132,6 +132,7 @@ def test_numbers_are_those_of_lammps(name: str, tmp_path: Path) -> None:
     )
     plain, kernel = both(scene, tmp_path)
     assert largest_difference(plain, kernel) < ROUNDING
+    assert kernel.info["status"] == plain.info["status"]
     assert library.STYLE in (tmp_path / "kernel" / LOG).read_text()
     name = f"in.{scene.name}"
     assert (tmp_path / "plain" / name).read_bytes() == (tmp_path / "kernel" / name).read_bytes()

@@ -508,7 +508,10 @@ class PairKernel : public Pair {
     });
     if (moved) return;
     changes.clear();
-    for (auto &each : watched) each->changed = each->largest = 0;
+    for (auto &each : watched) {
+      each->changed = each->largest = 0;
+      each->left = Seen::NEVER;
+    }
   }
 
   // What is seen of the contacts of a group from now on
