@@ -201,7 +201,7 @@ def test_a_run_in_space_continues_to_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_the_program_and_two_ranks_give_the_same_as_the_module(tmp_path: Path) -> None:
-    scene = layer(wave__amplitude=0.05, packing__rows=16, wave__wavenumber=QUARTER)
+    scene = layer(wave__amplitude=0.05, packing__rows=16, wave__wavenumber=QUARTER, time__duration=20.0)
     module = run(scene, tmp_path / "module")
     program = run(scene, tmp_path / "program", launcher="lmp")
     ranks = run(scene, tmp_path / "ranks", launcher="lmp", ranks=2)

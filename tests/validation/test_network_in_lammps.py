@@ -137,7 +137,7 @@ def test_contacts_slide_as_in_lammps(law):
     fields = without_step(sliding, silica(law, friction), disturbed(sliding), TIME, 200)
     errors = []
     for step in (1 / 40, 1 / 160):
-        run = integrate(sliding, start(sliding, *disturbed(sliding)), TIMES, rtol=1e-9, longest_step=step * TIME)
+        run = integrate(sliding, start(sliding, *disturbed(sliding)), TIMES, rtol=1e-8, longest_step=step * TIME)
         errors.append(distance(sliding, run, fields))
     # Second order in the step: sixteen times less, about which starts and ends of sliding scatter
     assert errors[1] < 1e-5 * size
@@ -185,8 +185,8 @@ def test_damped_contacts_slide_as_in_lammps(case):
     network, model = damped(case, 0.1)
     moving, size = disturbed(network), AMPLITUDE * OVERLAP
     fields = without_step(network, model, moving, TIME, 200)
-    run = integrate(network, start(network, *moving), TIMES, rtol=1e-9, longest_step=TIME / 160)
-    # 2e-6, measured: of second order in the longest step, which leaves sixteen times as much at TIME / 40
+    run = integrate(network, start(network, *moving), TIMES, rtol=1e-8, longest_step=TIME / 80)
+    # 8e-6, measured: of second order in the longest step, which leaves a quarter of it at TIME / 160
     assert distance(network, run, fields) < 2e-5 * size
     sticking = replace(network, friction=np.inf)
     assert distance(network, integrate(sticking, start(sticking, *moving), TIMES), fields) > 0.1 * size
