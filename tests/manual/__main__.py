@@ -16,7 +16,7 @@ from typing import Any
 
 from tests.manual import ROOT, Case, declared
 from tests.manual.recorder import OUTPUT
-from tests.manual.table import Row, committed, node, written
+from tests.manual.table import Row, committed, node, write
 
 LEFT_OUT = {"figures", "runs", "site", "dist", "build"}  # and what begins with a dot
 
@@ -35,9 +35,11 @@ def ran(folder: Path, tests: list[str]) -> list[dict[str, Any]]:
     """Return what the tests say that ran in a copy: name, outcome, whether it failed by itself, and error."""
     record = folder / "record.jsonl"
     record.unlink(missing_ok=True)
-    environment = os.environ | {OUTPUT: str(record), "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    own = {OUTPUT: str(record), "PYTHONPATH": str(folder), "XDG_CACHE_HOME": str(folder / ".cache")}
     command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "--rootdir", str(folder)]
-    done = subprocess.run([*command, *tests], cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [*command, *tests], cwd=folder, env=os.environ | own, capture_output=True, text=True, check=False
+    )
     if not record.exists():
         raise SystemExit(f"{' '.join(tests)} did not run:\n{done.stdout}\n{done.stderr}")
     return [json.loads(line) for line in record.read_text("utf-8").splitlines()]
@@ -101,7 +103,7 @@ def main(words: list[str]) -> str:
                 wrong.append(f"{name}: {problem}")
             else:
                 print(*rows[name].cells()[2:5], name, flush=True)
-                written(rows)
+                write(rows)
     return "\n".join(wrong)
 
 

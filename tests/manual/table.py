@@ -3,7 +3,6 @@
 import csv
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 from tests.manual import ROOT, Case, declared
 
@@ -23,11 +22,6 @@ class Row:
     measured: float
     changed: float | None
 
-    @property
-    def name(self) -> str:
-        """The test without its parameters, by which the case is declared."""
-        return self.test.partition("[")[0]
-
     def cells(self) -> list[str]:
         """Return the cells of its line."""
         case, changed = self.case, "fails" if self.changed is None else number(self.changed)
@@ -42,9 +36,9 @@ def number(value: float) -> str:
     return f"{value:.2g}"
 
 
-def written(rows: dict[str, Row], path: Path = TABLE) -> None:
+def write(rows: dict[str, Row]) -> None:
     """Write the rows in the order of their declarations."""
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with TABLE.open("w", encoding="utf-8", newline="") as file:
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(HEAD)
         lines.writerows(rows[name].cells() for name in declared() if name in rows)
