@@ -12,7 +12,7 @@
 # make stability (hard cases, and more members of what make test claims, a few minutes: docs/stability.md),
 # make guards (how often a guard is wrong, of 261 random scenes, ten minutes: docs/verification.md),
 # make ladders (how often a tolerance is missed, of 168 random scenes, and its cost, ten minutes: docs/verification.md),
-# make mutants (each change of the source that a line of the verification manual names fails its test, ten minutes:
+# make mutants (each change of the source that a line of the verification manual names fails its test, five minutes:
 # docs/verification.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md; and the network beside
 # LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
