@@ -20,24 +20,25 @@ from granular_lmp.runs.status import SEAL, seal_of
 
 KNOWN = "known.json"
 _PACKAGE = Path(__file__).parents[1]
+# Of a file that is missing, cut off or of another form, and of numbers that JSON does not know
+_NOTHING_KNOWN = (OSError, ValueError, TypeError, LookupError, AttributeError, RunFolderError)
 
 Request = dict[str, Any]
 Table = list[dict[str, Any]]
 
 
 def remember(folder: Path, request: Request, rows: Table, notes: list[str]) -> None:
-    """Write the table and the notes of a sweep into its locked folder, or forget them if a run is not finished."""
-    runs = {row["run"] for row in rows}
-    try:
-        finished = all(row["status"] == "finished" for row in rows) and not _reads_files(request)
-        digests = {run: _digest(folder / run, request) for run in runs} if finished else {}
-    except (OSError, ValueError, RunFolderError):  # a run was changed meanwhile
-        digests = {}
-    if not digests:
-        (folder / KNOWN).unlink(missing_ok=True)
+    """Write the table and the notes of a sweep into its locked folder; nothing, if a run of it is not finished."""
+    (folder / KNOWN).unlink(missing_ok=True)
+    if _reads_files(request) or any(row["status"] != "finished" for row in rows):
         return
-    known = {"origin": _origin(request), "runs": digests, "rows": rows, "notes": notes}
-    replace_text(folder / KNOWN, json.dumps(known | {SEAL: seal_of(known)}) + "\n")
+    try:
+        digests = {run: _digest(folder / run, request) for run in {row["run"] for row in rows}}
+        known = {"origin": _origin(request), "runs": digests, "rows": rows, "notes": notes}
+        text = json.dumps(known | {SEAL: seal_of(known)})
+    except _NOTHING_KNOWN:
+        return
+    replace_text(folder / KNOWN, text + "\n")
 
 
 def recalled(folder: Path, request: Request) -> tuple[Table, list[str]] | None:
@@ -46,7 +47,7 @@ def recalled(folder: Path, request: Request) -> tuple[Table, list[str]] | None:
         known = json.loads((folder / KNOWN).read_text(encoding="utf-8"))
         fits = known.pop(SEAL) == seal_of(known) and known["origin"] == _origin(request)
         fits = fits and all(_digest(folder / run, request) == digest for run, digest in known["runs"].items())
-    except (OSError, ValueError, TypeError, LookupError, AttributeError, RunFolderError):
+    except _NOTHING_KNOWN:
         return None
     return (known["rows"], known["notes"]) if fits else None
 
