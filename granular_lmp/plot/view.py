@@ -100,7 +100,7 @@ def view(
         save(at_rest_figure(Scene.load(folder)), path, size)
         return []
     if (folder / SWEEP).is_file():
-        _refuse(folder, "a sweep", of_a_run)
+        _refuse(folder, "the picture of a sweep", of_a_run)
         if movie:
             raise ViewError(f"{path}: a sweep is drawn as a curve, in a picture; not in a movie")
         swept = Sweep.load(folder)
@@ -112,13 +112,13 @@ def view(
     status, message = record.info.get("status"), record.info.get("message")
     lacks = [f"{folder}: not a finished run (status '{status}': {message})"] * (status != "finished")
     if monitor is not None:
-        _refuse(folder, "a monitor", of_a_run | {"monitor": None, "column": column})
+        _refuse(folder, "the picture of a monitor", of_a_run | {"monitor": None, "column": column})
         if movie:
             raise ViewError(f"{path}: a monitor is drawn over time, in a picture; not in a movie")
         save(monitor_figure(record.monitor(monitor)), path, size)
         return lacks
     chain = record.scene.wave is None and record.scene.lattice == CHAIN
-    what = "a chain over time" if chain else "a run"
+    what = "the picture of a chain, which shows all times" if chain else f"a {'movie' if movie else 'picture'} of a run"
     _refuse(folder, what, {"column": column} | ({"tau": tau} if movie else {"fps": fps}))
     if chain:
         _refuse(folder, what, of_a_run)
@@ -134,7 +134,7 @@ def view(
         save(record.plot(), path, size)
         return [*lacks, f"{missing}; drawn are p, q and phi of the centre sphere"]
     if path.suffix.lower() == ".html":
-        _refuse(folder, "a page, where it is chosen", of_a_run)
+        _refuse(folder, "a page, on which it is chosen", of_a_run)
         with writable(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(page(snapshots), encoding="utf-8")
@@ -150,7 +150,7 @@ def view(
 def _refuse(folder: Path, what: str, options: dict[str, Any]) -> None:
     unfit = [name for name, value in options.items() if value is not None]
     if unfit:
-        raise ViewError(f"--{unfit[0]}: is not for {what} in such a picture ({folder})")
+        raise ViewError(f"--{unfit[0]}: is not for {what} ({folder})")
 
 
 def _why_not(sweep: Sweep, column: str) -> str | None:

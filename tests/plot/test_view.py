@@ -167,7 +167,7 @@ def test_a_movie_has_the_size_and_the_pace_that_are_asked_for(
     for option, said in (("--size 20x20", "must be from 100 to 4000 pixels"), ("--fps 99", "and at most 50")):
         assert main([*arguments, *option.split()]) == 2
         assert said in capsys.readouterr().err
-    with pytest.raises(ViewError, match="--fps: is not for a run in such a picture"):
+    with pytest.raises(ViewError, match="--fps: is not for a picture of a run"):
         view.view(seen, tmp_path / "picture.png", fps=4.0)
 
 

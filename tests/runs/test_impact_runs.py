@@ -122,10 +122,16 @@ def test_a_folder_is_not_overwritten_unless_forced(folders: dict[str, Path]) -> 
         ),
         (["export", "<chain>", "-o", "/proc/y.csv"], "/proc/y.csv: cannot be written"),
         (["view", "<chain>", "-o", "x.gif"], "a chain is drawn at all times, in a picture; not in a movie"),
-        (["view", "<chain>", "-o", "x.png", "--tau", "3"], "tau = 3.0: is for a sheet"),
+        (
+            ["view", "<chain>", "-o", "x.png", "--tau", "3"],
+            "--tau: is not for the picture of a chain, which shows all times",
+        ),
         (["view", "<sheet>", "-o", "x.png", "--tau", "99"], "tau = 99.0: must be from 0 to 6"),
-        (["view", "<sheet>", "-o", "x.png", "--colour", "p"], "--colour: is not for an impact"),
-        (["view", "<sheet>", "-o", "x.gif", "--tau", "3"], "--tau: is not for an impact"),
+        (
+            ["view", "<sheet>", "-o", "x.png", "--colour", "p"],
+            "colour = 'p': is of a wave, and this run has none; take",
+        ),
+        (["view", "<sheet>", "-o", "x.gif", "--tau", "3"], "--tau: is not for a movie of a run"),
         (["view", "solitary_chain", "-o", "x.png", "--at-rest"], "its spheres and contacts are all equal"),
     ],
 )
