@@ -386,7 +386,7 @@ def test_a_tolerance_that_is_not_met_is_an_answer_and_no_failure(
 
 def priced(small: Scene, folder: Path, monkeypatch: pytest.MonkeyPatch, **options: Any) -> module.Plan:
     """A plan for a machine that does 1e5 particle-steps a second, and takes no time beside: its clock stands still."""
-    monkeypatch.setattr(module, "speed", lambda scene: (1e5, 0.0))
+    monkeypatch.setattr(module, "speed", lambda scene, kernel: (1e5, 0.0))
     monkeypatch.setattr(module, "monotonic", lambda: 0.0)
     return plan(small, folder, repeats=1, **options)
 
@@ -438,7 +438,7 @@ def test_the_warm_up_is_paid_from_the_budget(
     needed = priced(small, tmp_path / "study", monkeypatch).seconds
     clock = [0.0]
 
-    def slow(scene: Scene) -> tuple[float, float]:
+    def slow(scene: Scene, kernel: bool) -> tuple[float, float]:
         clock[0] += 100.0
         return 1e5, 0.0
 
@@ -458,7 +458,7 @@ def test_a_run_is_priced_by_its_own_rounds(
     monkeypatch.setattr(module, "monotonic", lambda: clock[0])
     slow, _ = planned.todo()[-1]
 
-    def run_one(one: Run, folder: Path) -> None:
+    def run_one(one: Run, folder: Path, kernel: bool) -> None:
         clock[0] += 50.0 if one == slow else 0.0
         done.append((one, int(folder.name)))
 
