@@ -208,7 +208,7 @@ def test_an_l_wave_has_no_rotation_to_be_coloured_by(small: Scene, tmp_path: Pat
         ({"tau": 9.0}, r"tau = 9\.0: must be from 0 to 4"),
         ({"colour": "mass"}, "colour = 'mass': must be one of rotation, energy"),
         ({"magnify": 0.0}, r"magnify = 0\.0: must be a number above 0"),
-        ({"column": "steps"}, "--column: is not for a run"),
+        ({"column": "steps"}, "--column: is not for a picture of a run"),
     ],
 )
 def test_what_a_run_cannot_show_is_refused(options: dict[str, Any], message: str, seen: Path, tmp_path: Path) -> None:
@@ -239,7 +239,7 @@ def test_runs_that_are_not_finished_leave_a_gap_and_are_counted(swept: Sweep) ->
 def test_what_a_sweep_cannot_show_is_refused(swept: Sweep, tmp_path: Path) -> None:
     with pytest.raises(ViewError, match="column = 'message': must be one of seconds, steps"):
         view.sweep_figure(swept, "message")
-    with pytest.raises(ViewError, match="--tau: is not for a sweep"):
+    with pytest.raises(ViewError, match="--tau: is not for the picture of a sweep"):
         view.view(swept.folder, tmp_path / "curve.png", tau=1.0)
     with pytest.raises(ViewError, match="a sweep is drawn as a curve"):
         view.view(swept.folder, tmp_path / "curve.gif")
@@ -454,7 +454,7 @@ def test_many_spheres_are_a_mean_between_extremes_and_contacts_are_named(shaken:
     [
         (["-o", "x.gif", "--monitor", "near"], "a monitor is drawn over time, in a picture; not in a movie"),
         (["-o", "x.png", "--monitor", "nere"], "monitor 'nere': no such monitor; did you mean 'near'?"),
-        (["-o", "x.png", "--monitor", "near", "--tau", "1"], "--tau: is not for a monitor"),
+        (["-o", "x.png", "--monitor", "near", "--tau", "1"], "--tau: is not for the picture of a monitor"),
     ],
 )
 def test_what_a_monitor_cannot_show_is_said(
