@@ -22,9 +22,9 @@ def at_rest_figure(scene: Scene) -> Picture:
     """Return a picture of the crystal of a scene at rest.
 
     Spheres are coloured by the deviation of their diameter from the mean, in overlaps Δ0, or of their density where
-    all radii are equal. Lines are contacts, coloured by their force f_N over k1 Δ0: positive where they press. Dotted
-    are neighbours in the lattice that do not touch, and crosses are empty places. Of loose spheres the units are ℓ and
-    m ℓ/t0².
+    all radii are equal. Lines are contacts of spheres, coloured by their force f_N over k1 Δ0: positive where they
+    press. Dotted are neighbours in the lattice that do not touch, and crosses are empty places. Of loose spheres the
+    units are ℓ and m ℓ/t0².
 
     Raises
     ------
@@ -48,7 +48,7 @@ def at_rest_figure(scene: Scene) -> Picture:
     discs.set_array(values)
     axes.add_collection(discs, autolim=False)
     contacts, scale, sphere = crystal.contacts, scene.scale, scene.sphere
-    close = _close(scene, crystal)
+    close = _close(scene, crystal) & ~contacts.on_wall
     pairs = contacts.i[close], contacts.j[close]
     unit = scale.mass * scale.length / scale.time**2 if scene.loose else sphere.normal_stiffness * scale.length
     force = contacts.contact_force[close] / unit
@@ -71,9 +71,10 @@ def at_rest_figure(scene: Scene) -> Picture:
     figure.colorbar(discs, ax=axes, label=label, fraction=0.05)
     figure.colorbar(lines, ax=axes, label=f"force of a contact (${UNITS[scene.loose][1]}$)", fraction=0.05)
     lost = f", {len(i)} missing (dotted)" if len(i) else ""
+    each = (2 * len(force) + contacts.on_wall.sum()) / len(position)
     axes.set_title(
-        f"{scene.name}: {scene.imperfections}\n"
-        f"{len(position)} spheres, {2 * len(force) / len(position):.3f} contacts a sphere{lost}",
+        f"{scene.name.replace('_', ' ')}: {scene.imperfections}\n"
+        f"{len(position)} spheres, {each:.3f} contacts a sphere{lost}",
         fontsize="medium",
     )
     return figure

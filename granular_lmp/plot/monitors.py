@@ -4,7 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from granular_lmp.accuracy.rounding import moving
 from granular_lmp.errors import ViewError
+from granular_lmp.plot.colours import unit_of
 from granular_lmp.plot.signals import LEGEND, Picture
 from granular_lmp.runs.monitors import MonitorRecord
 
@@ -26,7 +28,7 @@ _SIGNALS = {
 
 
 def monitor_figure(monitor: MonitorRecord) -> Picture:
-    """Return a figure of what a monitor recorded, without signals that stay zero.
+    """Return a figure of what a monitor recorded, without signals that are zero, or rounding beside the largest.
 
     Raises
     ------
@@ -36,16 +38,17 @@ def monitor_figure(monitor: MonitorRecord) -> Picture:
     columns, times = monitor.columns(), monitor.tau
     known = _SIGNALS[monitor.monitor.what]
     found = {name: columns[name].reshape(len(times), -1) for name in known if name in columns and len(times)}
-    moving = {name: values for name, values in found.items() if np.nan_to_num(values).any()}
-    if not moving:
+    drawn = {name: found[name] for name in moving(found)}
+    if not drawn:
         raise ViewError(f"monitor {monitor.monitor.name}: recorded nothing but zeros; there is nothing to draw")
-    figure = Picture(figsize=(7.0, 1.2 + 1.4 * len(moving)), layout="constrained")
-    panels = figure.subplots(len(moving), squeeze=False, sharex=True)[:, 0]
+    figure = Picture(figsize=(7.0, 1.2 + 1.4 * len(drawn)), layout="constrained")
+    panels = figure.subplots(len(drawn), squeeze=False, sharex=True)[:, 0]
     labels = _labels(monitor, columns)
-    for panel, (name, values) in zip(panels, moving.items(), strict=True):
+    for panel, (name, values) in zip(panels, drawn.items(), strict=True):
         symbol, *units = known[name]
         _draw(panel, times, values, labels)
-        panel.set(ylabel=f"{symbol} (${units[monitor.scene.wave is None]}$)")
+        unit = units[monitor.scene.wave is None].replace(r"\ell", unit_of(monitor.scene))
+        panel.set(ylabel=f"{symbol} (${unit}$)")
         panel.margins(x=0)
     panels[-1].set(xlabel=r"$\tau$ ($t_0$)")
     if 1 < len(labels) <= MOST_LINES:

@@ -15,7 +15,9 @@ from granular_analysis.measure.outside import sites
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 from granular_lmp.errors import SceneError, ViewError
+from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.crystal import run_figure
+from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.plot.view import view
 
 SILICA = {"youngs_modulus": 7.3e10, "poisson_ratio": 0.17, "work_of_adhesion": 0.063}
@@ -78,6 +80,15 @@ def test_it_is_drawn_with_its_source_and_its_monitor_marked_and_a_bar_of_length(
     assert bar.txt_label.get_text() == "1 µm"  # at most a quarter of 7.7 µm, which are 15.4 radii
     assert bar.size_bar.get_children()[0].get_width() == pytest.approx(2.0)  # radii of half a micrometre
     np.testing.assert_array_equal(axes.collections[0].get_array(), shaken.displacement[-1, :, 2])
+
+
+def test_its_contacts_at_rest_and_its_monitor_are_drawn_in_its_units(shaken: Record) -> None:
+    axes = at_rest_figure(shaken.scene).axes[0]
+    contacts = shaken.problem.contacts
+    assert len(axes.collections[1].get_paths()) == len(contacts) - 40  # each sphere touches the substrate
+    mean = (2 * (len(contacts) - 40) + 40) / 40
+    assert axes.get_title().endswith(f"40 spheres, {mean:.3f} contacts a sphere")
+    assert monitor_figure(shaken.monitor("corner")).axes[0].get_ylabel().endswith(r"($\Delta_0$)")
 
 
 def test_its_page_holds_every_motion_and_is_what_a_notebook_shows_of_snapshots(shaken: Record, tmp_path: Path) -> None:
