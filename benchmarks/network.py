@@ -71,7 +71,7 @@ def solve(scene: Scene, folder: Path) -> Outcome:
 def processor_seconds(log: Path) -> tuple[float, float]:
     """Return the processor time of the last time loop of a log without its output, and that of its contacts."""
     found = read_log(log)
-    used = float(re.findall(r"([\d.]+)% CPU use", log.read_text(encoding="utf-8"))[-1]) / 100
+    used = float(re.findall(r"([\d.]+)% CPU use", log.read_text(encoding="utf-8"))[-1]) / 100 or 1.0  # 0: below a tick
     return used * (found.loop - found.sections["loop.output"]), used * found.sections["loop.pair"]
 
 
