@@ -18,15 +18,13 @@ from granular_lmp.effects.effect import Effect
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sections import DISTANCE
 
-_LOST = 0.5061  # 1 − 3.5026/7.0922
+_SHARE = 0.4939  # 3.5026/7.0922
 
 
 def finding(case: Case) -> Finding:
     if case.scene.material.adhesion_law != "jkr":
         return Finding(False, 0.0, "contacts of this law end at overlap 0")
-    return Finding(
-        False, _LOST, "of the energy that parts two spheres is lost where a contact ends at the largest pull"
-    )
+    return Finding(False, _SHARE, "ended at the largest pull, a contact loses {} of the energy that it loses by JKR")
 
 
 def declared(scene: Scene) -> bool:
