@@ -1,5 +1,6 @@
 """Monitors of contacts record the force of each sphere on its wall or substrate."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,6 @@ import pytest
 
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
-from granular_lmp.errors import RunInterrupted
 from granular_lmp.lammps.outputs import MONITOR
 from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.runs.export import export
@@ -106,20 +106,14 @@ def test_torques_of_contacts_and_substrate_are_what_turns_a_sphere(record: Recor
     assert np.abs(slope - mean).max() < 1e-3 * np.abs(found).max()
 
 
-def test_the_step_by_which_a_run_continues_leaves_no_trace(tmp_path: Path) -> None:
+def test_the_step_by_which_a_run_continues_leaves_no_trace(tmp_path: Path, stop: Callable[..., None]) -> None:
     scene = layer(
         **{"wave__amplitude": 0.05, "time__duration": 600.0, "time__timestep": 0.05, "time__sample": 1.0},
         output__checkpoint=1e-4,
         monitor=[ALL | {"rows": [2, 4]}],
     )
     run(scene, tmp_path / "whole")
-
-    def stop(step: int, steps: int) -> None:
-        if steps / 3 < step < steps:
-            raise KeyboardInterrupt
-
-    with pytest.raises(RunInterrupted):
-        run(scene, tmp_path / "stopped", progress=stop)
+    stop(scene, tmp_path / "stopped")
     resume(tmp_path / "stopped")
     name = MONITOR.format("all")
     assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "stopped" / name).read_bytes()

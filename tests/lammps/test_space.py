@@ -1,5 +1,6 @@
 """Spheres in space: decks, records and guards of layers on a substrate and of crystals of many layers."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.crystal.lattices import centre, places
-from granular_lmp.errors import RunInterrupted, SceneError
+from granular_lmp.errors import SceneError
 from granular_lmp.lammps.datafile import read
 from granular_lmp.lammps.outputs import DUMP, SNAPSHOTS, read_centre
 from granular_lmp.problem import prepare
@@ -177,7 +178,7 @@ def test_the_angle_is_the_sum_of_the_spins(tmp_path: Path) -> None:
 # ---------------------------------------------------------------- runs
 
 
-def test_a_run_in_space_continues_to_the_same_bytes(tmp_path: Path) -> None:
+def test_a_run_in_space_continues_to_the_same_bytes(tmp_path: Path, stop: Callable[..., None]) -> None:
     scene = layer(
         wave__amplitude=0.05,
         time__duration=600.0,
@@ -188,13 +189,7 @@ def test_a_run_in_space_continues_to_the_same_bytes(tmp_path: Path) -> None:
         monitor=[{"name": "rows", "rows": [2, 4], "what": "flux"}],
     )
     run(scene, tmp_path / "whole")
-
-    def stop(step: int, steps: int) -> None:
-        if steps / 3 < step < steps:
-            raise KeyboardInterrupt
-
-    with pytest.raises(RunInterrupted):
-        run(scene, tmp_path / "stopped", progress=stop)
+    stop(scene, tmp_path / "stopped")
     resume(tmp_path / "stopped")
     for name in ("trajectory.csv", DUMP, SNAPSHOTS, "monitor.rows.bin", "monitor.rows.contacts"):
         assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "stopped" / name).read_bytes(), name
@@ -343,7 +338,7 @@ def test_quiet_ends_are_of_crystals_whose_reflection_is_known() -> None:
     assert "vz v_kept_z omega v_kept_turnx v_kept_turny v_kept_turnz" in build(fcc).input_text
 
 
-def test_a_source_in_space_is_continued_to_the_same_bytes(tmp_path: Path) -> None:
+def test_a_source_in_space_is_continued_to_the_same_bytes(tmp_path: Path, stop: Callable[..., None]) -> None:
     sources = [
         {"rows": [3, 3], "frequency": 0.5, "ramp": 5.0, "force": "torque_x"},
         {"rows": [1, 1], "frequency": 0.5, "ramp": 5.0, "motion": "rotation_y"},
@@ -353,13 +348,7 @@ def test_a_source_in_space_is_continued_to_the_same_bytes(tmp_path: Path) -> Non
         CUBE | {"source": sources, "output.checkpoint": 1e-4, "time.duration": 40.0, "time.timestep": 0.01}
     )
     run(scene, tmp_path / "whole")
-
-    def stop(step: int, steps: int) -> None:
-        if steps / 3 < step < steps:
-            raise KeyboardInterrupt
-
-    with pytest.raises(RunInterrupted):
-        run(scene, tmp_path / "stopped", progress=stop)
+    stop(scene, tmp_path / "stopped")
     resume(tmp_path / "stopped")
     for name in ("trajectory.csv", DUMP):
         assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "stopped" / name).read_bytes(), name

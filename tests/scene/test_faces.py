@@ -1,6 +1,7 @@
 """What each face of a packing is: held, free or periodic, in LAMMPS beside the network and the linear crystal."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL, Sha
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.selection import select
-from granular_lmp.errors import CrystalError, RunInterrupted, SceneError
+from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.runs.launch import resume
 from granular_lmp.studies.identity import names_of
@@ -128,17 +129,11 @@ def test_a_guard_sees_the_row_that_leaves_its_wall(tmp_path: Path) -> None:
         assert (guards["open_contacts"]["value"] > 0) == opens
 
 
-def test_a_run_between_walls_continues_to_the_same_bytes(tmp_path: Path) -> None:
+def test_a_run_between_walls_continues_to_the_same_bytes(tmp_path: Path, stop: Callable[..., None]) -> None:
     scene = SHEET.with_values(WALLED | LOAD | {"time.duration": 600.0, "time.timestep": 0.05, "packing.columns": 12})
     scene = scene.with_values({"output.checkpoint": 1e-4, "output.particles": 100.0})
     run(scene, tmp_path / "whole")
-
-    def stop(step: int, steps: int) -> None:
-        if steps / 3 < step < steps:
-            raise KeyboardInterrupt
-
-    with pytest.raises(RunInterrupted):
-        run(scene, tmp_path / "stopped", progress=stop)
+    stop(scene, tmp_path / "stopped")
     resume(tmp_path / "stopped")
     whole, stopped = ((tmp_path / name / "trajectory.csv").read_bytes() for name in ("whole", "stopped"))
     assert whole == stopped
