@@ -239,7 +239,7 @@ def test_an_interrupted_run_resumes_to_the_same_bytes(whole: Record, tmp_path: P
         launch.resume(tmp_path / "run")
 
 
-@pytest.mark.parametrize("switch", [[], ["--lmp"], ["--np", "2"]])
+@pytest.mark.parametrize("switch", [["--lmp"], ["--np", "2"]])  # in this process: tests/hard/test_honesty.py
 def test_a_killed_run_resumes_from_its_last_checkpoint_to_the_same_bytes(
     switch: list[str], whole: Record, tmp_path: Path
 ) -> None:
