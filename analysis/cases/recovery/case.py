@@ -206,7 +206,7 @@ def named(key: str, keys: Sequence[str]) -> str:
     """Return the words of a key, with its table where another key of the panel has the same."""
     table, _, name = key.rpartition(".")
     alike = sum(each.rpartition(".")[2] == name for each in keys) > 1
-    return name.replace("_", " ") + (f" of the {table}" if alike else "")
+    return name.replace("_", " ") + (f"\nof the {table}" if alike else "")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
