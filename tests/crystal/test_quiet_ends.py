@@ -300,7 +300,7 @@ def test_a_stopped_run_continues_to_the_same_bytes(
 
 
 def test_the_page_has_the_reflection_at_each_step() -> None:
-    lines = (Path(__file__).parents[2] / "docs/waves.md").read_text("utf-8").splitlines()
+    lines = (Path(__file__).parents[2] / "analysis/cases/quiet/README.md").read_text("utf-8").splitlines()
     steps, numbers, found = (
         [float(cell) for cell in line.strip("| ").split(" | ")[1:]]
         for line in lines
