@@ -7,7 +7,7 @@ import pytest
 from benchmarks import second_order
 from benchmarks.second_order import Plane, Sheet, Spent
 
-PAGE = Path(__file__).parents[2] / "docs" / "which-tool.md"
+PAGE = Path(__file__).parents[2] / "benchmarks" / "RESULTS.md"
 
 
 def test_the_cheapest_way_that_is_no_less_accurate_is_taken() -> None:
