@@ -287,7 +287,7 @@ class Time(Remembering, Sampled):
     Good values of an impact: a step of 0.03, T/80 for the collision time T = 2.439 t0 of two spheres, leaves an error
     of 1.4e-4 in the velocities after 12 collision times (root mean square; 6e-4 at the worst place), which falls with
     the square of the step; with damping, or friction and the law "incremental", it falls with the step
-    (docs/impacts.md).
+    (the case "impact").
     """
 
     duration: float = number("tau", "of the run", 1e-3, 1e7, bare=number("t0", "of the run", 1e-3, 1e8))

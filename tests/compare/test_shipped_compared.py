@@ -16,7 +16,7 @@ SCENES = sorted(path.parent for path in SHIPPED.rglob("scene.toml"))
 LONGER = {"corner_source": 40.0, "point_source": 30.0, "l_beam": 50.0, "two_tones": 110.0, "tr_burst_scattering": 95.0}
 LONGER |= {"tr_driven": 220.0, "quiet_ends": 60.0}
 # Errors that a step of 0.05 leaves, (ΩΔτ)² Ωτ/24 in the phase: up to 2e-2 of p, q and φ at the fastest waves of a
-# source, Ω = 1.6, and the latest times; velocities of a struck chain 1.4e-4 to 1e-3 (docs/impacts.md). Components below
+# source, Ω = 1.6, and the latest times; velocities of a struck chain 1.4e-4 to 1e-3 (case "impact"). Components below
 # 1e-4 of the largest are what the step's error leaves there
 BOUND = 2e-2
 FAINT = 1e-4

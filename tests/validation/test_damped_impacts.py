@@ -1,6 +1,6 @@
 """Impacts on chains whose collisions lose energy: LAMMPS's ``coeff_restitution`` beside the same dashpots without it.
 
-docs/impacts.md shows the numbers.
+analysis/cases/impact/README.md shows the numbers.
 """
 
 import re
@@ -23,7 +23,7 @@ from granular_lmp.studies.collide import run as collide
 from tests.validation.test_pull_off import with_deck
 
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.last": "free"})
-PAGE = Path(__file__).parents[2] / "docs" / "impacts.md"
+PAGE = Path(__file__).parents[2] / "analysis" / "cases" / "impact" / "README.md"
 RESTITUTIONS = (0.9, 0.7, 0.5)
 Runs = Callable[[dict[str, Any]], ImpactRecord]
 
@@ -184,7 +184,7 @@ def crests(record: ImpactRecord, rows: tuple[int, ...]) -> list[float]:
 
 
 def table(run: Runs) -> list[str]:
-    """The rows of docs/impacts.md: e; Γ from sphere 10 to 20 and 30 to 40, first order, two by two; energy left."""
+    """The rows of the page: e; Γ from sphere 10 to 20 and 30 to 40, first order, two by two; energy left."""
     rows = []
     long = {"packing.rows": 48, "time.duration": 90.0, "time.sample": 0.25}
     for restitution in (0.99, 0.95, 0.9, 0.8, 0.7, 0.5):

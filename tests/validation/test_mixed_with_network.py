@@ -111,7 +111,7 @@ SHEET = Scene.load("point_impact").with_values(
 CHAIN = Scene.load("compressed_chain").with_values({"packing.rows": 24, "time.duration": 30.0, "time.sample": 0.5})
 WALLS = {"packing.last": "wall", "packing.sides": "wall"}
 # Of the largest displacement and velocity. Where contacts open and close, an error of h^{5/2} is left
-# (docs/impacts.md); with friction or dashpots the error is of first order in the step, and two thirds of what steps of
+# (case "impact"); with friction or dashpots the error is of first order in the step, and two thirds of what steps of
 # 0.01 and 0.005 differ by are left of it
 STRIKES: dict[str, tuple[Scene, dict[str, Any], float]] = {
     "a compressed chain with a wall": (CHAIN, {}, 1e-5),
@@ -174,7 +174,7 @@ def test_two_spheres_collide_and_a_monitor_sees_the_contact_of_the_network(tmp_p
     record = run(Scene.from_dict({"name": "two_spheres", "sphere": sphere, **tables}), tmp_path / "run")
     judged = compare.compare(record)
     assert judged.theory == "network"
-    # The step's error: 1e-4 at twice the step (docs/impacts.md)
+    # The step's error: 1e-4 at twice the step (the case "impact")
     assert all(value is not None and value < 1e-4 for value in judged.error.values()), judged.error
     first = first_snapshot(record)
     motion = integrate(first.network, first.state, record.tau * first.time, longest_step=first.time / 80).motion
