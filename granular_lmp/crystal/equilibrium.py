@@ -18,7 +18,7 @@ part of the load would not be at rest there. At rest no torque is left, since no
 
 A crystal that was pressed, dried or shaken before has other contacts: to start from a compressed crystal, hand over one
 whose places and cell are scaled by less than 1, and to start from a rest in a box that stays, the ``crystal`` of that
-rest. ``docs/imperfect.md`` compares them.
+rest. The case "disorder" compares them.
 
 A crystal is the same to the last bit on one machine. Between machines rounding can decide where two contacts are
 equally near to parting: of twelve crystals of 1020 spheres with s from 0.8 to 12, one with s = 12 got other contacts

@@ -272,7 +272,7 @@ def test_the_spread_over_the_overlap_alone_decides_how_many_contacts_there_are(s
         mean.append(np.mean([rest.contacts_per_sphere for rest in rests]))
     # The same deviates: the crystals differ by terms of order Δ0/R, and one contact more is 0.002 of the mean Z
     assert abs(mean[0] - mean[1]) < 0.02
-    # docs/imperfect.md; 4 standard errors of the mean of 8 crystals of 120 spheres, from those of 1020 there
+    # The case "disorder"; 4 standard errors of the mean of 8 crystals of 120 spheres, from those of 1020 there
     expected, deviation = {0.8: (5.759, 0.017), 2.0: (5.01, 0.037)}[s]
     assert abs(mean[0] - expected) < 4 * deviation * np.sqrt(1020 / 120 / 8)
 
