@@ -1,6 +1,6 @@
 """Collisions with adhesion that acts beyond contact, LAMMPS's ``jkr``, beside `granular_analysis.theory.jkr`.
 
-docs/collisions.md shows the numbers.
+analysis/cases/pull_off/README.md shows the numbers.
 """
 
 import re
