@@ -28,7 +28,7 @@ from granular_lmp.scene.shipped import SHIPPED
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "RELEASING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES += sorted((ROOT / "analysis" / "cases").glob("*/README.md"))
-THEORY = ROOT / "docs" / "theory.md"
+FORMULA_ERRORS = ROOT / "analysis" / "cases" / "convergence" / "README.md"
 CODE = re.compile(r"^```[^\n]*\n.*?^```[ \t]*$", re.MULTILINE | re.DOTALL)
 
 each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
@@ -286,7 +286,7 @@ def test_a_command_that_is_wrong_is_found(command: str) -> None:
         JUDGES[program](words)
 
 
-# ---------------------------------------------------------------- numbers of docs/theory.md
+# ---------------------------------------------------------------- numbers of the theory
 
 NU, AMPLITUDE = 0.17, 0.2
 TAU = np.linspace(0, 120, 241)
@@ -355,8 +355,8 @@ def half_unit(entry: str) -> float:
 
 
 @pytest.mark.parametrize("wave", WAVES)
-def test_errors_on_the_theory_page_are_measured(wave: str) -> None:
-    table = error_table(THEORY.read_text("utf-8"))
+def test_errors_of_the_formulas_on_their_page_are_measured(wave: str) -> None:
+    table = error_table(FORMULA_ERRORS.read_text("utf-8"))
     assert {label for _, label in table} == set(WAVES)
     shown = {formula: cell for (formula, label), cell in table.items() if label == wave}
     assert shown.keys() == measured_errors(wave).keys()

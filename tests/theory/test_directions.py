@@ -610,9 +610,9 @@ def test_the_map_draws_the_lattice_of_its_options(options, contact, title, monke
         np.testing.assert_allclose(panel.images[0].get_array(), expected, rtol=1e-14)
 
 
-def locations_on_theory_page() -> list[tuple[float, float, float, float]]:
+def locations_on_the_page() -> list[tuple[float, float, float, float]]:
     """Return overlap ratio, prestress, resonance and antiresonance of each row of the table below the map."""
-    lines = (Path(__file__).parents[2] / "docs" / "theory.md").read_text("utf-8").splitlines()
+    lines = (Path(__file__).parents[2] / "analysis" / "cases" / "map" / "README.md").read_text("utf-8").splitlines()
     first = next(i for i, line in enumerate(lines) if line.startswith("| `--overlap-ratio`")) + 2
     rows = []
     while lines[first].startswith("|"):
@@ -621,8 +621,8 @@ def locations_on_theory_page() -> list[tuple[float, float, float, float]]:
     return rows
 
 
-@pytest.mark.parametrize(("overlap_ratio", "prestress", "resonance", "antiresonance"), locations_on_theory_page())
-def test_the_map_has_the_resonance_and_the_antiresonance_of_the_theory_page(
+@pytest.mark.parametrize(("overlap_ratio", "prestress", "resonance", "antiresonance"), locations_on_the_page())
+def test_the_map_has_the_resonance_and_the_antiresonance_of_its_page(
     overlap_ratio, prestress, resonance, antiresonance
 ):
     contact = Contact(SILICA, overlap_ratio=overlap_ratio, prestress=prestress)

@@ -68,7 +68,7 @@ def drive(mode, law):
 @pytest.mark.parametrize("xi", [0.3, 0.802, 1.9, 2.8])
 @pytest.mark.parametrize("name", ["TR", "RT"])
 @pytest.mark.parametrize("law", LAWS)
-def test_the_drives_of_the_three_laws_are_the_forms_of_the_theory_page(law, name, xi):
+def test_the_drives_of_the_three_laws_are_the_forms_of_their_page(law, name, xi):
     mode = sh.mode(name, xi, SILICA)
     strength = sh.nonlinearity(SILICA, 1.0) / 2 * np.sin(xi) * drive(mode, law) / (2 * SILICA.kappa + 3)
     expected = strength / (np.sin(xi) ** 2 - 4 * mode.frequency**2)
