@@ -338,6 +338,26 @@ def test_a_checkpoint_is_that_of_lammps(name: str, stop: Callable[..., None], tm
     assert largest_difference(whole, Record.from_dump(other, scene)) < ROUNDING
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_what_opens_far_from_the_record_fails_no_continued_run(
+    ranks: int, stop: Callable[..., None], tmp_path: Path
+) -> None:
+    """At the held rows the strain of the wave doubles, which the centre does not hear of before the end."""
+    if ranks > core_count():
+        pytest.skip("one core")
+    scene = Scene.load("l_opening").with_values(
+        {
+            **{"packing.ends": "fixed", "packing.rows": 201, "wave.amplitude": 0.9, "effects.contact_opening": "auto"},
+            **{"time.duration": 40.0, "time.timestep": 0.025, "output.checkpoint": 3e-4},
+        }
+    )
+    whole = run(scene, tmp_path / "whole", kernel=True, ranks=ranks)
+    stop(scene, tmp_path / "cut", kernel=True, ranks=ranks)
+    found = resume(tmp_path / "cut")
+    assert found.info["elsewhere"]["open_all"] == whole.info["elsewhere"]["open_all"] > 0
+    assert found.info["guards"]["open_contacts"]["value"] == 0
+
+
 def test_a_run_of_another_kernel_is_not_continued(stop: Callable[..., None], tmp_path: Path) -> None:
     stop(short("tr_periodic", **{"time.duration": 200.0}), tmp_path / "cut", kernel=True)
     status = read_status(tmp_path / "cut")

@@ -525,14 +525,11 @@ class PairKernel : public Pair {
     }
   }
 
-  // Where a continued run begins
-  void restore(const std::shared_ptr<Seen> &by, const double *triples, int count)
+  // Where a continued run begins: the group may have held other spheres when their contacts changed
+  void restore(const std::shared_ptr<Seen> &by, int changed, const double *triples, int count)
   {
-    by->changed = 0;
-    for (int k = 0; k < count && comm->me == 0; k++, triples += 3) {
-      changes[key(triples[0], triples[1])] = triples[2];
-      by->change(~0, std::abs(triples[2]), Seen::NEVER);
-    }
+    by->changed = comm->me ? 0 : changed;
+    for (int k = 0; k < count && comm->me == 0; k++, triples += 3) changes[key(triples[0], triples[1])] = triples[2];
     moved = true;
   }
 
@@ -633,10 +630,12 @@ class FixKernel : public Fix {
     std::vector<int> counts(comm->nprocs), places(comm->nprocs);
     MPI_Gather(&count, 1, MPI_INT, counts.data(), 1, MPI_INT, 0, world);
     for (int rank = 1; rank < comm->nprocs; rank++) places[rank] = places[rank - 1] + counts[rank - 1];
-    std::vector<double> all(1 + places.back() + counts.back());
-    MPI_Gatherv(own.data(), count, MPI_DOUBLE, &all[1], counts.data(), places.data(), MPI_DOUBLE, 0, world);
+    std::vector<double> all(2 + places.back() + counts.back());
+    MPI_Gatherv(own.data(), count, MPI_DOUBLE, &all[2], counts.data(), places.data(), MPI_DOUBLE, 0, world);
+    const double changed = seen->changed;
+    MPI_Reduce(&changed, &all[1], 1, MPI_DOUBLE, MPI_SUM, 0, world);
     if (comm->me) return;
-    all[0] = (all.size() - 1) / 3;
+    all[0] = (all.size() - 2) / 3;
     const int size = all.size() * sizeof(double);
     fwrite(&size, sizeof(int), 1, file);
     fwrite(all.data(), sizeof(double), all.size(), file);
@@ -644,7 +643,8 @@ class FixKernel : public Fix {
 
   void restart(char *state) override
   {
-    style->restore(seen, (double *) state + 1, *(double *) state);
+    const double *all = (double *) state;
+    style->restore(seen, all[1], all + 2, all[0]);
   }
 };
 
