@@ -282,7 +282,7 @@ def _check_strikes(problem: Problem) -> None:
 def step_rules(scene: Scene, mode: Mode | None = None, enough: float = inf) -> list[StepRule]:
     """Return all rules for the time step of a scene, whose wave has a mode, by default the one that it declares.
 
-    The limit of stability may be given too short, but not below `enough` where it is longer (`largest_step`).
+    The limit of stability may be given too short, but above `enough` where it is longer (`largest_step`).
     """
     limit = largest_step(scene, enough)
     causes = [(scene.effects.damping is True, "drag"), (scene.struck, "a strike that stiffens contacts")]
@@ -304,7 +304,7 @@ def largest_step(scene: Scene, enough: float = inf) -> float:
     ends is none of the kind (`granular_lmp.crystal.quiet_ends`). A strike presses a contact to at most (1 + s) Δ0,
     where its stiffness is √(1 + s) times that at rest (`granular_lmp.scene.strikers.stretch`).
 
-    In a crystal that is not perfect a lower bound of the limit is quick to find. It is returned if it is `enough`.
+    In a crystal that is not perfect a lower bound of the limit is quick to find. It is returned if above `enough`.
     """
     physics, sphere = physics_of(scene), scene.sphere
     viscosity = Case(scene).viscosity if scene.effects.damping is not False else 0.0
@@ -322,7 +322,7 @@ def largest_step(scene: Scene, enough: float = inf) -> float:
                 contacts, normal_stiffness=dashpots, shear_stiffness=dashpots.copy(), contact_force=unloaded
             )
             drag = viscosity * (bound(alone, sphere, physics) / top) ** 2  # the same
-        if (limit := _stable(scene, top, drag)) >= enough:
+        if (limit := _stable(scene, top, drag)) > enough:
             break
     return limit
 

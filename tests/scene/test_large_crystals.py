@@ -50,6 +50,7 @@ def test_the_quick_limit_of_the_step_is_a_lower_bound(scene: Scene) -> None:
     assert high[0] < high[1] < 2 * high[0]
     quick, limit = largest_step(problem.scene, 0.0), largest_step(problem.scene)
     assert quick < limit == largest_step(problem.scene, (quick + limit) / 2)
+    assert largest_step(problem.scene, quick) == limit  # a step must be below the limit, not at it
     assert min(rule.longest for rule in step_rules(problem.scene, problem.mode, 0.0)) <= quick
 
 
