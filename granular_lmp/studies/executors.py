@@ -47,9 +47,9 @@ class Workers(Executor):
         self._processes: dict[Connection, subprocess.Popen[bytes]] = {}
         self._starting = self._stopping = False
 
-    def start(self, ready: Callable[[], Any]) -> "list[Future[Any]]":
-        """Start all processes, each with the call `ready`, so that they import while the caller prepares the others."""
-        found = [self.submit(ready) for _ in range(self._count)]
+    def start(self, ready: Callable[[], Any], calls: int) -> "list[Future[Any]]":
+        """Start the processes for some calls, each with `ready`, so that they import while the caller prepares them."""
+        found = [self.submit(ready) for _ in range(min(self._count, calls))]
         self._starting = True
         return found
 

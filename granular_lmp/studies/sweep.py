@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import dataclass, field
+from math import prod
 from pathlib import Path
 from typing import Any, Self
 
@@ -259,7 +260,7 @@ def sweep(
     if found := _found(folder, scene, request, say):
         return found
     if isinstance(executor, Workers):
-        executor.start(ready)
+        executor.start(ready, prod(map(len, asked.values())))
     grid = points(scene, asked, folder / RUNS)
     made, notes = {point.run: point.of_run for point in grid}, remarks(each.scene for each in grid)
     with locked(folder, make=True, force=True):

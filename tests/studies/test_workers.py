@@ -26,9 +26,10 @@ def test_a_process_answers_many_calls_and_is_not_this_one() -> None:
     assert os.getpid() not in numbers
 
 
-def test_processes_that_are_started_early_answer_the_calls() -> None:
-    with Workers(2) as workers:
-        early = {future.result() for future in workers.start(os.getpid)}
+@pytest.mark.parametrize(("count", "calls"), [(2, 5), (5, 2)])
+def test_processes_that_are_started_early_answer_the_calls_and_none_starts_without_one(count: int, calls: int) -> None:
+    with Workers(count) as workers:
+        early = {future.result() for future in workers.start(os.getpid, calls)}
         assert len(early) == 2
         assert workers.submit(os.getpid).result() in early
 
@@ -36,7 +37,7 @@ def test_processes_that_are_started_early_answer_the_calls() -> None:
 def test_leaving_by_an_exception_does_not_wait_for_processes_that_start() -> None:
     began = time.monotonic()
     with suppress(KeyboardInterrupt), Workers(2) as workers:
-        workers.start(partial(time.sleep, 30.0))
+        workers.start(partial(time.sleep, 30.0), 2)
         raise KeyboardInterrupt
     assert time.monotonic() - began < 15
 
