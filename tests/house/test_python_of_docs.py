@@ -73,7 +73,7 @@ PAGES_OF_PYTHON = [
     "docs/imperfect.md",
     "docs/layers.md",
     "docs/impacts.md",
-    "docs/compressed-chains.md",
+    "analysis/cases/solitary/README.md",
     "docs/strongly-nonlinear.md",
     "docs/mixing.md",
     "docs/collisions.md",
