@@ -41,7 +41,8 @@ def page(snapshots: Snapshots) -> str:
     # A name cannot end the script, as no character "<" is left in it
     data = json.dumps(_data(snapshots), allow_nan=False).replace("<", "\\u003c")
     plain = title(snapshots.scene).replace("$", "").replace(r"\Delta_0", "Δ₀").replace(r"\xi", "ξ").replace("D_0", "D₀")
-    return text.replace("TITLE", escape(plain)).replace("DATA", data)
+    before, after = text.split("DATA")  # before the title is there, which may hold that word
+    return before.replace("TITLE", escape(plain)) + data + after
 
 
 def _data(snapshots: Snapshots) -> dict[str, Any]:

@@ -1,9 +1,12 @@
 """Pictures: spheres are where their snapshot says, what is missing is said, a notebook shows its objects."""
 
+import json
 import os
 import re
 import subprocess
 import sys
+from base64 import b64decode
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,7 @@ from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
 from granular_lmp.plot import crystal, movie, spheres, view
 from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.monitors import monitor_figure
+from granular_lmp.plot.page import page as page_of
 from granular_lmp.plot.signals import signals_to_draw
 from granular_lmp.runs.record import write_status
 from granular_lmp.runs.snapshots import Snapshots
@@ -257,6 +261,18 @@ def test_the_command_draws_and_says_where(seen: Path, tmp_path: Path, capsys: py
     assert picture.is_file()
     assert main(["view", str(tmp_path), "-o", str(picture)]) == 2
     assert "not a run folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["DATA_of_TITLE", "plain"])
+def test_a_page_holds_the_run_whatever_its_name(name: str, seen: Path) -> None:
+    snapshots = Snapshots.load(seen)
+    text = page_of(replace(snapshots, scene=snapshots.scene.with_values({"name": name})))
+    head, data = text.split("const data = ")
+    assert f"<title>{name.replace('_', ' ')}: " in head
+    said = json.loads(data.partition(";\n")[0])
+    moved = np.frombuffer(b64decode(said["displacement"]["values"]), "<i2").reshape(5, 24, 2)
+    step = said["displacement"]["largest"] / (2**15 - 1)
+    np.testing.assert_allclose(moved[3] * step, snapshots[3].displacement, atol=step / 2 * (1 + 1e-9))
 
 
 # --- the gallery -----------------------------------------------------------------------------------------------------
