@@ -106,7 +106,7 @@ def test_its_page_holds_every_motion_and_is_what_a_notebook_shows_of_snapshots(s
     assert [(each["kind"], each["spheres"]) for each in data["marks"]] == [("source", [0]), ("monitor", [39])]
     shown = shaken.snapshots()._repr_html_()
     assert unescape(shown.partition('srcdoc="')[2].partition('"></iframe>')[0]) == text
-    with pytest.raises(ViewError, match="--tau: is not for a page, where it is chosen"):
+    with pytest.raises(ViewError, match="--tau: is not for a page, on which it is chosen"):
         view(shaken.folder, path, tau=1.0)
 
 
