@@ -90,7 +90,7 @@ def view(
         If the run does not hold the requested data, or a program is missing on this machine.
     """
     folder, path = Path(folder), Path(path)
-    movie = path.suffix.lower() in MOVIES
+    movie, as_page = path.suffix.lower() in MOVIES, path.suffix.lower() == ".html"
     of_a_run: dict[str, Any] = {"tau": tau, "colour": colour, "magnify": magnify, "rows": rows}
     of_a_run |= {"fronts": fronts or None, "side": side, "monitor": monitor, "fps": fps}
     if at_rest:
@@ -129,12 +129,12 @@ def view(
     try:
         snapshots = Snapshots.load(folder)
     except RunFolderError as missing:
-        if movie or any(value is not None for value in of_a_run.values()):
+        if movie or as_page or any(value is not None for value in of_a_run.values()):
             raise ViewError(str(missing)) from missing
         save(record.plot(), path, size)
         return [*lacks, f"{missing}; drawn are p, q and phi of the centre sphere"]
-    if path.suffix.lower() == ".html":
-        _refuse(folder, "a page, on which it is chosen", of_a_run)
+    if as_page:
+        _refuse(folder, "a page, on which it is chosen", of_a_run | {"size": size})
         with writable(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(page(snapshots), encoding="utf-8")

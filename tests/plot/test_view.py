@@ -150,6 +150,11 @@ def test_a_crystal_in_its_plane_is_seen_from_the_top(seen: Path, layer: Path, tm
         view.view(layer, tmp_path / "side.png", side="z")
 
 
+def test_a_page_takes_no_size(seen: Path, tmp_path: Path) -> None:
+    with pytest.raises(ViewError, match="--size: is not for a page"):
+        view.view(seen, tmp_path / "x.html", size=(640, 480))
+
+
 def test_a_movie_has_a_frame_for_each_snapshot(seen: Path, tmp_path: Path) -> None:
     assert view.view(seen, tmp_path / "movie.gif", rows=4) == []
     with Image.open(tmp_path / "movie.gif") as movie:
@@ -191,7 +196,7 @@ def test_a_run_without_snapshots_is_drawn_as_its_trajectory_and_says_what_is_mis
     (said,) = view.view(tmp_path / "run", tmp_path / "picture.png")
     assert "run its scene with output.particles" in said
     assert (tmp_path / "picture.png").stat().st_size > 1000
-    for name, options in (("movie.gif", {}), ("picture.png", {"tau": 1.0})):
+    for name, options in (("movie.gif", {}), ("page.html", {}), ("picture.png", {"tau": 1.0})):
         with pytest.raises(ViewError, match=r"run its scene with output\.particles"):
             view.view(tmp_path / "run", tmp_path / name, **options)
 
