@@ -117,7 +117,7 @@ def view(
             raise ViewError(f"{path}: a monitor is drawn over time, in a picture; not in a movie")
         save(monitor_figure(record.monitor(monitor)), path, size)
         return lacks
-    chain = record.scene.wave is None and record.scene.lattice == CHAIN
+    chain = record.scene.wave is None and record.scene.lattice == CHAIN and not as_page
     what = "the picture of a chain, which shows all times" if chain else f"a {'movie' if movie else 'picture'} of a run"
     _refuse(folder, what, {"column": column} | ({"tau": tau} if movie else {"fps": fps}))
     if chain:

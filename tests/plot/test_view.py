@@ -280,6 +280,14 @@ def test_a_page_holds_the_run_whatever_its_name(name: str, seen: Path) -> None:
     np.testing.assert_allclose(moved[3] * step, snapshots[3].displacement, atol=step / 2 * (1 + 1e-9))
 
 
+def test_a_page_of_a_run_without_a_wave_is_made_for_a_chain_too(tmp_path: Path) -> None:
+    chain = Scene.load("solitary_chain").with_values({"packing.rows": 6, "time.duration": 3.0})
+    run(chain, tmp_path / "run")
+    assert view.view(tmp_path / "run", tmp_path / "run.html") == []
+    said = json.loads((tmp_path / "run.html").read_text().split("const data = ")[1].partition(";\n")[0])
+    assert (said["row"], said["colour"]) == ([0, 1, 2, 3, 4, 5], "speed")
+
+
 # --- the gallery -----------------------------------------------------------------------------------------------------
 
 ROOT = Path(__file__).parents[2]
