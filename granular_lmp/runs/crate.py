@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps.outputs import LOG, PER_SAMPLE, SCENE, STATUS
+from granular_lmp.lammps.outputs import LOG, SCENE, STATUS
 from granular_lmp.runs.folder import written_files
 from granular_lmp.runs.record import Record, optional_package
 
@@ -88,9 +88,11 @@ def _entity(crate: Any, address: str, kind: str, **said: str) -> Any:
 
 def _names(folder: Path) -> list[str]:
     """Return the names of the files of a run, and of those of its steps, below its folder."""
-    own = [name for name in written_files(folder) if "/" not in name]
-    parts = [part for part in sorted(folder.glob(f"*{PER_SAMPLE}")) if (part / STATUS).is_file()]
-    return [*own, STATUS, *(f"{part.name}/{name}" for part in parts for name in _names(part))]
+    names: list[str] = []
+    for name in written_files(folder):
+        step = Path(name).parent.name
+        names += [f"{step}/{inner}" for inner in _names(folder / step)] if step else [name]
+    return [*names, STATUS]
 
 
 def _said(path: Path) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import shutil
 import sys
 import weakref
 import zipfile
@@ -268,6 +269,17 @@ def test_a_crate_is_an_archive_too_and_replaces_no_folder(record: Record, tmp_pa
     (tmp_path / "crate" / "mine").touch()
     with pytest.raises(RunFolderError, match="crate: is there already, and not empty; choose another folder"):
         export(record, tmp_path / "crate")
+
+
+def test_a_folder_of_the_user_is_no_part_of_a_crate(record: Record, tmp_path: Path) -> None:
+    pytest.importorskip("rocrate")
+    assert record.folder is not None
+    shutil.copytree(record.folder, tmp_path / "run")
+    (tmp_path / "run" / "mine_per_sample").mkdir()
+    (tmp_path / "run" / "mine_per_sample" / "run.json").touch()
+    export(Record.load(tmp_path / "run"), tmp_path / "crate")
+    graph = graph_of((tmp_path / "crate" / "ro-crate-metadata.json").read_text())
+    assert {each["@id"] for each in graph["./"]["hasPart"]} == {*record.info["files"], "run.json"}
 
 
 def test_without_rocrate_the_package_is_named(record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
