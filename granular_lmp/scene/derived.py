@@ -16,6 +16,7 @@ from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.scene import remarks, words
 from granular_lmp.scene.bodies import Contact, Substrate
 from granular_lmp.scene.document import Document
+from granular_lmp.scene.echo import echo_at
 from granular_lmp.scene.frequency import hertz_of, wavenumbers_at
 from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.pattern import patterned
@@ -29,7 +30,7 @@ from granular_lmp.scene.sections import (
     Wave,
 )
 from granular_lmp.scene.shape import Room, decide, declared_shape
-from granular_lmp.scene.sources import Source, echo_at
+from granular_lmp.scene.sources import Source
 from granular_lmp.scene.space import lattice_of, remarks_on_space, space_of, wall_of
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.stiffnesses import measured
