@@ -106,7 +106,7 @@ class Problem:
 
     @cached_property
     def collisions(self) -> Collisions:
-        """What follows in the units of an impact."""
+        """Quantities in the units of an impact."""
         return Collisions(self.scene, self.crystal, self.materials, self.contacts, self.strikers, self.state)
 
     @property

@@ -45,7 +45,7 @@ _APART = 1.25  # runs next to each other differ at least by this factor in their
 
 @dataclass(frozen=True)
 class Judgement:
-    """What the runs of a ladder say together.
+    """Joint answer of the runs of a ladder, with its estimated errors.
 
     Attributes
     ----------
@@ -215,7 +215,7 @@ def following(counts: Sequence[int], judgement: Judgement, error: float, toleran
         needed = base * (excess if full else excess ** (1 / (removed + 1)))
     else:
         base = made[-2]
-        # Of two runs whose finer one errs by e the sum errs by about 5 e², as waves err by their phase
+        # If the finer of two runs errs by e, their sum errs by about 5 e², as waves err by their phase
         seen = excess if removed > 1 else excess * 5 * SAFETY * error / OF_TWO**2
         needed = base * seen**0.5
     between = ceil(max(needed, _APART * base))

@@ -1,4 +1,4 @@
-"""Which signals of a run count for its tolerance: not those that vanish by symmetry, nor those lost in rounding."""
+"""Signals of a run that count for its tolerance: not those that vanish by symmetry, nor those lost in rounding."""
 
 from collections.abc import Mapping, Sequence
 from math import inf
@@ -15,7 +15,7 @@ from granular_lmp.scene.scene import Scene
 # Noise of one run that the estimate sees: twice the distance of the sums of three runs and of two holds 2.6 times that
 # of steps as 2, 3, 4 and 2.8 times that of 4, 5, 8, if it is independent; 0.3 times that of 1, 2, 4
 _SEEN = 3.0
-# Of noise that the law of one run gives: it is good to a factor of three, and sums of uneven steps raise it
+# The law of one run gives noise to within a factor of three, and sums of uneven steps raise it
 _LAW = 5.0
 _KINDS = (NAMES, RATES, FORCES, ("flux",))
 

@@ -183,7 +183,7 @@ def _snapshots(stream: TextIO) -> Iterator[tuple[list[str], Floats, list[list[st
     """Yield the head, the numbers and the words of each line of the snapshots of a text dump."""
     while head := list(islice(stream, _HEAD)):
         words = [line.split() for line in islice(stream, int(head[3]))]
-        columns = len(head[-1].split()) - 2  # of contacts a moment may have none
+        columns = len(head[-1].split()) - 2  # a moment may have no contacts
         yield head, np.array(words, dtype=float).reshape(len(words), columns), words
 
 

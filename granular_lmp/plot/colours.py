@@ -1,4 +1,4 @@
-"""What the colours of spheres show, and the direction from which a crystal is seen."""
+"""Quantities that the colours of spheres show, and directions from which a crystal is seen."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -10,7 +10,7 @@ from granular_lmp.plot.colours import unit_of
 from granular_lmp.plot.signals import LEGEND, Picture
 from granular_lmp.runs.monitors import MonitorRecord
 
-MOST_LINES = 8  # Of more, their mean is drawn between the least and the largest of them
+MOST_LINES = 8  # If there are more, their mean is drawn between the least and the largest of them
 # Symbol of each signal, and its unit beside a wave and without one
 _SIGNALS = {
     "motion": {

@@ -23,7 +23,7 @@ from granular_lmp.plot.spheres import LARGEST_SHIFT, ROWS, copies_of, round_belo
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.at_rest import crystal_of
 
-MOST_BYTES = 6_000_000  # of motions in a page; of a longer run every n-th snapshot is shown
+MOST_BYTES = 6_000_000  # A page holds motions of at most this size; it shows every n-th snapshot of a longer run
 _SIGNS = {"source": "★", "striker": "▲", "monitor": "□", "inclusion": "•"}
 _MAPS = {"symmetric": "RdBu_r", "positive": "YlOrRd", "decades": "magma_r"}
 _LARGEST = 2**15 - 1

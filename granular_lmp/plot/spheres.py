@@ -21,7 +21,7 @@ ROWS = 25  # rows of a wave that are drawn by default: three wavelengths of the 
 LARGEST_SHIFT = 0.5  # radii: largest D0 as drawn by the default magnification
 FEWEST_DRAWN = 8  # columns, with the copies of a narrow cell
 MOST_WITH_EDGES = 1500  # spheres; with more, edges and diameters would hide the colours
-_BAR = 0.25  # of the width, at most
+_BAR = 0.25  # The bar of length has at most this share of the width
 _NARROW = 0.6  # width over height, below which a title and the bar would stand on one another
 
 

@@ -1,4 +1,4 @@
-"""What each field of ``run.json`` may hold: one declaration, against which the file is checked whenever it is read.
+"""Allowed values of each field of ``run.json``: one declaration, against which the file is checked when it is read.
 
 A field may be missing, as a run that was stopped says less; a reader that cannot do without it says so. What is not
 declared here is not read either.
@@ -10,7 +10,7 @@ from typing import Any
 from granular_lmp.runs.components import NAMES
 from granular_lmp.scene.schema import shown
 
-Check = Callable[[str, Any], None]  # of a dotted key and its value; raises ValueError
+Check = Callable[[str, Any], None]  # takes a dotted key and its value; raises ValueError
 
 LAUNCHERS = ("module", "lmp")
 STATES = ("finished", "failed", "interrupted", "running")

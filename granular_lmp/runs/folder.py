@@ -45,7 +45,7 @@ _FILES = (
     ),
 )
 _DECK = ("in.{}", "data.{}", "in.{}.kernel", "in.{}.resume")
-# Of these the ones that are written while the run lasts, or by what reads it
+# These files are written while the run lasts, or by what reads it
 _PASSING = {STATUS, CONTACTS, UNWAVED_CONTACTS, "compare.png", *CHECKPOINTS}
 _STUDIES = {SWEEP: "a sweep", COST: "a cost study", SCATTER: "a study of scattering"}
 _BELOW = 300  # bytes of runs/HASH/N_per_sample/in.NAME.resume with the longest name of a scene

@@ -14,7 +14,7 @@ from granular_lmp.lammps.outputs import SCENE
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
-FORMAT = 2  # of the folders that this release writes
+FORMAT = 2  # this release writes folders of this format
 _FIRST = {"adhesion", "shear", "rotation", "tracking", "damping", "sliding", "contact_opening", "walls", "width"}
 # Effects that every finished run of a format names; others are younger, or joined it on the way
 NAMED = {1: _FIRST, 2: _FIRST | {"rolling", "twisting", "quiet_ends"}}

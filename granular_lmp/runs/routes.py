@@ -148,11 +148,11 @@ def _uninterrupted() -> Iterator[None]:
 
 
 def _checkpoint(instance: Any, *, watched: bool) -> list[str]:
-    """Commands that write the checkpoint of a stopped run.
+    """Return the commands that write the checkpoint of a stopped run.
 
-    It goes on to a step at which guards may look: some fixes have numbers only there. What the kernel saw since the
-    last line of the table is a line more. LAMMPS sets its fixes up again before it writes, which the one that looks
-    cannot be.
+    The run continues to a step at which guards may look, as some fixes have numbers only there. What the kernel saw
+    since the last line of the table becomes one more line. LAMMPS sets its fixes up again before it writes, and the
+    fix that looks cannot be set up again.
     """
     steps = -instance.extract_global("ntimestep") % int(instance.extract_variable("look"))
     on = ["timer timeout off", f"run {steps} pre no post no"] if steps or watched else []

@@ -69,7 +69,7 @@ class CrystalAtRest:
 
 Floats = NDArray[np.float64]
 _MOST_KEPT = 2
-_BALANCED = 1e-6  # of the load: rounding of the normals is far below it
+_BALANCED = 1e-6  # share of the load; rounding of the normals is far below it
 _KEPT: dict[tuple[Any, ...], CrystalAtRest] = {}
 
 

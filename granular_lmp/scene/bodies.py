@@ -1,4 +1,4 @@
-"""What the spheres of a scene are and touch: ranges of their constants, ``[contact]``, ``[[pair]]``, ``[substrate]``.
+"""Spheres of a scene and the bodies they touch: ranges of constants, ``[contact]``, ``[[pair]]``, ``[substrate]``.
 
 The records of spheres and imperfections belong to other rooms, so that their rules stand here.
 """

@@ -1,4 +1,4 @@
-"""What follows from the tables of a scene: the spheres at rest, units, shape, wave vector, words, and echo times."""
+"""Properties that follow from the tables of a scene: spheres at rest, units, shape, wave vector, words, echo times."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -309,7 +309,7 @@ class Derived(Document):
 
     @property
     def moved_words(self) -> str:
-        """What moves the spheres of a scene without a wave, in words: "struck at 1 m/s"."""
+        """Cause of the motion in a scene without a wave, in words: "struck at 1 m/s"."""
         return words.moved(self.striker, self.start, self.source)
 
     def remarks(self) -> list[str]:

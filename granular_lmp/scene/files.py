@@ -14,7 +14,7 @@ from granular_lmp.scene.schema import shown
 
 LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 LARGEST_TABLE = 4_000_000  # bytes of a CSV file; the largest that a scene can hold has 0.8 MB at full precision
-MOST_PARTS = 100  # of a dotted key, for which tomllib takes a time that grows as the square; ours have two
+MOST_PARTS = 100  # A dotted key takes tomllib a time that grows as the square of its parts; ours have two
 # tomllib raises a plain ValueError for whole numbers of more than 4300 digits, and recurses into nested brackets until
 # Python's stack ends
 _NOT_TOML = (ValueError, RecursionError)

@@ -1,4 +1,4 @@
-"""What does not go together in a scene without ``[wave]``: one list, each line physics or not built, with its sentence.
+"""Refusals of a scene without ``[wave]``: one list of what does not go together, each physics or not built.
 
 Each line is a function that returns what is wrong, "" if nothing is. `refuse` raises the first.
 """
@@ -343,7 +343,7 @@ def too_deep(scene: Derived) -> str:
 def lost_in_rounding(scene: Derived) -> str:
     shape, farthest = scene.shape, scene.start.farthest
     rounding = EPSILON / 2 * (max(shape.rows, shape.columns) * scene.sphere.radius + farthest)
-    rate = sqrt(1.5 * sqrt(scene.sphere.static_overlap / scene.scale.length))  # of spheres at rest, 1/t0
+    rate = sqrt(1.5 * sqrt(scene.sphere.static_overlap / scene.scale.length))  # frequency of spheres at rest, 1/t0
     motion = scene.scale.length / max(1.0, rate)  # ℓ, or v/ω of spheres that are pressed together
     if motion >= ROUNDINGS_IN_OVERLAP * rounding:
         return ""

@@ -1,4 +1,4 @@
-"""What goes together with spheres that come to rest: their lattice, their walls, and measured stiffnesses."""
+"""Checks of a scene whose spheres come to rest: their lattice, their walls, and measured stiffnesses."""
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattices import CHAIN, ENDS_OF_Y, WALL, Lattice

@@ -15,7 +15,7 @@ from granular_lmp.crystal.lattices import HELD, HEXAGONAL, PERIODIC, QUIET, Latt
 from granular_lmp.crystal.wavevector import WaveVector, snapped
 from granular_lmp.scene.schema import AUTO
 
-# Of the lattices of one layer: `Lattice.fastest`
+# This is for lattices of one layer; `Lattice.fastest` is for any
 FASTEST_ROWS_PER_TAU = FASTEST_IN_PLANE
 # An "auto" periodic cell is the smallest with a 2πk/N this close to the phase advance, rad.
 SNAP = 1e-3

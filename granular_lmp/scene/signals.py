@@ -25,7 +25,7 @@ class Declared(Protocol):
 
 @dataclass(frozen=True)
 class Signal:
-    """What is known of a signal.
+    """Properties of a kind of signal.
 
     Attributes
     ----------

@@ -97,7 +97,7 @@ class Source(AtPlaces):
 
     @property
     def known(self) -> Signal:
-        """What is known of the signal."""
+        """Properties of the kind of its signal."""
         return SIGNALS[self.kind]
 
     @property

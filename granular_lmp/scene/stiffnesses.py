@@ -11,7 +11,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene.bodies import Contact
 from granular_lmp.scene.sections import Packing
 
-_ROUNDS = 60  # of a scale that each round brings nearer by a third of its error at least
+_ROUNDS = 60  # each round reduces the error of a scale by a third at least
 
 
 def measured(sphere: Sphere, contact: Contact) -> Sphere:

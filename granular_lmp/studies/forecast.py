@@ -119,7 +119,7 @@ def forecast(problem: Problem) -> Forecast:
     spheres, steps = len(problem.crystal), planned_steps(problem)
     runs = 1 if declared.time.tolerance is None else RUNS
     records = scene.time.samples + 1
-    kept = len(problem.recorded) * records if problem.mode is None else 0  # Of a wave snapshots are not read
+    kept = len(problem.recorded) * records if problem.mode is None else 0  # snapshots of a wave are not read
     lack, faster = _kernel_lacks(problem), None
     try:
         rate, overhead, basis = _tried(scene)

@@ -20,7 +20,7 @@ from granular_lmp.runs.status import SEAL, seal_of
 
 KNOWN = "known.json"
 _PACKAGE = Path(__file__).parents[1]
-# Of a file that is missing, cut off or of another form, and of numbers that JSON does not know
+# A file that is missing, cut off or of another form raises these, and so do numbers that JSON does not know
 _NOTHING_KNOWN = (OSError, ValueError, TypeError, LookupError, AttributeError, RunFolderError)
 
 Request = dict[str, Any]

@@ -1,4 +1,4 @@
-"""What a sweep folder was asked for: ``sweep.json``, its scene and the values of its keys."""
+"""The request of a sweep folder, ``sweep.json``: its scene and the values of its keys."""
 
 import json
 from pathlib import Path
