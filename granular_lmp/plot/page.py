@@ -19,7 +19,7 @@ from granular_lmp.errors import ViewError
 from granular_lmp.plot.colours import COLOURINGS, SIDES, Floats, side_of, unit_of
 from granular_lmp.plot.marks import interfaces, marked
 from granular_lmp.plot.signals import title
-from granular_lmp.plot.spheres import LARGEST_SHIFT, ROWS, copies_of, round_below
+from granular_lmp.plot.spheres import LARGEST_SHIFT, copies_of, round_below, usual_rows
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.at_rest import crystal_of
 
@@ -74,7 +74,7 @@ def _data(snapshots: Snapshots) -> dict[str, Any]:
         "farthest": farthest,
         "shift": factor * farthest * radii,
         "centre": scene.shape.centre_row,
-        "rows": scene.shape.rows if scene.wave is None else min(ROWS, scene.shape.rows),
+        "rows": usual_rows(scene),
         "copies": copies_of(scene.shape),
         "width": scene.shape.columns * scene.shape.lattice.column_distance(lattice_constant(scene.sphere)),
         "colour": "rotation" if turns and scene.wave is not None else "speed",

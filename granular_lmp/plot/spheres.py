@@ -47,7 +47,7 @@ class SpheresInAxes:
         factor = usual if magnify is None else magnify
         if magnify is not None and not 0 < factor < inf:
             raise ViewError(f"magnify = {factor!r}: must be a number above 0")
-        count = min(rows or (shape.rows if scene.wave is None else ROWS), shape.rows)
+        count = min(rows or usual_rows(scene), shape.rows)
         first = max(0, min(shape.centre_row - count // 2, shape.rows - count))
         row, radius = snapshots.crystal.arrays["row"], snapshots.crystal.arrays["radius"]
         self.drawn = np.flatnonzero((first <= row) & (row < first + count))
@@ -117,6 +117,11 @@ class SpheresInAxes:
             dark = self.colouring.dark(np.asarray(self.discs.norm(values)))
             self.hands.set_color(["white" if each else "0.2" for each in dark])
             self.hands.set_segments(list(np.stack([centres - hand, centres + hand], axis=1)))
+
+
+def usual_rows(scene: Scene) -> int:
+    """Return how many rows are drawn by default: `ROWS` of a wave, all without one."""
+    return scene.shape.rows if scene.wave is None else min(ROWS, scene.shape.rows)
 
 
 def copies_of(shape: Shape) -> int:
