@@ -129,7 +129,7 @@ def refuse(case: Case) -> str:
         motion, weaker = ("wave", "a smaller wave.amplitude") if case.scene.wave else ("strike", "a slower striker")
         cause = (
             f"in a {motion} this strong, contacts slide before they open"
-            if case.scene.perfect
+            if not case.scene.imperfections
             else f"unequal or missing spheres ({case.scene.imperfections}) leave a contact so weak that it slides in "
             f"this {motion}; {weaker} or less disorder helps too"
         )

@@ -111,8 +111,10 @@ def test_effects_follow_the_bound_of_the_strike(watched: Record) -> None:
     found = {each.name: each for each in prepare(strong).effects}
     assert found["contact_opening"].called_for
     assert found["sliding"].called_for
-    with pytest.raises(SceneError, match="in a strike this strong, contacts slide before they open"):
-        prepare(BASE.with_values(STILL | SCENES["pressed"] | {"striker.1.velocity": 5.0}))
+    pressed = BASE.with_values(STILL | SCENES["pressed"] | {"striker.1.velocity": 5.0})
+    for faces in ("held", "wall"):
+        with pytest.raises(SceneError, match="in a strike this strong, contacts slide before they open"):
+            prepare(pressed.with_values({"packing.first": faces, "packing.last": faces}))
 
 
 @pytest.mark.parametrize(("launcher", "ranks"), [("lmp", 1), ("lmp", 2)])
