@@ -1,4 +1,4 @@
-"""What tests compare theory with: modes as complex polarisations (u, v, φ), and second harmonics that are wrong."""
+"""Modes as complex polarisations (u, v, φ) and wrong second harmonics, with which tests compare theory."""
 
 from dataclasses import replace
 

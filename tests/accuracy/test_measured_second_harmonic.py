@@ -124,7 +124,7 @@ def test_compare_prints_a_line_a_run_of_a_sweep_what_was_varied_in_front(
         assert abs(deviation) < 0.02  # an L wave of a = 0.05 steepens by as much on its way
         # The two fits have different columns; they agree to what higher orders leave, 2 % of L and 1e-3 of TR
         assert measured == pytest.approx(row["second_harmonic"], rel=0.02 if row["wave.mode"] == "L" else 1e-3)
-    assert list(swept.folder.rglob("compare.png")) == [swept.folder / "compare.png"]  # of the sweep, and of no run
+    assert list(swept.folder.rglob("compare.png")) == [swept.folder / "compare.png"]  # and none of a run
 
 
 def test_compare_says_how_many_runs_are_missing(swept: Sweep, tmp_path: Path) -> None:

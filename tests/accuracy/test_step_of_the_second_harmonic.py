@@ -1,4 +1,4 @@
-"""What the time step makes of the second harmonic: of its amplitude as it is measured, and of p in the error budget."""
+"""The time step changes the second harmonic: its amplitude as it is measured, and p in the error budget."""
 
 from dataclasses import replace
 from functools import cache

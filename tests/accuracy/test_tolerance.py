@@ -324,7 +324,7 @@ def pair() -> tuple[Scene, Callable[[int], Record]]:
 
 
 def judged(runs: list[Record]) -> Judgement:
-    """What a ladder says of runs."""
+    """Return what a ladder says of runs."""
     return judge([run.signals for run in runs], [run.scene for run in runs])
 
 

@@ -1,4 +1,4 @@
-"""What second order costs: no way in a ratio is less accurate than another, and the page holds what was measured."""
+"""The cost of second order: no way in a ratio is less accurate than another, and the page holds what was measured."""
 
 from pathlib import Path
 
@@ -33,7 +33,7 @@ def test_the_tables_have_the_times_and_errors_of_all(
     lines = capsys.readouterr().out.splitlines()
     plane, sheet = ([cell.strip() for cell in line.strip("|").split("|")] for line in (lines[-5], lines[-1]))
     assert len(plane) == len(second_order.PLANE_HEAD)
-    assert float(plane[1]) == pytest.approx(4.2e-3, rel=0.05)  # of the closed form on the page
+    assert float(plane[1]) == pytest.approx(4.2e-3, rel=0.05)  # the page has this error of the closed form
     assert "–" not in plane
     assert len(sheet) == len(second_order.SHEET_HEAD)
     # The two agree to sixth order, and what is left of the tolerance of the integration

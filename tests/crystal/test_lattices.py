@@ -507,7 +507,7 @@ def test_a_chain_has_free_space_beside_it(record_of: Run) -> None:
     deck = build(scene_of("chain", "RT"))
     assert "boundary     f p p" in deck.input_text
     assert np.ptp(deck.data.box[0]) == 4 * 500.0  # nm: images, if there were any, would not touch
-    assert "epsilon" not in record_of(scene_of("chain", "RT"))[0].info  # of the paper's lattice alone
+    assert "epsilon" not in record_of(scene_of("chain", "RT"))[0].info  # the paper's lattice alone has one
 
 
 def test_no_theory_of_the_hexagonal_lattice_is_compared_with_another(record_of: Run) -> None:

@@ -89,7 +89,7 @@ def test_rows_that_let_the_next_ones_roll_have_waves_that_end_after_one_row(latt
 def test_a_weak_layer_of_another_lattice_lets_the_wave_through_twice(lattice: Lattice) -> None:
     contacts, rows, strength, xi = unit_lattice(SILICA, lattice), 200, 0.02, 1.2
     wave = bloch_mode(contacts, SILICA, lattice.vector(xi), "L", FULL)
-    speed = np.cos(xi / 2) / np.sqrt(2 * (SILICA.stiffness_ratio + 3))  # of sqrt(2/(kappa + 3)) sin(xi/2)
+    speed = np.cos(xi / 2) / np.sqrt(2 * (SILICA.stiffness_ratio + 3))  # the slope of sqrt(2/(kappa + 3)) sin(xi/2)
     found = -np.log(reflection(contacts, SILICA, wave, QuietEnd(rows, strength, 2.0, 0.0)))
     assert found == pytest.approx(strength * rows / 3 / speed, abs=1.1 * strength / speed)  # as above
 

@@ -130,7 +130,7 @@ def test_runs_meet_the_network(scene: Scene, tmp_path: Path) -> None:
     record = run(scene, tmp_path / "run")
     assert all(each["quiet"] for each in record.info["guards"].values())
     errors = network_errors(record)
-    assert max(errors) < 1e-3  # of the time step
+    assert max(errors) < 1e-3  # the time step leaves less
     wrong = scene.with_values({"disorder.stiffness": scene.disorder.stiffness * 1.5})
     assert max(network_errors(replace(record, scene=wrong))) > 3 * max(errors)
 

@@ -1,1 +1,1 @@
-"""Which features of a scene go together: every pair is built, and the result is held in golden files."""
+"""Every pair of features of a scene is built, and golden files hold which go together."""

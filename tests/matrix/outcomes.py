@@ -1,4 +1,4 @@
-"""What becomes of two features in one scene, and the golden files that hold it.
+"""Outcomes of two features in one scene, and the golden files that hold them.
 
 A deck is built, or a message says why not. Each message is either physics, which stays refused, or not built, which
 is open: `REFUSALS` says which, and an unknown message is an error. Settings that exclude each other by themselves, two

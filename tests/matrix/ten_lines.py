@@ -1,4 +1,4 @@
-"""What a user wrote last year: a run folder, numpy, and the closed form. It works before and after any change."""
+"""A user wrote this last year, with a run folder, numpy, and the closed form. It works before and after any change."""
 
 import sys
 

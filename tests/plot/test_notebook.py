@@ -1,4 +1,4 @@
-"""What a notebook shows: short lines, small pictures, and errors that speak Python; the command line speaks options."""
+"""A notebook shows short lines, small pictures, and errors that speak Python; the command line speaks options."""
 
 from base64 import b64decode
 from pathlib import Path

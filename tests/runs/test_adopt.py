@@ -1,4 +1,4 @@
-"""What plain lmp left becomes a run folder, and what its files do not say is asked for."""
+"""The files that plain lmp left become a run folder, and what its files do not say is asked for."""
 
 import json
 import shutil
@@ -239,7 +239,7 @@ STRUCK = Scene.load("solitary_chain").with_values({"packing.rows": 10, "time.dur
 
 @pytest.fixture(scope="module")
 def struck(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What plain lmp leaves of the deck of a strike."""
+    """The folder in which plain lmp ran the deck of a strike."""
     folder = tmp_path_factory.mktemp("plain") / "deck"
     build(STRUCK).write(folder)
     subprocess.run([*lmp_command(1), "-in", "in.solitary_chain"], cwd=folder, check=True, capture_output=True)

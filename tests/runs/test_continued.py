@@ -68,7 +68,7 @@ TOLERANCES = {
 
 
 def recorded(folder: Path) -> dict[str, bytes]:
-    """What a run recorded, by file."""
+    """Return the bytes that a run recorded, by file."""
     names = ("dump.centre", "dump.particles", "trajectory.csv")
     return {name: (folder / name).read_bytes() for name in names if (folder / name).is_file()}
 

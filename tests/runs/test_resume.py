@@ -1,4 +1,4 @@
-"""What a continuation trusts: fields of ``run.json``, the ranks of this machine, checkpoints and files of its own."""
+"""A continuation trusts fields of ``run.json``, the ranks of this machine and checkpoints only where they fit."""
 
 import json
 import shutil

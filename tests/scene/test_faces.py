@@ -1,4 +1,4 @@
-"""What each face of a packing is: held, free or periodic, in LAMMPS beside the network and the linear crystal."""
+"""Each face of a packing is held, free, periodic or a wall, in LAMMPS beside the network and the linear crystal."""
 
 import re
 from collections.abc import Callable
@@ -394,7 +394,7 @@ def test_an_end_alone_may_be_quiet_and_sends_back_no_echo() -> None:
 def test_a_crystal_with_one_quiet_end_moves_as_its_network(tmp_path: Path) -> None:
     found = compare.compare(run(Scene.from_dict(SHAKEN), tmp_path / "run"))
     assert found.theory == "network"
-    assert found.error["q"] < 2e-5  # of the step of 0.02
+    assert found.error["q"] < 2e-5  # the step of 0.02 leaves less
 
 
 @pytest.mark.parametrize(

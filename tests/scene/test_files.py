@@ -1,4 +1,4 @@
-"""What a user hands over: numpy's numbers, files that never end, keys of thousands of parts."""
+"""A scene copes with what a user hands over: numpy's numbers, files that never end, keys of thousands of parts."""
 
 import json
 import os

@@ -74,7 +74,7 @@ def test_spins_are_those_of_the_state(tmp_path: Path) -> None:
     spin = 30.0
     record = run_impact(with_state(rough, [[3, 4, 0, 0, 0.1, 0, spin], [4, 4, 0, 0, 0, 0.1, 0]]), tmp_path / "run")
     scale, radius = record.scale, rough.sphere.radius
-    assert scale.velocity == pytest.approx(spin * radius)  # of the surface, which is the fastest here
+    assert scale.velocity == pytest.approx(spin * radius)  # the surface is the fastest here
     turned = record.problem.crystal.arrays["row"] == 3
     assert record.spin[0].max() * scale.velocity / radius == pytest.approx(spin, rel=1e-12)
     assert np.count_nonzero(record.spin[0][turned]) == np.count_nonzero(record.spin[0]) == 1

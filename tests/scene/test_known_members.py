@@ -1,4 +1,4 @@
-"""What is not known is refused: a new table of a scene, a new signal of a source, is never taken for something else."""
+"""A member that is not known, a new table of a scene or a new signal, is refused and never taken for another."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a scene cannot say: the page and the messages say the same, and no wish is a key that there is."""
+"""A scene cannot say everything: the page and the messages say the same, and no wish is a key that there is."""
 
 import re
 from pathlib import Path

@@ -200,7 +200,7 @@ def test_a_picture_and_a_card_have_the_columns_of_impacts(swept: Sweep) -> None:
 def test_the_far_sphere_is_far_across_periodic_sides(tmp_path: Path) -> None:
     ring = SHEET.with_values({"packing.sides": "periodic", "packing.lattice": "square", "striker.1.spheres": [[0, 0]]})
     record = run_impact(ring.with_values({"output.rows": [0, 0]}), tmp_path / "ring")
-    assert far_sphere(record) == 4  # of nine columns in a ring; the last one touches the first
+    assert far_sphere(record) == 4  # the last of nine columns in a ring touches the first
     assert read_outs({}, record)["far_column"] == 4
 
 
@@ -258,4 +258,4 @@ def test_no_energy_is_said_once_spheres_meet_that_were_no_neighbours() -> None:
         into.energies()
     found = read_outs({}, into)
     assert found["energy_kept"] is None
-    assert found["kinetic_kept"] == pytest.approx(2 * len(problem.crystal), rel=1e-12)  # of one striker
+    assert found["kinetic_kept"] == pytest.approx(2 * len(problem.crystal), rel=1e-12)  # over the energy of one striker

@@ -40,7 +40,7 @@ def test_a_finished_sweep_is_known_without_its_runs_being_read(done: Sweep, monk
 
 def edit(path: Path) -> None:
     text = path.read_bytes()
-    path.write_bytes(text.replace(b"1", b"2", 1))  # of the same length
+    path.write_bytes(text.replace(b"1", b"2", 1))  # the file keeps its length
 
 
 CHANGES: dict[str, Callable[[Path], object]] = {

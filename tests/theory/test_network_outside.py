@@ -1,4 +1,4 @@
-"""What acts on the network from outside: walls, pushes, prescribed motions and drag, against closed forms."""
+"""Walls, pushes, prescribed motions and drag act on the network from outside, against closed forms."""
 
 from dataclasses import replace
 

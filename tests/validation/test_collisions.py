@@ -456,7 +456,7 @@ def test_a_collision_moves_as_its_network(name: str, tmp_path: Path) -> None:
     assert found.theory == "network"
     errors = [found.error[part] for part in ("displacement", "velocity")]
     errors += [found.error["spin"]] if Collision.load(name).rubs else []
-    assert all(error is not None and error < 1e-6 for error in errors)  # of the step, a 10,000th of the contact
+    assert all(error is not None and error < 1e-6 for error in errors)  # the step is a 10,000th of the contact
 
 
 def test_a_monitor_sees_the_force_of_the_contact_beyond_overlap_0(tmp_path: Path) -> None:

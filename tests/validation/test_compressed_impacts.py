@@ -250,6 +250,6 @@ def test_the_guards_of_a_compressed_chain_count_the_overlap_at_rest(run: Runs) -
     unit = record.scale.length / (2 * CHAIN.sphere.radius)
     # The guards look at each record and between; thermo columns have eight digits, and a crest is flat over 0.1 t0
     assert (1 - 1e-6) * deepest * unit <= record.info["guards"]["largest_overlap"]["value"] < 1.02 * deepest * unit
-    rate = np.sqrt(3 * np.sqrt(2) * np.sqrt(wall))  # of the wall: (3/2) 2√2 A √δ, m = 1
+    rate = np.sqrt(3 * np.sqrt(2) * np.sqrt(wall))  # the wall is the stiffest: (3/2) 2√2 A √δ, m = 1
     assert record.info["guards"]["step_in_contact"]["value"] >= record.scene.time.step * rate * (1 - 1e-6)
     assert deepest > rest + 0.5

@@ -160,7 +160,7 @@ def test_a_damped_contact_pulls_before_it_ends(tmp_path: Path) -> None:
     """LAMMPS does not cut the pull off unless told to, and without it more than the restitution comes back."""
     lossy = Collision.load("test2").with_values({"contact.restitution": 0.5, "collision.steps": 20_000})
     result = collide(lossy, tmp_path / "run")
-    assert result.restitution == pytest.approx(0.5, abs=2e-5)  # of first order in the step
+    assert result.restitution == pytest.approx(0.5, abs=2e-5)  # its error is of first order in the step
     assert -0.2 < result.normal_force.min() / result.largest_force < -0.05
     limited = with_deck(
         lossy, tmp_path / "limited", ("damping coeff_restitution", "damping coeff_restitution limit_damping")

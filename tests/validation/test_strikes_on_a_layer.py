@@ -1,4 +1,4 @@
-"""What moves a layer on its substrate without a wave: strikers, a state, noise and sources, beside the network."""
+"""Strikers, a state, noise and sources move a layer on its substrate without a wave, as in the network."""
 
 from pathlib import Path
 from typing import Any

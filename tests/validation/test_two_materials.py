@@ -135,7 +135,7 @@ def test_shear_force_and_torques_of_two_materials_written_out_are_those_of_the_c
 
 
 def test_lammps_itself_mixes_another_shear_modulus() -> None:
-    """Of the mixed E* and ν = √(νi νj) it makes G* as of two equal spheres: why unlike pairs are written out."""
+    """LAMMPS makes G* from the mixed E* and ν = √(νi νj) as of equal spheres: so unlike pairs are written out."""
     there, here = touch(MIXED_BY_LAMMPS, SHEAR), ours()
     compliance = sum((1 - s.poisson_ratio**2) / s.youngs_modulus for s in (SILICA, STEEL))
     nu = sqrt(SILICA.poisson_ratio * STEEL.poisson_ratio)

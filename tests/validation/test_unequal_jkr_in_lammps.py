@@ -114,7 +114,7 @@ def test_without_a_wider_start_the_crystal_falls_apart_and_the_guard_says_so(
     begun, parted = deck.input_text.split("# --- begin", 1)
     without = replace(deck, input_text=begun + parted.split("\n\n", 1)[1])
     record = run(without, tmp_path / "run")
-    assert record.info["guards"]["open_contacts"]["value"] >= 6  # of seven, one may be pushed together again
+    assert record.info["guards"]["open_contacts"]["value"] >= 6  # one of seven may be pushed together again
     assert not agrees(record)
 
 
