@@ -60,9 +60,11 @@ def _(record: Record) -> str:
 
 
 def _picture(record: Record) -> Figure | None:
-    """Return the signals of a wave, a chain without one over time, and a sheet without one at the end of its run."""
+    """Return the signals of a wave; without one a chain over time, a sheet at its end, and None of an empty record."""
     if record.scene.wave is not None:
         return record.plot()
+    if not len(record.tau):
+        return None
     if record.scene.lattice == CHAIN:
         return chain_figure(record)
     return None if record.folder is None else run_figure(record, record.snapshots())

@@ -9,7 +9,7 @@ import pytest
 
 import granular_lmp
 from granular_analysis.measure.runs import load
-from granular_lmp import Scene, build, run
+from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError
 from granular_lmp.plot.signals import dispersion_figure
@@ -69,6 +69,14 @@ def test_a_sweep_of_which_nothing_is_finished_has_no_picture(shown: dict[str, An
     assert "<img" not in page
     assert page.count("<tr>") == 1 + 6  # the head, and the first six of eight
     assert "and 2 more" in page
+
+
+@pytest.mark.parametrize("lattice", ["chain", "hexagonal"])
+def test_an_empty_record_without_a_wave_has_no_picture(lattice: str, tmp_path: Path) -> None:
+    scene = Scene.load("solitary_chain").with_values({"packing.lattice": lattice, "packing.rows": 6})
+    page = Record.empty(scene, tmp_path)._repr_html_()
+    assert "<img" not in page
+    assert "solitary_chain" in page
 
 
 def test_what_has_no_picture_is_refused() -> None:
