@@ -92,7 +92,8 @@ def _(deck: Deck) -> str:
         "edited": "\n".join(deck.edits()) or "no",
     }
     text = f"<details><summary>{escape(deck.input_name)}</summary><pre>{escape(deck.input_text)}</pre></details>"
-    return _card(repr(deck), facts, dispersion_figure(deck.scene), text)
+    picture = None if deck.scene.loose else dispersion_figure(deck.scene)  # loose spheres have no modes
+    return _card(repr(deck), facts, picture, text)
 
 
 @html.register

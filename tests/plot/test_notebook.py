@@ -79,6 +79,20 @@ def test_an_empty_record_without_a_wave_has_no_picture(lattice: str, tmp_path: P
     assert "solitary_chain" in page
 
 
+@pytest.mark.parametrize("lattice", ["chain", "hexagonal"])
+def test_a_deck_of_loose_spheres_shows_its_text_without_a_picture(lattice: str) -> None:
+    page = build(
+        Scene.load("solitary_chain").with_values({"packing.lattice": lattice, "packing.rows": 6})
+    )._repr_html_()
+    assert "<img" not in page
+    assert "pair_style" in page
+
+
+def test_a_deck_of_spheres_that_adhere_shows_its_branches_without_a_wave_too() -> None:
+    scene = Scene.load("solitary_chain").with_values({"sphere.work_of_adhesion": 0.1, "packing.rows": 6})
+    assert "<img" in build(scene)._repr_html_()
+
+
 def test_what_has_no_picture_is_refused() -> None:
     with pytest.raises(TypeError, match="int: a notebook has no picture of it"):
         granular_lmp.html(3)
