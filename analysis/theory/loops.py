@@ -17,6 +17,7 @@ import subprocess
 from functools import cache
 from math import sqrt
 from pathlib import Path
+from threading import get_ident
 from typing import Any
 
 import numpy as np
@@ -67,12 +68,12 @@ def _place() -> Path:
 
 
 def _compile(place: Path) -> None:
-    """Compile the loops; several processes may do so at once."""
+    """Compile the loops; several processes and threads may do so at once."""
     compiler = shutil.which(os.environ.get("CC", "cc"))
     if compiler is None:
         raise OSError("there is no C compiler on the PATH, or in CC")
     place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    part = place.with_name(f"{os.getpid()}.so")
+    part = place.with_name(f"{os.getpid()}-{get_ident()}.so")
     try:
         subprocess.run([compiler, *FLAGS, SOURCE, "-lm", "-o", part], check=True, capture_output=True)
         part.chmod(0o700)

@@ -1,8 +1,10 @@
 """The compiled loops beside NumPy: the same sums, the same forces, the same motion, and none where they cannot be."""
 
 import logging
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from threading import Barrier
 
 import numpy as np
 import pytest
@@ -154,6 +156,21 @@ def test_a_library_that_others_may_write_is_not_loaded(elsewhere: Path, caplog: 
     with caplog.at_level(logging.INFO):
         assert loops.library() is None
     assert "may be written by others" in caplog.text
+
+
+@compiled
+def test_threads_that_compile_at_once_all_have_the_loops(elsewhere: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loops, "FLAGS", ("-O0", *loops.FLAGS[1:]))  # compiles ten times as fast
+    gate = Barrier(4)
+
+    def found(_: int) -> bool:
+        gate.wait()
+        return loops.library() is not None
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(found, range(4)))
+    (folder,) = elsewhere.iterdir()
+    assert [each.suffix for each in folder.iterdir()] == [".so"]  # nothing is left beside it
 
 
 CONTACTS = [
