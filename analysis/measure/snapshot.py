@@ -9,7 +9,8 @@ kPa and mJ/m²; for `si`, SI. `first_snapshot` takes all of it from a record.
 Later snapshots are refused: the slip of the contacts, which they would need, is in no dump.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
@@ -94,9 +95,9 @@ def first_snapshot(record: Record) -> FirstSnapshot:
     Friction is infinite unless contacts may slide (``effects.sliding``): a deck without sliding has a coefficient at
     which nothing slides.
 
-    Raises RunFolderError for a run without snapshots (``output.particles``), ValueError for a first snapshot that is
-    none of step 0, lacks a column, as without ``effects.tracking``, or a sphere, OSError for a folder without `CENTRE`,
-    and TheoryError for what acts from outside and is not known (`granular_analysis.measure.outside`).
+    Raises RunFolderError for a run without snapshots (``output.particles``), OSError for a folder without `CENTRE`, and
+    TheoryError for a first snapshot that is none of step 0, lacks a column, as without ``effects.tracking``, or a
+    sphere, or is no dump, and for what acts from outside and is not known (`granular_analysis.measure.outside`).
     """
     scene, path = record.scene, _snapshots(record)
     on, declared = switched(record), record.scene.effects
@@ -119,10 +120,10 @@ def first_snapshot(record: Record) -> FirstSnapshot:
     state = loaded(network, state.motion)
     if scene.wave is None:
         return FirstSnapshot(network, state, -1, scales, ALONG_Y)
-    with _centre_of(path.parent).open(encoding="utf-8") as stream:
+    with _opened(_centre_of(path.parent)) as stream:
         _head(stream)
-        recorded, *_ = stream.readline().split()  # too few words are a ValueError
-    return FirstSnapshot(network, state, int(recorded) - 1, scales, scene.direction)
+        recorded = int(stream.readline().partition(" ")[0])
+    return FirstSnapshot(network, state, recorded - 1, scales, scene.direction)
 
 
 def scales_of(record: Record, path: Path) -> Scales:
@@ -154,14 +155,26 @@ def _snapshots(record: Record) -> Path:
     return path
 
 
-def _columns(path: Path) -> list[str]:
+@contextmanager
+def _opened(path: Path) -> Iterator[TextIO]:
+    """Open a dump; raise TheoryError where its text is none of a dump: a word in place of a number, no text at all."""
     with path.open(encoding="utf-8") as stream:
+        try:
+            yield stream
+        except TheoryError:
+            raise
+        except (ValueError, IndexError) as error:
+            raise TheoryError(f"{path}: is no text dump of LAMMPS: {error}") from error
+
+
+def _columns(path: Path) -> list[str]:
+    with _opened(path) as stream:
         return _head(stream)[8][2:]
 
 
 def _median_radius(path: Path) -> float:
     """Return the median radius of the spheres of a dump, in its units."""
-    with path.open(encoding="utf-8") as stream:
+    with _opened(path) as stream:
         head = _head(stream)
         at, count = head[8][2:].index("radius"), int(head[3][0])
         return float(np.median([float(stream.readline().split()[at]) for _ in range(count)]))
@@ -203,10 +216,10 @@ def read_network(
     law, friction, shear, rotation, viscosity, restitution, adhesion : as of `granular_analysis.theory.network.Network`.
     turned : whether spheres are turned at the start, so that a dump must hold their angles.
 
-    Raises ValueError for a file that is no dump of step 0, lacks a column or is cut off, for a type without a material,
-    and where not exactly one of the column mass and `density` is given.
+    Raises TheoryError for a file that is no dump of step 0, lacks a column or is cut off, for a type without a
+    material, and where not exactly one of the column mass and `density` is given.
     """
-    with Path(path).open(encoding="utf-8") as stream:
+    with _opened(Path(path)) as stream:
         head = _head(stream)
         if head[1] != ["0"]:
             raise TheoryError(
@@ -225,9 +238,10 @@ def read_network(
         if ("mass" in names) == (density is not None):
             raise TheoryError(f"density = {density}: must be given for a dump without the column mass, for no other")
         rows = [stream.readline().split() for _ in range(count)]
-    if any(len(row) != len(names) for row in rows):
-        raise TheoryError(f"{path}: its first snapshot is cut off")
-    table = dict.fromkeys(spins + turns, np.zeros(count)) | dict(zip(names, np.array(rows, dtype=float).T, strict=True))
+        if any(len(row) != len(names) for row in rows):
+            raise TheoryError(f"{path}: its first snapshot is cut off")
+        numbers, cell = np.array(rows, dtype=float).T, _cell(head, len(axes))
+    table = dict.fromkeys(spins + turns, np.zeros(count)) | dict(zip(names, numbers, strict=True))
     order = np.argsort(table["id"])
 
     def columns(named: Sequence[str]) -> Floats:
@@ -247,7 +261,7 @@ def read_network(
         tuple(materials),
         kind=(types - 1) // 2,
         held=types % 2 == 0,
-        cell=_cell(head, len(axes)),
+        cell=cell,
         law=law,
         friction=friction,
         shear=shear,

@@ -95,6 +95,13 @@ def test_a_first_snapshot_that_cannot_be_read_is_a_reason(imperfect: Record, tmp
         (untracked.folder / "dump.centre").write_text(text)
         with pytest.raises(TheoryError, match="dump.centre: is no text dump"):
             compare.compare(untracked, "network")
+    assert imperfect.folder is not None
+    head = (imperfect.folder / "dump.centre").read_text().splitlines(keepends=True)[:9]
+    (untracked.folder / "dump.centre").write_text("".join(head))
+    assert "dump.centre: is no text dump" in compare.compare(untracked).notes[-1]
+    snapshots = untracked.folder / "dump.particles"
+    snapshots.write_text(snapshots.read_text().replace("\n1 1 ", "\n1 1 e", 1))
+    assert "dump.particles: is no text dump" in compare.compare(untracked).notes[-1]
 
 
 # --- what the network holds ---

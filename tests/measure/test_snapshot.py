@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from granular_analysis.measure.snapshot import read_network
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network import Material
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import forces
@@ -104,11 +105,15 @@ def test_types_and_masses_say_material_and_density(dump):
         ("v_theta", "angle", "no column v_theta"),
         ("ATOMS\n2", "ATOMS\n3", "cut off"),
         ("ITEM: ATOMS", "", "no text dump"),
+        ("4901", "49o1", "no text dump of LAMMPS: could not convert string to float: '49o1'"),
+        ("ATOMS\n2", "ATOMS\ntwo", "no text dump of LAMMPS: invalid literal"),
+        ("pp", "pp pp", "no text dump"),
+        ("700", "7\udcff", "no text dump of LAMMPS: 'utf-8' codec"),
     ],
 )
 def test_another_file_is_refused(dump, old, new, message):
-    dump.write_text(dump.read_text().replace(old, new))
-    with pytest.raises(ValueError, match=message):
+    dump.write_text(dump.read_text().replace(old, new), errors="surrogateescape")
+    with pytest.raises(TheoryError, match=message):
         read_network(dump, [SILICA], density=1.0)
 
 
