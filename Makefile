@@ -23,7 +23,8 @@
 # make versioned-docs (the site of this version beside those of others, onto the branch gh-pages: RELEASING.md),
 # make engines (sweeps that are cancelled, preempted and killed on a Slurm of this machine, where one can be started),
 # make wheel (what pip installs, into dist/), make packages, floors, readers, tested-docs (of continuous integration: the
-# packages installed alone, the oldest versions of what they need, programs that a run is exported for, the site), make decks (rewrites the committed decks of lammps_inputs), make clean.
+# packages installed alone, the oldest versions of what they need, programs that a run is exported for, the site),
+# make decks (rewrites the committed decks of lammps_inputs), make clean.
 
 PYTHON ?= python3
 BIN = .venv/bin
