@@ -44,7 +44,7 @@ from granular_lmp.runs.record import GranularError, Scene
 Floats = NDArray[np.float64]
 POINTS = 120
 SHAPE = ("vertical", "along", "across", "turning", "surface")
-BEYOND = 2.5  # of the wave number at which the surface wave meets the vertical resonance: what is drawn
+BEYOND = 2.5  # waves are drawn up to as many times the wave number where surface wave and vertical resonance meet
 
 
 def table(film: Film) -> str:
@@ -56,7 +56,7 @@ def table(film: Film) -> str:
         f"{'wave':10}{'xi':>9}{'Hz':>13}{'rigid':>13}{'Q':>11}{'1/s':>11}" + "".join(f"{each:>9}" for each in SHAPE),
     ]
     crossing = film.guided(np.array([film.crossing]))
-    if np.isinf(film.coupled.substrate.cutoff):  # of a plate, from which no resonance leaks
+    if np.isinf(film.coupled.substrate.cutoff):  # no resonance leaks from a plate
         return "\n".join(lines + [_line(each) for each in [*film.guided(np.array([begin])), *crossing]])
     seen: list[complex] = []
     for resonance in film.coupled.crystal.modes(begin * film.unit).frequencies:

@@ -31,7 +31,7 @@ from granular_lmp.units import units_for
 
 KINDS = {"granular": "pair_style granular", "overlay": "gran/hertz/history with a table", "kernel": "the kernel"}
 SHEET = {"packing.rows": 220, "packing.columns": 220, "packing.ends": "periodic", "time.duration": 10.0}
-CONTACTS = 3  # of a sphere
+CONTACTS = 3  # each sphere has six, which two share
 HEAD = ["", "spheres", "guards", "ns per contact and step", "ratio", "difference of p", "of q"]
 
 

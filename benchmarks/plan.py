@@ -1,4 +1,4 @@
-"""What crystals beyond this machine take: a model of time, memory and bytes, and the measured costs that it is made of.
+"""Model the time, memory and bytes that crystals beyond this machine take, from measured costs.
 
     python -m benchmarks.plan [--spheres N ...]
 
@@ -46,7 +46,7 @@ HEAD = [
 
 @dataclass(frozen=True)
 class Plan:
-    """What a run takes: seconds of each stage, bytes of the process that builds it and of a rank, bytes of files."""
+    """Cost of a run: seconds of each stage, bytes of the process that builds it and of a rank, bytes of files."""
 
     spheres: float
     ranks: int = 1

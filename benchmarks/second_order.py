@@ -1,4 +1,4 @@
-"""What second order costs beside the exact lattice, LAMMPS and the network, at errors no larger; ratios of one run.
+"""Time second order beside the exact lattice, LAMMPS and the network, at errors no larger; ratios of one run.
 
     python -m benchmarks.second_order [--spheres N ...] [--amplitudes A ...] [--repeats N]
 

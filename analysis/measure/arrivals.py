@@ -30,8 +30,8 @@ IMPACT_KEYS = {"name", "description", "inclusion", "striker", "monitor", "output
     }.items()
     for key in keys.split()
 }
-_ENDS = ("free", "held")  # of a sheet
-_SAMPLES = 400  # of the time to the last arrival: ten to a crest at a tenth of the rows
+_ENDS = ("free", "held")  # a sheet begins and ends with one of these
+_SAMPLES = 400  # until the last arrival; a crest at a tenth of the rows has ten
 _LATER = 1.3  # a front that is slower by this factor still arrives
 _RTOL = 1e-8
 

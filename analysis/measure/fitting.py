@@ -73,7 +73,7 @@ class Fit:
         if section in self.scene.sections:
             rule = next(each.rule for each in self.scene.keys_of(section) if each.name == name)
             low, high = (rule.interval.low, rule.interval.high) if rule.interval else (-np.inf, np.inf)
-        else:  # of an array of tables: each number there is positive
+        else:  # each number in an array of tables is positive
             low, high = 0.0, np.inf
         return Parameter(key, float(value), float(low), float(high))
 
@@ -172,7 +172,7 @@ def _branches(found: _Found, points: Sequence[Point]) -> NDArray[np.intp]:
 
 def _named(found: _Found, number: int, name: str, known: dict[bytes, dict[str, int]]) -> int:
     """Return the branch of a name at the wave vector of a point; names found are kept in `known`."""
-    if len(found.crystal) == 1 and found.crystal.freedoms in (PLANE, PLANE[:2]):  # of the modes that are there
+    if len(found.crystal) == 1 and found.crystal.freedoms in (PLANE, PLANE[:2]):  # the modes are there already
         return int(branch_among(name, in_plane(found.modes.shapes[number]), found.wavevectors[number]))
     place = found.wavevectors[number].tobytes()
     if place not in known:

@@ -1,4 +1,4 @@
-"""What acts on the spheres of a run from outside, for its network: sources, a driven row, walls, loads, quiet ends.
+"""Read what acts on the spheres of a run from outside: sources, a driven row, walls, loads, quiet ends.
 
 All of it is said by the scene, in τ, D0, k1 D0 and k1 D0 R, but for the drag of quiet ends: its strength is a choice of
 the run, which its deck holds.

@@ -60,7 +60,7 @@ def errors(record: Record, reference: tuple[Floats, ...]) -> dict[str, float | N
 
 
 class Shapes(NamedTuple):
-    """What p(τ) of a run is fitted by, the columns of matrices (T, 1 or 3).
+    """Shapes that p(τ) of a run is fitted by, the columns of matrices (T, 1 or 3).
 
     Attributes
     ----------

@@ -18,13 +18,13 @@ from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.surface_wave import Coupled, HalfSpace
 
 Floats = NDArray[np.float64]
-BRANCH = "saw"  # of points that are surface waves: the nearest, or saw1, saw2, ... the guided ones from the lowest
-SHOWN = 1.6  # of the vertical resonance: the highest frequency that is shown
-_ABOVE = 1.5  # of the highest measured frequency: waves of a plate have no end
-STILL = 1e-6  # of the vertical resonance: a frequency below is that of spheres that nothing holds
-_ROUNDING = 1e-12  # of a frequency: a decay that is no larger is none
-SLOWEST = 1e-3  # of the first wave number: where leaking waves begin
-STEP = 0.05  # of a frequency by which a leaking wave may change from one wave number to the next
+BRANCH = "saw"  # a point of it is the nearest surface wave; saw1, saw2, ... are the guided ones from the lowest
+SHOWN = 1.6  # the highest frequency that is shown is as many times the vertical resonance
+_ABOVE = 1.5  # waves of a plate, which have no end, are sought up to as many times the highest measured one
+STILL = 1e-6  # share of the vertical resonance; nothing holds spheres whose frequency is lower
+_ROUNDING = 1e-12  # share of a frequency; a decay that is no larger is none
+SLOWEST = 1e-3  # leaking waves begin at this share of the first wave number
+STEP = 0.05  # a leaking wave changes by at most this share of its frequency from one wave number to the next
 
 
 class Wave(NamedTuple):

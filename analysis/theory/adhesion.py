@@ -35,7 +35,7 @@ from granular_analysis.theory.network_laws import Adhesion as Adhesion
 
 Floats = NDArray[np.float64]
 _TOUCHING = np.asarray(True)
-_STEPS = 4  # of Newton's rule, from the radius of a real overlap to that of a complex one
+_STEPS = 4  # Newton's rule takes as many from the radius of a real overlap to that of a complex one
 
 
 @dataclass(frozen=True)

@@ -340,7 +340,7 @@ def _square(vector: Complexes) -> Floats:
     return np.sum(np.abs(vector) ** 2, axis=-1)
 
 
-_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # of x, y, z, in turn
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # the axes after x, y, z, in turn, and before them
 
 
 def crossed(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:

@@ -152,7 +152,7 @@ def estimate(
 
 
 class _Minimum(NamedTuple):
-    """What is fitted (P,), residuals (N,), their Jacobian (N, P), and right singular vectors that data determine."""
+    """Fitted numbers (P,), residuals (N,), their Jacobian (N, P), and right singular vectors that data determine."""
 
     inner: Floats
     residuals: Floats

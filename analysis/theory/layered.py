@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from granular_analysis.theory.surface_wave import Complexes, HalfSpace, Reaction, complexes, downward
 
 _SAGITTAL = [0, 2, 3, 5]  # along k and up, of both faces
-_STATIC = 1e-4  # of c_t k: a motion so slow is static to the share 1e-8, the digits that K has there
+_STATIC = 1e-4  # share of c_t k; a motion this slow is static to the share 1e-8, the digits that K has there
 
 
 class Slab(NamedTuple):

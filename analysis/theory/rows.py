@@ -77,7 +77,7 @@ def heavy_rows(contact: Contact, masses: Sequence[float]) -> Rows:
     stiffness = -crystal.bonds.couplings[:, :, plane][..., plane] / crystal.mass[0, 0]
     upward = crystal.bonds.normal[:, 1] > 0
     on_site = stiffness[:, 0, :, 0].sum(axis=0) + stiffness[:, 1, :, 1].sum(axis=0)
-    along = stiffness[~upward, 0, :, 1].sum(axis=0)  # of spheres of one row
+    along = stiffness[~upward, 0, :, 1].sum(axis=0)  # contacts within a row
     ahead = stiffness[upward, 0, :, 1].sum(axis=0)
     count, mass = len(relative), tuple(each * contact.masses for each in relative)
     return Rows((np.zeros(1),) * count, mass, (on_site + along + along.T,) * count, (ahead,) * (count - 1))

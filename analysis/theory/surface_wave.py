@@ -31,9 +31,9 @@ from granular_analysis.theory.crystal import Crystal, padded
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-_HALVINGS = 60  # of an interval of frequencies, at most
-_SLOWEST = 1e-9  # of the fastest: below is what nothing holds
-_STEPS = 60  # of Newton's method
+_HALVINGS = 60  # an interval of frequencies is halved no more often
+_SLOWEST = 1e-9  # share of the fastest; a slower motion is one that nothing holds
+_STEPS = 60  # Newton's method takes no more
 _MET = 1e-12  # relative change of a frequency at which a root is found
 _NEAR = 1e-7  # relative step of a derivative
 
@@ -46,7 +46,7 @@ class Reaction(NamedTuple):
 
 
 class Body(Protocol):
-    """What the layer lies on: a half-space, or `granular_analysis.theory.layered.Layered`."""
+    """A substrate under the layer: a half-space, or `granular_analysis.theory.layered.Layered`."""
 
     @property
     def cutoff(self) -> float:

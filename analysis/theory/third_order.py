@@ -153,7 +153,7 @@ def cubic(bonds: Bonds, strain: Strain) -> tuple[Complexes, Complexes]:
 
 
 class _Path(NamedTuple):
-    """What contacts go through at A values of α, (A, ..., C, 1 or 3), three orders each but for the last two.
+    """Motion of contacts at A values of α, (A, ..., C, 1 or 3), three orders each but for the last two.
 
     lengths : X; normals : N; slides : LN′ − Φ′ × N; slip : s to first order; loaded : s that a start makes, to second.
     """

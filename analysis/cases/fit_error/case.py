@@ -1,4 +1,4 @@
-"""What a fit costs, and how its error falls with the number of points and with their noise.
+"""Time a fit, and measure how its error depends on the number of points and on their noise.
 
     granular-analysis fit_error [--sets N] [-o FILE]
 

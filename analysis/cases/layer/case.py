@@ -23,7 +23,7 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 MEGAHERTZ = 2e6 * np.pi
-AROUND = 0.02  # of a frequency: where it is looked for
+AROUND = 0.02  # a frequency is looked for within this share of it
 POINTS = 120
 
 

@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 NOISES = (0.001, 0.01, 0.05)
 _STYLES = ("-", "--", ":")
 SETS = 500
-QUANTILE = 1.959964  # of a 95 % interval
+QUANTILE = 1.959964  # a 95 % interval has this many standard errors on each side
 _START = 1.1  # times the true value
 
 
