@@ -249,15 +249,8 @@ def swept_table(swept: Swept, comparisons: list[Comparison]) -> str:
     for number, c in enumerate(comparisons):
         numbers = [("-" if x is None else f"{x:.5g}") for x in (c.measured, c.fit_error, c.predicted)]
         off = "-" if c.measured is None or not c.predicted else f"{c.measured / c.predicted - 1:.1e}"
-        rows.append(
-            [
-                *(values[number] for values in varied.values()),
-                c.theory or "-",
-                *_cells(c.error, signals).split(),
-                *numbers,
-                off,
-            ]
-        )
+        values = [column[number] for column in varied.values()]
+        rows.append([*values, c.theory or "-", *_cells(c.error, signals).split(), *numbers, off])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
     lines += [f"note on {c.run}: {note}" for c in comparisons for note in c.notes]
