@@ -45,7 +45,7 @@ _FAR = 1e-3  # k1 Δ0: a larger force is far from balance
 # linearly (Dembo, Eisenstat & Steihaug, SIAM J. Numer. Anal. 19, 400 (1982)). A share of 0.03 is a third faster, but
 # lets rounding grow to other contacts at s = 12.
 _SHARE_LEFT = 1e-3
-_ITERATIONS, _BLOCKWISE = 30, 400  # of conjugate gradients, with old factors and with blocks
+_ITERATIONS, _BLOCKWISE = 30, 400  # Most iterations of conjugate gradients, with old factors and with blocks
 _RESOLVED = 1e-3  # Δ0: over a smaller way the energy of a contact does not show its stiffness
 _ATTEMPTS = 2  # secants, before λ grows
 

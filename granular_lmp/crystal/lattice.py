@@ -284,7 +284,7 @@ def _close_packed(layers: int, axis: int) -> tuple[tuple[Shift, ...], ...]:
     return tuple(tuple(shift(layer, within) for layer in range(layers)) for within in range(2))
 
 
-_HEIGHT = sqrt(2 / 3)  # of a close-packed layer over the next
+_HEIGHT = sqrt(2 / 3)  # A close-packed layer lies this high over the next
 _SQUARE_HEIGHT = sqrt(1 / 2)
 IN_SPACE = (
     Lattice("cubic [001]", 1.0, True, _STRAIGHT, collapses=True, layer_spacing=1.0),

@@ -84,7 +84,7 @@ class Shape:
 
     @property
     def faces(self) -> dict[str, str]:
-        """What each face is, by "first", "last" and "sides"; without those across which the packing is periodic."""
+        """Kind of each face, by "first", "last" and "sides"; without those across which the packing is periodic."""
         along_y = {} if self.along_y else {"first": self.first, "last": self.last}
         return along_y | ({"sides": self.sides} if self.lattice.sheet and not self.along_x else {})
 

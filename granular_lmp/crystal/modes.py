@@ -28,7 +28,7 @@ from granular_lmp.errors import SceneError
 
 MODES = ("L", "TR", "RT")
 _MEET = 1e-9  # relative distance of two frequencies below which the shapes of their branches are any
-_STILL = 1e-6  # of the highest frequency: one below it is the root of a rounding
+_STILL = 1e-6  # A frequency below this share of the highest one is the root of a rounding
 _POINTS = 12  # wave vectors along each primitive vector of the reciprocal lattice in which the highest one is sought
 # A wave along an axis keeps the mirror of the lattice that holds the axis: L lives in the one displacement, TR and RT
 # in the other and the rotation; each sorted by frequency.

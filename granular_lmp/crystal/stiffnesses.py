@@ -27,8 +27,8 @@ from granular_lmp.crystal.sphere import Sphere
 
 Floats = NDArray[np.float64]
 CLASSES = 8
-WIDEST = 0.3  # of a spread: the softest contact has 0.28 of the mean stiffness there
-_ROUNDS = 60  # of a factor that each round brings nearer by a third of its error at least
+WIDEST = 0.3  # At this spread the softest contact has 0.28 of the mean stiffness
+_ROUNDS = 60  # Each round takes at least a third off the error of a factor
 _ROUNDING = 1e-15
 
 

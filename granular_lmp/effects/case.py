@@ -307,7 +307,7 @@ class Case:
 
     @property
     def every_mode(self) -> str:
-        """What makes waves of every mode, in words; "" if nothing does."""
+        """Clause that names what makes waves of every mode; "" if nothing does."""
         if self.scene.wave is None or self.scene.source or self.scene.struck:
             return "sources and strikes make waves of every mode"
         return ""

@@ -18,7 +18,7 @@ from granular_lmp.effects.width import identifiers
 from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
 from granular_lmp.scene.scene import Scene
 
-SHARE = 0.01  # of D0, above which creep is part of what a run shows
+SHARE = 0.01  # Creep above this share of D0 is part of what a run shows
 # Near a resonance the second harmonic adds as much again, so that a run is expected to creep from half of it on
 _EXPECTED = SHARE / 2
 _SILENT = 1e-15  # D0/t0: rounding of a velocity that vanishes by symmetry

@@ -1,4 +1,4 @@
-"""What guards ask of the adhesion laws, as formulas and words of LAMMPS, by law.
+"""Guards take what they need of each adhesion law from here, as formulas and words of LAMMPS.
 
 A JKR contact holds beyond an overlap of 0. LAMMPS's ``contact/atom`` and the cutoff ``radius`` of its local computes do
 not know it there; with the cutoff ``type`` they list every pair up to the largest pull-off distance, with forces and

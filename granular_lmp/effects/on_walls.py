@@ -1,4 +1,4 @@
-"""What guards read of contacts with walls: of each sphere LAMMPS has whether it touches, and the force.
+"""Guards read contacts with walls here: LAMMPS gives for each sphere whether it touches, and the force.
 
 A wall is named after its face, and its fix after that and the material of the spheres that it pushes: ``zlo1``.
 """
@@ -12,12 +12,12 @@ from granular_lmp.effects.law_formulas import FORMULAS, Formulas
 
 # Walls by name: the axis across which they are, and the way along it in which they push
 FACES = {f"{axis}{end}": (number, way) for number, axis in enumerate("xyz") for end, way in (("lo", 1), ("hi", -1))}
-_PRESSED = 1e-9  # of the holding force: rounding leaves less where nothing presses
+_PRESSED = 1e-9  # Rounding leaves less than this share of the holding force where nothing presses
 
 
 @dataclass(frozen=True)
 class OnWall:
-    """What guards read of the contacts of one material with one wall: the forces that LAMMPS has of each sphere.
+    """Readings of the contacts of one material with one wall: guards take the forces that LAMMPS has of each sphere.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class OnWall:
         least, axis = "min" if self.inward > 0 else "max", FACES[self.face][0]
         across = " ".join(f"f_{self.name}[{number + 2}]" for number in range(3) if number != axis)
         push, lines = f"f_{self.name}[{axis + 2}]", []
-        if self.rest:  # of spheres that are not at the wall too, whose force is 0
+        if self.rest:  # spheres away from the wall have a force of 0, which is no push at rest
             rest, at = repr(self.inward * self.rest), f"f_at_{self.face}"
             lines.append(f"variable     push_{self.name}{tag} atom {at}*{push}+(1-{at})*({rest})")
             push = f"v_push_{self.name}{tag}"

@@ -1,4 +1,4 @@
-"""What guards read of contacts in LAMMPS, and the lines of a deck that measure it."""
+"""Guards read contacts in LAMMPS by the lines of a deck that stand here."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from granular_lmp.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Reading:
-    """What guards read of the contacts of a scene.
+    """Settings by which guards read the contacts of a scene.
 
     LAMMPS gives lengths and forces of contacts, and no radii. Dashpots are in the forces, which may then pull although
     the spheres are pressed, or press although they are about to part.

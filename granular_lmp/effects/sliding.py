@@ -70,7 +70,7 @@ GUARD = Guard(
     cure="set effects.sliding = true with effects.friction = the coefficient of the spheres, or take a smaller "
     "wave.amplitude or a slower striker",
     of_contacts=True,
-    per_contact=lambda scene: not (scene.wall or scene.rigid),  # of contacts with a wall the bound decides
+    per_contact=lambda scene: not (scene.wall or scene.rigid),  # the bound decides for contacts with a wall
 )
 
 
