@@ -109,7 +109,7 @@ class Problem:
         """Quantities in the units of an impact."""
         return Collisions(self.scene, self.crystal, self.materials, self.contacts, self.strikers, self.state)
 
-    @property
+    @cached_property
     def planes(self) -> dict[str, float]:
         """Rigid walls, "ylo" → place, radii; those of a substrate are "zlo" and "zhi"."""
         if self.scene.loose:

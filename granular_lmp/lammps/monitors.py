@@ -42,13 +42,13 @@ def wall_columns(face: str, axes: str) -> tuple[str, ...]:
 
 def _wall_lines(problem: Problem) -> list[str]:
     """Return the variables of `wall_columns`, sums over the materials, of which each has its own fix."""
+    if not problem.planes or not any(each.monitor.with_contacts for each in problem.monitors):
+        return []
     lines, materials = [], range(1, len(problem.materials) + 1)
     for face in problem.planes:
         kept = (1, FACES[face][0] + 5, 2, 3, 4)  # of `fix wall/gran ... contacts`
         for name, column in zip(wall_columns(face, axes(problem)), kept, strict=False):
             lines.append(f"variable     {name} atom {'+'.join(f'f_{face}{m}[{column}]' for m in materials)}")
-    if not lines or not any(each.monitor.with_contacts for each in problem.monitors):
-        return []
     return ["# --- walls of monitors: whether a sphere touches, where the wall is, and its force on the sphere", *lines]
 
 
