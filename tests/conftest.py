@@ -64,8 +64,14 @@ def kernel_lacks() -> str:
 
 
 def members(every: Iterable[Any], *more: Any) -> list[Any]:
-    """Return the values of a parameter; those of `more` are for `make stability`: their likes fail with them."""
-    return [pytest.param(each, marks=pytest.mark.more) if each in more else each for each in every]
+    """Return the values of a parameter; those of `more` are for `make stability`: their likes fail with them.
+
+    A tuple holds values of several parameters.
+    """
+    return [
+        pytest.param(*(each if isinstance(each, tuple) else [each]), marks=pytest.mark.more) if each in more else each
+        for each in every
+    ]
 
 
 @pytest.fixture(scope="session")

@@ -59,9 +59,9 @@ def test_a_breather_lives_for_a_hundred_periods() -> None:
 @pytest.mark.parametrize(
     ("ratio", "share", "five", "seven", "largest"),
     [
-        (STEEL_ALUMINIUM, 0.91, 0.939, 0.981, 1.000),
+        pytest.param(STEEL_ALUMINIUM, 0.91, 0.939, 0.981, 1.000, marks=pytest.mark.more),
         (STEEL_ALUMINIUM, 0.79, 0.969, 0.994, 1.006),
-        (5.0, 0.80, 0.989, 0.999, 1.075),
+        pytest.param(5.0, 0.80, 0.989, 0.999, 1.075, marks=pytest.mark.more),
         (10.0, 0.75, 0.998, 1.000, 1.000),
     ],
 )
@@ -90,6 +90,7 @@ def test_the_breather_is_that_of_the_exact_motion() -> None:
     assert central(chain, us, vs) == pytest.approx(central(chain, u, 0 * u), abs=1e-6)
 
 
+@pytest.mark.more
 def test_in_steel_and_aluminium_it_is_seven_spheres_wide() -> None:
     chain, u, frequency = light_centred(STEEL_ALUMINIUM, 0.79)
     us, vs = run(chain, u, frequency, 100, per_period=4)

@@ -17,6 +17,7 @@ from granular_analysis.theory.bloch import BONDS, branch_index, wavevector_of
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.hierarchy import hierarchy_orders
 from granular_analysis.theory.wave import Wave, nonlinearity, trajectory
+from tests.conftest import members
 from tests.polarisations import (
     bloch_matrix,
     doubled_wave,
@@ -299,7 +300,7 @@ def test_long_waves_have_the_isotropic_speeds():
 AMPLITUDES = [0.02, 0.01, 0.005]
 
 
-@pytest.mark.parametrize("branch", [0, 1, 2])
+@pytest.mark.parametrize("branch", members([0, 1, 2], 1))
 @pytest.mark.parametrize("k", OBLIQUE.values(), ids=OBLIQUE.keys())
 def test_exact_lattice_approaches_the_second_order_field_as_the_square_of_the_amplitude(k, branch):
     times = np.linspace(0.5, 20.0, 40)
@@ -577,7 +578,7 @@ def test_the_map_never_meets_gamma():
     assert np.linalg.norm(zone_map.wave_vectors(zone_map.POINTS), axis=-1).min() > 1e-3
 
 
-@pytest.mark.parametrize("poisson_ratio", [-1.0, 0.5])  # silica's is drawn below
+@pytest.mark.parametrize("poisson_ratio", members([-1.0, 0.5], -1.0))  # silica's is drawn below
 def test_the_map_is_written_for_any_material(tmp_path, poisson_ratio, monkeypatch):
     monkeypatch.setattr(zone_map, "POINTS", 40)
     target = tmp_path / "new folder" / "map.png"

@@ -18,7 +18,7 @@ from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.wave import Wave, resonance
 from granular_lmp.scene.sections import Envelope
-from tests.conftest import PAPER
+from tests.conftest import PAPER, members
 from tests.stand_in import AMPLITUDE, refused_in_one_line, run_of_rows
 
 NU = 0.17
@@ -160,7 +160,8 @@ def strip(
         result[:6, 0] = result[:6, -1] = 0
         return result.ravel()
 
-    options = {"method": "DOP853", "t_eval": tau, "rtol": 1e-8, "atol": 1e-8 * amplitude}
+    # Against 1e-8 this changes the errors of theory by 7 % or less, and the power of a by 0.1
+    options = {"method": "DOP853", "t_eval": tau, "rtol": 1e-6, "atol": 1e-6 * amplitude}
     solution = solve_ivp(rate, (0, tau[-1]), start.ravel(), **options)
     return solution.y.T.reshape(-1, *start.shape)[:, :3] / amplitude
 
@@ -200,9 +201,10 @@ STRIPS = [
     ("L", 0.802, 0.01, "secant"),
     ("L", 1.3, 0.0, "secant"),
 ]
+MORE = [("TR", 2.127, 0.0, "secant"), ("TR", 0.802, 0.01, "secant"), ("L", 1.3, 0.0, "secant")]
 
 
-@pytest.mark.parametrize(("name", "xi", "eta", "law"), STRIPS)
+@pytest.mark.parametrize(("name", "xi", "eta", "law"), members(STRIPS, *MORE))
 def test_errors_against_an_integrated_strip_fall_as_the_square_of_the_amplitude(
     name: sh.ModeName, xi: float, eta: float, law: Law
 ) -> None:
@@ -346,7 +348,7 @@ def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pyt
     refused_in_one_line(driven_figure.main, message)
 
 
-@pytest.mark.parametrize("mode", ["L", "TR"])
+@pytest.mark.parametrize("mode", members(["L", "TR"], "L"))
 def test_the_script_prints_deviations_and_writes_a_figure(
     mode: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -367,7 +369,7 @@ def far_slope(name: sh.ModeName, xi: float, nu: float) -> float:
     return float(far - near) / 100
 
 
-@pytest.mark.parametrize("nu", TURNS)
+@pytest.mark.parametrize("nu", members(TURNS, 0.0, 0.3))
 def test_the_lattice_is_pushed_or_pulled_as_the_page_says(nu: float) -> None:
     for xi in np.linspace(0.1, 3.0, 30):
         assert far_slope("L", xi, nu) > 0 > far_slope("RT", xi, nu)

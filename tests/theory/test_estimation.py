@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from granular_analysis.theory.estimation import LOSSES, WIDE, Estimate, Parameter, estimate
+from tests.conftest import members
 
 X = np.linspace(1.0, 2.0, 9)
 LINE = [Parameter("slope", 3.0), Parameter("offset", 0.5)]
@@ -38,7 +39,7 @@ def test_errors_that_are_not_known_are_those_of_the_scatter_with_students_quanti
     assert (found.intervals[0, 1] - found.intervals[0, 0]) / 2 == pytest.approx(2.364624 * deviation, rel=1e-4)
 
 
-@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("known", members([True, False], False))
 def test_intervals_of_noisy_lines_hold_the_truth_in_95_of_100_sets(known: bool) -> None:
     errors = np.full(len(X), 0.05) if known else None
     found = [estimate(LINE, line, noisy(0.05, seed), errors).intervals for seed in range(400)]

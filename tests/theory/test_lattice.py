@@ -11,6 +11,7 @@ from granular_analysis import second_harmonic as sh
 from granular_analysis.theory import bloch, lattice
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave
+from tests.conftest import members
 from tests.manual import Mutant, off, verifies
 
 NU = 0.17
@@ -76,7 +77,10 @@ def test_a_pair_turned_rigidly_slips_by_its_overlap():
     assert rate[0] == pytest.approx(-spin, abs=1e-11)  # rounding of numbers of order 70
 
 
-@pytest.mark.parametrize(("name", "xi"), [("TR", 0.802), ("TR", 1.475), ("TR", 2.127), ("RT", 0.802), ("L", 0.802)])
+@pytest.mark.parametrize(
+    ("name", "xi"),
+    members([("TR", 0.802), ("TR", 1.475), ("TR", 2.127), ("RT", 0.802), ("L", 0.802)], ("TR", 1.475), ("TR", 2.127)),
+)
 @verifies(
     "Exact lattice as one period of the phase, TR, RT and L to τ = 120, in D0",
     reference="other code: the centre of 201 rows, the paper's set-up",
@@ -120,7 +124,7 @@ def test_both_end_rows_are_held_at_zero():
     assert np.allclose(lattice.rows(Wave(mode, 0.2, Contact(NU)), tau, rows=7), expected, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize(("k", "n"), [(5, 40), (5, 16)])
+@pytest.mark.parametrize(("k", "n"), members([(5, 40), (5, 16)], (5, 16)))
 def test_torus_is_the_periodic_lattice_for_a_long_time(k, n):
     mode, tau, amplitude = sh.mode("TR", 2 * np.pi * k / n, SILICA), np.linspace(0, 1000, 101), 0.1
     contact, neighbours = Contact(NU), lattice.ring_neighbours()
@@ -348,8 +352,13 @@ def on_a_sheet(mode, wavevector, amplitude, tau, eta):
     return (to_xy.T @ place).T / amplitude
 
 
-@pytest.mark.parametrize("eta", [0.0, 0.01])
-@pytest.mark.parametrize(("name", "cycles"), [("L", (1, 1)), ("TR", (1, 2)), ("RT", (-1, 2)), ("L", (2, 0))])
+SHEET_WAVES = [("L", (1, 1)), ("TR", (1, 2)), ("RT", (-1, 2)), ("L", (2, 0))]
+MORE = [("L", (1, 1), 0.0), ("TR", (1, 2), 0.01), ("RT", (-1, 2), 0.0), ("L", (2, 0), 0.01)]
+
+
+@pytest.mark.parametrize(
+    ("name", "cycles", "eta"), members([(*wave, eta) for wave in SHEET_WAVES for eta in (0.0, 0.01)], *MORE)
+)
 def test_torus_is_a_periodic_sheet_in_any_direction(name, cycles, eta):
     first, second = (2 * np.pi * c / size for c, size in zip(cycles, SHEET, strict=True))
     k = np.array([first, (second - first / 2) * 2 / np.sqrt(3)])  # k·(1, 0) and k·(1/2, √3/2)

@@ -204,8 +204,8 @@ def with_geometry(law, xi):
     ("style", "law", "xi"),
     [
         *((*each, 0.802) for each in LAMMPS_LAWS),
-        pytest.param("mindlin/force", "incremental", 1.475, marks=pytest.mark.slow),
-        *(pytest.param(*each, 2.127, marks=pytest.mark.slow) for each in LAMMPS_LAWS),
+        pytest.param("mindlin/force", "incremental", 1.475, marks=pytest.mark.more),
+        *(pytest.param(*each, 2.127, marks=pytest.mark.more) for each in LAMMPS_LAWS),
     ],
 )
 def test_lammps_mindlin_is_the_secant_law_and_mindlin_force_the_incremental(folder, style, law, xi):
@@ -246,12 +246,12 @@ def test_geometry_of_lammps_makes_the_ratio_next_to_the_antiresonance_215():
 
 # Measured with time step 0.05, to the digits given: what these styles do to the paper's three waves.
 RESCALED = [
-    ("mindlin_rescale", 0.802, 0.53, 0.989),
-    pytest.param("mindlin_rescale", 1.475, 0.12, 0.972, marks=pytest.mark.slow),
+    pytest.param("mindlin_rescale", 0.802, 0.53, 0.989, marks=pytest.mark.more),
+    pytest.param("mindlin_rescale", 1.475, 0.12, 0.972, marks=pytest.mark.more),
     ("mindlin_rescale", 2.127, 97, 0.922),
     ("mindlin_rescale/force", 0.802, 1.42, 0.989),
-    pytest.param("mindlin_rescale/force", 1.475, 1.44, 0.966, marks=pytest.mark.slow),
-    pytest.param("mindlin_rescale/force", 2.127, 97, 0.922, marks=pytest.mark.slow),
+    pytest.param("mindlin_rescale/force", 1.475, 1.44, 0.966, marks=pytest.mark.more),
+    pytest.param("mindlin_rescale/force", 2.127, 97, 0.922, marks=pytest.mark.more),
 ]
 
 

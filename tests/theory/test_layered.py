@@ -136,7 +136,7 @@ def test_no_wave_of_a_film_is_missed() -> None:
 
     # A sign of the determinant changes at a wave, where an eigenvalue is 0, and at a pole, where one is infinite
     grid = np.linspace(1e-3, 1 - 1e-9, 2001) * ALUMINIUM.transverse * np.linalg.norm(k)
-    signs = [np.prod(np.sign(values(omega))) for omega in grid]
+    signs = np.prod(np.sign(np.linalg.eigvalsh(film.matrix(np.tile(k, (len(grid), 1)), grid))), axis=-1)
     roots = []
     for n in np.flatnonzero(np.diff(signs)):
         low, high = grid[n], grid[n + 1]

@@ -17,6 +17,7 @@ from granular_analysis.theory.mixing import Pair, Tone, detunings, forced_amplit
 from granular_analysis.theory.neighbours import Neighbours, shifted
 from granular_analysis.theory.selection import forbidden
 from granular_analysis.theory.wave import generated
+from tests.conftest import members
 from tests.manual import Measure, Mutant, verifies
 from tests.polarisations import modes
 from tests.sheet import Sheet
@@ -112,8 +113,12 @@ def relative(measured: Complexes, expected: Complexes) -> float:
 EXACT = 1e-5
 
 
+MORE = ["along y, L and TR", "along x, lower and middle", "oblique, lower and middle", "oblique, upper and upper"]
+MORE += ["difference phase-matched to 0.005"]
+
+
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("name", PAIRS)
+@pytest.mark.parametrize("name", members(PAIRS, *MORE))
 @verifies(
     "Sum and difference of two waves, ten pairs in any direction",
     reference="other integrator: a sheet in which every sphere is integrated, extrapolated to a = 0",
@@ -131,9 +136,14 @@ def test_ten_pairs_make_what_the_exact_lattice_makes(name: str, sign: int, measu
     measured(relative(seen, mixed_wave(pair, TAU)))
 
 
+# One pair of each contact is left to `make test`
+OTHERS = ["along y, TR and TR", "oblique, lower and middle", "mirrored"]
+LEFT = zip(CONTACTS, [OTHERS[2], OTHERS[2], OTHERS[1], OTHERS[0], OTHERS[1]], strict=True)
+REST = set(product(CONTACTS, OTHERS)) - set(LEFT)
+
+
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("name", ["along y, TR and TR", "oblique, lower and middle", "mirrored"])
-@pytest.mark.parametrize("contacts", CONTACTS)
+@pytest.mark.parametrize(("contacts", "name"), members(product(CONTACTS, OTHERS), *REST))
 def test_so_they_do_with_other_contacts(contacts: str, name: str, sign: int) -> None:
     pair = pair_of(name, sign, CONTACTS[contacts])
     seen = component(crossed_field(name, CONTACTS[contacts]), SHEET.rest, pair.wavevector)
@@ -165,7 +175,7 @@ def test_the_distance_sees_one_percent_and_a_wrong_sign() -> None:
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("name", [name for name in PAIRS if name.startswith(("along", "mirrored"))])
+@pytest.mark.parametrize("name", members([name for name in PAIRS if name.startswith(("along", "mirrored"))], *MORE))
 def test_what_symmetry_forbids_is_not_in_the_exact_lattice(name: str, sign: int) -> None:
     pair = pair_of(name, sign)
     banned = forbidden(pair.mixed)

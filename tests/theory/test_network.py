@@ -18,6 +18,7 @@ from granular_analysis.theory.network_motion import integrate, scales
 from granular_analysis.theory.network_state import contacts, forces, present, searched_again, settled, start
 from granular_analysis.theory.wave import Wave
 from granular_lmp.crystal.sphere import Sphere
+from tests.conftest import members
 from tests.manual import Mutant, off, verifies
 
 PAPER = Sphere(radius=500e-9, youngs_modulus=73e9, poisson_ratio=0.17, work_of_adhesion=0.063, density=2200.0)
@@ -347,7 +348,7 @@ def test_spheres_stick_below_the_sticking_speed_of_lammps(speed, sticks):
 # --- conservation -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("law", ["secant", "incremental"])
+@pytest.mark.parametrize("law", members(["secant", "incremental"], "incremental"))
 @verifies(
     "Network: angular momentum of seven unequal spheres that fly, turn and part",
     reference="analytic: conserved; over the momentum times R",
@@ -438,8 +439,15 @@ def test_contacts_keep_their_shear_when_pairs_are_searched_again():
 # --- the perfect lattice ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("law", ["secant", "incremental"])
-@pytest.mark.parametrize(("name", "waves"), [("TR", 3), ("RT", 5), ("L", 3)])
+@pytest.mark.parametrize(
+    ("name", "waves", "law"),
+    members(
+        [(*wave, law) for wave in (("TR", 3), ("RT", 5), ("L", 3)) for law in ("secant", "incremental")],
+        ("TR", 3, "incremental"),
+        ("RT", 5, "secant"),
+        ("L", 3, "incremental"),
+    ),
+)
 def test_the_perfect_crystal_is_the_lattice_in_lammps_geometry(name, waves, law):
     rows, amplitude, tau = 24, 0.2, np.linspace(0, 30, 31)
     geometry = {"overlap_ratio": PAPER.overlap_ratio}

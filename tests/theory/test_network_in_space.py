@@ -1,6 +1,7 @@
 """The network in space: beside the plane, turned packings, conservation, closed forms of a sphere on a wall, modes."""
 
 from dataclasses import replace
+from itertools import product
 from math import cos, pi, sin, sqrt
 
 import numpy as np
@@ -16,6 +17,7 @@ from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_outside import Drive
 from granular_analysis.theory.network_state import forces, present, searched_again, start
 from granular_analysis.theory.network_tangents import dot, frames, tangents, turned
+from tests.conftest import members
 
 SILICA, STEEL = Material(73e3, 0.17, 63.0), Material(200e3, 0.3, 100.0)  # MPa, mJ/m²: nm, ag, ns
 RADIUS, DENSITY = 500.0, 0.0022
@@ -72,7 +74,8 @@ def test_a_packing_in_the_plane_moves_in_space_as_there(changes) -> None:
     way, velocity, rotation, spin = disturbed(plane, 0.1 * OVERLAP)
     moving = (np.pad(way, ((0, 0), (0, 1))), np.pad(velocity, ((0, 0), (0, 1))))
     turning = (np.pad(each[:, None], ((0, 0), (2, 0))) for each in (rotation, spin))
-    options = {"rtol": 1e-10, "longest_step": TIME / 40}
+    # Steps, not rtol, set these errors; halves of them change only those of sliding
+    options = {"rtol": 1e-8, "longest_step": TIME / (40 if "friction" in changes else 20)}
     flat = integrate(plane, start(plane, way, velocity, rotation, spin), [3 * TIME], **options).motion[0]
     deep = integrate(space, start(space, *moving, *turning), [3 * TIME], **options).motion[0]
     size = np.abs(flat).max(axis=1, keepdims=True)
@@ -175,7 +178,7 @@ def test_contacts_keep_their_shear_in_space_when_pairs_are_searched_again() -> N
 # --- conservation ---
 
 
-@pytest.mark.parametrize("law", ["secant", "incremental"])
+@pytest.mark.parametrize("law", members(["secant", "incremental"], "secant"))
 def test_momentum_and_angular_momentum_are_conserved(law) -> None:
     network = cluster(law=law, walls=())
     state = start(network, *disturbed(network, 0.5))
@@ -262,8 +265,11 @@ def of_case(case: str) -> tuple[Network, Crystal, np.ndarray]:
     return packing(places, cell=cell, walls=(FLOOR,)), crystal, k
 
 
-@pytest.mark.parametrize("case", ["fcc", "layer", "oblique"])
-@pytest.mark.parametrize("branch", range(6))
+MORE = [("fcc", 1), ("fcc", 2), ("fcc", 4), ("layer", 0), ("layer", 3), ("layer", 5)]
+MORE += [("oblique", 0), ("oblique", 1), ("oblique", 3), ("oblique", 4)]
+
+
+@pytest.mark.parametrize(("case", "branch"), members(product(["fcc", "layer", "oblique"], range(6)), *MORE))
 def test_a_small_wave_is_a_mode_of_the_crystal(case, branch) -> None:
     network, crystal, k = of_case(case)
     modes = crystal.modes(k)

@@ -22,6 +22,7 @@ from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.second_order import Mixed, branch_of
 from granular_analysis.theory.selection import forbidden, mirrors
 from granular_lmp import Scene, run
+from tests.conftest import members
 
 ROOT3 = np.sqrt(3)
 LAYERS = {"every": 2, "density": 4400.0}
@@ -113,7 +114,9 @@ def test_honeycomb_has_resonances_that_a_chain_of_formulas_would_not_find() -> N
 
 
 @pytest.mark.parametrize(
-    ("mode", "cycles", "rows", "amplitude"), [("L", 23, 150, 0.0025), ("TR", 18, 130, 0.01)], ids=["L", "TR"]
+    ("mode", "cycles", "rows", "amplitude"),
+    members([("L", 23, 150, 0.0025), ("TR", 18, 130, 0.01)], ("L", 23, 150, 0.0025)),
+    ids=["L", "TR"],
 )
 def test_lammps_has_the_resonances_of_a_layered_crystal(
     mode: str, cycles: int, rows: int, amplitude: float, tmp_path: Path

@@ -13,6 +13,7 @@ from granular_analysis.theory.network_state import forces, start
 from granular_analysis.theory.rows import heavy_rows, rows_of
 from granular_analysis.theory.transfer import scattering
 from granular_lmp.crystal.sphere import Sphere
+from tests.conftest import members
 
 SILICA = Sphere(radius=5e-7, youngs_modulus=73e9, poisson_ratio=0.17, work_of_adhesion=0.063, density=2200.0)
 CONTACT = Contact(0.17, overlap_ratio=SILICA.overlap_ratio)
@@ -192,7 +193,9 @@ def energies(network: Network, motion: np.ndarray, count: int) -> np.ndarray:
     return np.sum(speed**2 * np.array(rows.mass) + moved * pull, axis=1) / 2
 
 
-@pytest.mark.parametrize(("name", "wavenumber", "until"), [("L", 0.8, 115.0), ("TR", 1.0, 145.0)])
+@pytest.mark.parametrize(
+    ("name", "wavenumber", "until"), members([("L", 0.8, 115.0), ("TR", 1.0, 145.0)], ("L", 0.8, 115.0))
+)
 def test_the_network_in_time_shares_the_energy_of_a_packet_so(name: str, wavenumber: float, until: float) -> None:
     count, middle, width, interface = 145, 60, 6.0, 90
     network = crystal(count, hard=slice(interface, None))

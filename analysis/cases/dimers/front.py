@@ -19,6 +19,8 @@ Published: K. R. Jayaprakash, Y. Starosvetsky & A. F. Vakakis, Phys. Rev. E 83, 
 paper could not be read here; the numbers are measured.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
@@ -113,6 +115,7 @@ def antiresonance(low: float, high: float) -> tuple[float, float]:
     return float(found.x), -float(found.fun)
 
 
+@lru_cache(maxsize=4)  # decay and rattle are of one motion, and a search for a root asks for its ends again
 def struck(ratio: float) -> Floats:
     """Return the velocities (T, n) of a struck chain after each step, until the front has passed the watched cells.
 
