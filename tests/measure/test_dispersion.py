@@ -130,23 +130,30 @@ def test_a_kicked_sheet_is_a_run(tmp_path: Path) -> None:
     assert load(path.parent).scene.start.seed == 3
 
 
-@pytest.mark.parametrize("by", ["kick", "resume"])
-def test_a_kick_that_was_stopped_is_continued(by: str, tmp_path: Path, fast_looks: None) -> None:
-    often = SMALL.with_values({"time.duration": 300.0, "output.checkpoint": SMALL.shape.spheres * 200 / SPEED / 60})
+OFTEN = SMALL.with_values({"time.duration": 120.0, "output.checkpoint": SMALL.shape.spheres * 200 / SPEED / 60})
 
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A kicked sheet that nobody stopped."""
+    return run_kicked(OFTEN, tmp_path_factory.mktemp("kicked") / "whole", 3)
+
+
+@pytest.mark.parametrize("by", ["kick", "resume"])
+def test_a_kick_that_was_stopped_is_continued(by: str, whole: Path, tmp_path: Path, fast_looks: None) -> None:
     def stop(step: int, steps: int) -> None:
         if steps / 3 < step < steps:
             raise KeyboardInterrupt
 
     with pytest.raises(RunInterrupted):
-        run(kicked(often, 3), tmp_path / "cut", progress=stop)
+        run(kicked(OFTEN, 3), tmp_path / "cut", progress=stop)
     if by == "resume":
         resume(tmp_path / "cut")
-    cut, whole = (run_kicked(often, tmp_path / name, 3) for name in ("cut", "whole"))
+    cut = run_kicked(OFTEN, tmp_path / "cut", 3)
     with np.load(cut) as found, np.load(whole) as expected:
         assert np.array_equal(found["velocity"], expected["velocity"])
     with pytest.raises(RunFolderError, match="is there already"):
-        run_kicked(often, tmp_path / "cut", 3)
+        run_kicked(OFTEN, tmp_path / "cut", 3)
 
 
 def test_spheres_that_do_not_turn_are_refused() -> None:
@@ -197,7 +204,9 @@ def test_a_sheet_that_cannot_be_analysed_is_not_run(changes: dict[str, float], s
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.parametrize(("rows", "columns"), [(4, 3), (6, 3), (4, 6)])
+@pytest.mark.parametrize(
+    ("rows", "columns"), [(4, 3), *(pytest.param(*each, marks=pytest.mark.more) for each in ((6, 3), (4, 6)))]
+)
 def test_the_smallest_sheets_that_are_run_are_analysed(rows: int, columns: int, tmp_path: Path) -> None:
     smallest = {"packing.rows": rows, "packing.columns": columns, "wave.wavenumber": np.pi / 2, "time.duration": 12.0}
     run_kicked(SMALL.with_values(smallest), tmp_path / "run")

@@ -15,6 +15,7 @@ from granular_analysis.measure.points import Point
 from granular_analysis.second_harmonic import mode, ratios
 from granular_analysis.theory.monolayer import Layer
 from granular_lmp import Scene, run
+from tests.conftest import members
 from tests.manual import Measure, Mutant, verifies
 
 SCENE = Scene.load("tr_periodic")
@@ -83,7 +84,7 @@ def departures(name: str) -> np.ndarray:
     return SETUPS[name].departures(0.01, 20)
 
 
-@pytest.mark.parametrize("name", SETUPS)
+@pytest.mark.parametrize("name", members(SETUPS, "chain", "layer"))
 def test_intervals_of_twenty_noisy_sets_hold_the_truth(name: str) -> None:
     coverage, bias = judged(departures(name))
     assert np.all(coverage >= 0.8)  # 16 of 20 or fewer happen by chance in 0.3 % of trials
