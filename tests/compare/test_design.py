@@ -21,6 +21,7 @@ from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.mixing import Pair, Tone, detunings, mixed_wave
 from granular_analysis.theory.neighbours import shifted
 from granular_analysis.theory.wave import Wave, generated
+from tests.conftest import members
 from tests.polarisations import modes
 from tests.theory.test_mixing import relative
 
@@ -98,6 +99,7 @@ def test_equal_frequencies_make_no_difference_and_unequal_ones_do() -> None:
     assert {each.pair.sign for each in design(SILICA, 2e8, 3e8, [17.0], [0.0])} == {1, -1}
 
 
+@pytest.mark.more
 def test_the_table_has_a_line_for_each(capsys: pytest.CaptureFixture[str]) -> None:
     assert analysis_main(["design", str(HERTZ), "--direction", "90", "--opening", "0", "60"]) == 0
     printed = capsys.readouterr().out
@@ -161,7 +163,7 @@ def test_bad_input_is_named(arguments: list[str], said: str, capsys: pytest.Capt
     assert re.search(said, " ".join(capsys.readouterr().err.split()))
 
 
-@pytest.mark.parametrize("hertz", [1e-15, 1e15])
+@pytest.mark.parametrize("hertz", members([1e-15, 1e15], 1e15))
 def test_spheres_without_adhesion_have_a_resonance_or_none_at_any_frequency(hertz: float) -> None:
     assert design(STEEL, hertz, directions=[90.0], openings=[0.0]) == []
 
@@ -234,10 +236,10 @@ def test_a_frequency_that_no_sphere_bears_has_no_resonance(capsys: pytest.Captur
 
 def test_the_paper_s_resonance_is_on_the_map() -> None:
     k = np.array([0.0, 2 * 1.476255486117 / np.sqrt(3)])  # ξ_res of silica
-    lines = [line for target, line, _ in partners(Tone(k, 0), 0, 1, Contact(0.17), points=120) if target == 1]
-    # The spacing of the grid is 0.07; a line is good to its square
+    lines = [line for target, line, _ in partners(Tone(k, 0), 0, 1, Contact(0.17), points=60) if target == 1]
+    # The spacing of the grid is 0.14; a line is good to its square
     assert min(np.linalg.norm(line - k, axis=-1).min() for line in lines) < 0.07
-    assert not [line for _, line, _ in partners(Tone(k, 0), 0, -1, Contact(0.17), points=120)]
+    assert not [line for _, line, _ in partners(Tone(k, 0), 0, -1, Contact(0.17), points=60)]
 
 
 def test_the_widest_line_of_the_figure_is_that_of_the_page() -> None:
@@ -246,7 +248,9 @@ def test_the_widest_line_of_the_figure_is_that_of_the_page() -> None:
     assert max(rates) == pytest.approx(0.045, abs=5e-4)
 
 
-@pytest.mark.parametrize(("branch", "sign"), [(0, 1), (1, 1), (1, -1), (2, -1)])
+@pytest.mark.parametrize(
+    ("branch", "sign"), [(0, 1), (2, -1), *(pytest.param(1, sign, marks=pytest.mark.more) for sign in (1, -1))]
+)
 def test_the_lines_of_the_map_are_phase_matched(branch: int, sign: int) -> None:
     first, contact = Tone(np.array([0.55, 0.9]), 0), Contact(0.17)
     found = list(partners(first, branch, sign, contact, points=120))  # type: ignore[arg-type]  # a parametrised sign
