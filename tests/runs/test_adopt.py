@@ -17,6 +17,7 @@ from granular_lmp.errors import GranularError, LammpsError, RunFolderError
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.lammps.variables import said_variables
 from granular_lmp.runs.adopt import adopt
+from tests.conftest import members
 
 Left = Callable[..., Path]
 
@@ -215,7 +216,7 @@ def test_the_command_says_what_the_log_said(left: Left, tmp_path: Path, capsys: 
     assert main(["adopt", str(folder)]) == 2
 
 
-@pytest.mark.parametrize("name", ["xi", "mode", "rows", "columns", "amp"])
+@pytest.mark.parametrize("name", members(["xi", "mode", "rows", "columns", "amp"], "mode", "rows", "columns"))
 def test_a_variable_that_a_deck_does_not_have_is_refused_by_lammps(name: str, small: Scene, tmp_path: Path) -> None:
     build(small).write(tmp_path / "deck")
     command = [*lmp_command(1), "-in", "in.small", "-screen", "none", "-var", name, "1"]

@@ -27,7 +27,7 @@ from granular_lmp.runs import launch, routes
 from granular_lmp.runs.fields import LAUNCHERS
 from granular_lmp.runs.options import Options, core_count
 from granular_lmp.runs.record import read_status, write_status
-from tests.conftest import PAPER
+from tests.conftest import PAPER, members
 from tests.lammps.test_deck import lmp
 from tests.stand_in import of_first_format
 
@@ -190,7 +190,7 @@ def started(folder: Path, size: int, *words: str) -> "subprocess.Popen[str]":
     return process
 
 
-@pytest.mark.parametrize("switch", [[], ["--lmp"], ["--np", "2"]])
+@pytest.mark.parametrize("switch", members([[], ["--lmp"], ["--np", "2"]], ["--np", "2"]))
 def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_was_recorded(switch: list[str], tmp_path: Path) -> None:
     process = started(tmp_path / "run", 50_000, *ENDLESS_RUN, *switch)
     process.send_signal(signal.SIGINT)
@@ -239,7 +239,10 @@ def test_an_interrupted_run_resumes_to_the_same_bytes(whole: Record, tmp_path: P
         launch.resume(tmp_path / "run")
 
 
-@pytest.mark.parametrize("switch", [["--lmp"], ["--np", "2"]])  # in this process: tests/hard/test_honesty.py
+# Ranks that are stopped: tests/runs/test_continued.py
+@pytest.mark.parametrize(
+    "switch", members([["--lmp"], ["--np", "2"]], ["--np", "2"])
+)  # in this process: tests/hard/test_honesty.py
 def test_a_killed_run_resumes_from_its_last_checkpoint_to_the_same_bytes(
     switch: list[str], whole: Record, tmp_path: Path
 ) -> None:

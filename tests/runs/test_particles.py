@@ -115,13 +115,13 @@ def test_columns_have_the_names_that_ovito_maps_by_itself(
     assert np.any(rotation != 0) == (changes.get("wave.mode") != "L")
 
 
-def test_a_stopped_run_resumes_to_the_same_snapshots(tmp_path: Path) -> None:
+def test_a_stopped_run_resumes_to_the_same_snapshots(tmp_path: Path, fast_looks: None) -> None:
     scene = Scene.load("tr_nonresonant").with_values(
-        {"packing.rows": 21, "time.allow_echo": True, "time.duration": 1500.0, "output.particles": 50.0}
+        {"packing.rows": 21, "time.allow_echo": True, "time.duration": 300.0, "output.particles": 10.0}
     )
 
     def stop(step: int, steps: int) -> None:
-        if step > 4000:
+        if step > 800:
             raise KeyboardInterrupt
 
     with pytest.raises(RunInterrupted):

@@ -27,6 +27,7 @@ from granular_lmp.scene.sections import Effects, Packing
 from granular_lmp.studies.identity import frozen, names_of
 from granular_lmp.studies.sweep import Sweep, sweep
 from granular_lmp.studies.sweep_points import scene_hash
+from tests.conftest import members
 
 RELEASES = Path(__file__).parents[1] / "data" / "releases"
 OLD = ["e02a04e", "832ce44"]
@@ -48,7 +49,8 @@ def files(folder: Path) -> dict[Path, bytes]:
 # --- run folders ---
 
 
-@pytest.mark.parametrize("there", RUNS, indirect=True)
+# Of each release a run and of each kind a release
+@pytest.mark.parametrize("there", members(RUNS, "e02a04e/sheet", "e02a04e/tolerance", "832ce44/run"), indirect=True)
 def test_an_old_run_is_loaded_compared_viewed_and_exported(there: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record = Record.load(there)
     assert formats.format_of(record.info) == 1

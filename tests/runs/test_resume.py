@@ -21,7 +21,7 @@ from granular_lmp.runs.fields import FIELDS, refuse_malformed
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.status import seal_of
-from tests.conftest import PAPER
+from tests.conftest import PAPER, members
 
 # 8 rows, as `small`, with a monitor; 12,000 steps
 WAVE = PAPER.with_values(
@@ -138,7 +138,8 @@ def refusal(door: Callable[[], object]) -> str:
     return ""
 
 
-@pytest.mark.parametrize("kind", ["wave", "steps", "impact", "impact to a tolerance"])
+# A run to a tolerance has the fields of one run, and its own
+@pytest.mark.parametrize("kind", members(["wave", "steps", "impact", "impact to a tolerance"], "steps", "impact"))
 def test_a_wrong_value_in_any_field_is_one_line_and_never_a_traceback(
     kind: str,
     ended: dict[str, dict[str, Any]],

@@ -13,7 +13,10 @@ from pathlib import Path
 import pytest
 
 from granular_analysis.plotting import start
+from granular_lmp import Scene
 from granular_lmp.runs.routes import FEWEST_FILES
+from granular_lmp.studies.sweep import sweep
+from tests.conftest import members
 
 SCRIPTS = (
     "cases.accuracy.case",
@@ -41,10 +44,10 @@ def shell(line: str, folder: Path) -> tuple[int, str, str]:
     ("unbuffered", "command"),
     [
         ("", "effects tr_periodic"),
-        ("", "modes tr_periodic"),
-        ("", "doctor"),
+        pytest.param("", "modes tr_periodic", marks=pytest.mark.more),
+        pytest.param("", "doctor", marks=pytest.mark.more),
         ("", "run small.toml -o run"),
-        ("1", "effects tr_periodic"),
+        pytest.param("1", "effects tr_periodic", marks=pytest.mark.more),
         ("1", "run small.toml -o run"),
     ],
 )
@@ -66,12 +69,13 @@ def test_a_full_standard_error_does_not_stop_a_run(small_toml: Path, tmp_path: P
     assert "24 spheres" in out
 
 
-@pytest.mark.parametrize(
-    "door", ["-m granular_analysis.compare", "-c 'from granular_analysis.cli import program; program()' compare"]
-)
-def test_a_script_ends_as_a_command_does(door: str, small_toml: Path, tmp_path: Path) -> None:
+DOORS = ["-m granular_analysis.compare", "-c 'from granular_analysis.cli import program; program()' compare"]
+
+
+@pytest.mark.parametrize("door", members(DOORS, DOORS[0]))
+def test_a_script_ends_as_a_command_does(door: str, small: Scene, tmp_path: Path) -> None:
     # Of a sweep it prints a line and draws no figure
-    assert shell(f"{GRANULAR} sweep small.toml --over wave.phase=0 -o sweep", tmp_path)[0] == 0
+    sweep(small, {"wave.phase": [0.0]}, tmp_path / "sweep")
     compare = f"PYTHONPATH={Path(__file__).parents[2]} {sys.executable} {door}"
     assert shell(f"{compare} sweep > /dev/full", tmp_path)[::2] == (1, "this machine: No space left on device\n")
     assert shell(f"set -o pipefail; {compare} sweep | true", tmp_path)[::2] == (0, "")
@@ -98,19 +102,19 @@ def test_bad_input_of_a_script_is_one_line_and_status_2(
     assert len(said.err.splitlines()) == 1 or said.err.startswith("usage: ")
 
 
-@pytest.mark.parametrize("closed", ["2>&-", ">&-", "<&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("closed", members(["2>&-", ">&-", "<&-", "<&- >&- 2>&-"], ">&-", "<&-"))
 def test_a_closed_stream_does_not_stop_a_run(closed: str, small_toml: Path, tmp_path: Path) -> None:
     assert shell(f"{GRANULAR} run small.toml -o run {closed}", tmp_path)[0] == 0
     assert json.loads((tmp_path / "run/run.json").read_text())["status"] == "finished"
 
 
-@pytest.mark.parametrize("closed", ["2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("closed", members(["2>&-", "<&- >&- 2>&-"], "<&- >&- 2>&-"))
 def test_a_closed_stream_does_not_change_the_status_of_bad_input(closed: str, tmp_path: Path) -> None:
     assert shell(f"{GRANULAR} run nowhere {closed}", tmp_path)[0] == 2
 
 
 # Programs that a sweep starts may be given the numbers of closed streams
-@pytest.mark.parametrize("closed", ["<&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("closed", members(["<&-", "<&- >&- 2>&-"], "<&-"))
 def test_a_closed_stream_does_not_stop_a_sweep(closed: str, small_toml: Path, tmp_path: Path) -> None:
     sweep = f"{GRANULAR} sweep small.toml --over wave.phase=0,1 --workers 2 -o sweep {closed}"
     assert shell(sweep, tmp_path)[0] == 0
@@ -130,7 +134,12 @@ def test_a_deleted_working_directory_is_one_line_and_status_2(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    "command", ["run small.toml", "run small.toml --lmp", "kick small.toml --set time.duration=4", "collide test2"]
+    "command",
+    members(
+        ["run small.toml", "run small.toml --lmp", "kick small.toml --set time.duration=4", "collide test2"],
+        "run small.toml --lmp",
+        "collide test2",
+    ),
 )
 def test_too_few_open_files_are_refused_before_a_file_is_written(
     command: str, small_toml: Path, tmp_path: Path
