@@ -26,7 +26,7 @@ BURST = {"rows": [28, 28], "force": "y", "signal": "burst", "cycles": 6.0}
 SCENE = PAPER.with_values(
     {"name": "heavy", "packing.rows": 91, "packing.columns": 3, "wave.form": "none", "wave.mode": "L"}
     | {"wave.wavenumber": 1.0, "wave.amplitude": 1e-3, "absorb.rows": 18, "absorb.reflection": 2e-3}
-    | {"time.duration": 230.0, "time.timestep": 0.25, "time.sample": 1.0}
+    | {"time.duration": 230.0, "time.timestep": 0.34, "time.sample": 1.0}
     | {"source": [BURST], "inclusion": [{"rows": [45, 45], "density": 6600.0}]}
 )
 SPHERE, LATTICE = SCENE.sphere, unit_lattice(SCENE.sphere)

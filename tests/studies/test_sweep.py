@@ -32,6 +32,7 @@ from granular_lmp.studies.sweep import Sweep, run_point, sweep
 from granular_lmp.studies.sweep_points import axes, axis, scene_hash
 from granular_lmp.studies.sweep_rows import columns_of
 from tests.cli.test_cli import cli
+from tests.conftest import members
 
 module = sys.modules["granular_lmp.studies.sweep"]
 ROOT = Path(__file__).parents[2]
@@ -447,7 +448,7 @@ EXECUTORS: dict[str, Callable[[], Any]] = {
 }
 
 
-@pytest.mark.parametrize("kind", EXECUTORS)
+@pytest.mark.parametrize("kind", members(EXECUTORS, "spawned processes"))
 def test_every_executor_gives_the_same_table(kind: str, small: Scene, tmp_path: Path) -> None:
     alone = sweep(small, TWO, tmp_path / "alone")
     with EXECUTORS[kind]() as executor:
@@ -531,7 +532,9 @@ def test_bad_input_is_one_line_and_status_2(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("number", "times"), [(signal.SIGINT, 2), (signal.SIGTERM, 1)])
+@pytest.mark.parametrize(
+    ("number", "times"), [(signal.SIGINT, 2), pytest.param(signal.SIGTERM, 1, marks=pytest.mark.more)]
+)
 def test_ctrl_c_stops_at_once_and_the_same_command_goes_on(
     number: int, times: int, small_toml: Path, tmp_path: Path
 ) -> None:
