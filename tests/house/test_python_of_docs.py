@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import members
+
 ROOT = Path(__file__).parents[2]
 PYTHON = re.compile(r"^```python[ \t]*\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
 ALLOWED = 60.0  # s per code block
@@ -84,12 +86,14 @@ PAGES_OF_PYTHON = [
 
 
 @pytest.fixture(scope="module")
-def failures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    pages = {page: (ROOT / page).read_text("utf-8") for page in PAGES_OF_PYTHON}
+def failures(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Tracebacks of the pages that are asked for in this session."""
+    asked = [item.callspec.params.get("page") for item in request.session.items if hasattr(item, "callspec")]
+    pages = {page: (ROOT / page).read_text("utf-8") for page in PAGES_OF_PYTHON if page in asked}
     return run_blocks(pages, tmp_path_factory.mktemp("pages"))
 
 
-@pytest.mark.parametrize("page", PAGES_OF_PYTHON)
+@pytest.mark.parametrize("page", members(PAGES_OF_PYTHON, "docs/sweeps.md", "docs/experiments.md"))
 def test_the_python_of_a_page_runs(page: str, failures: dict[str, str]) -> None:
     assert failures[page] == ""
 

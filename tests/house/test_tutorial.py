@@ -18,6 +18,7 @@ import pytest
 from granular_analysis.cli import main as analysis_main
 from granular_lmp.cli import main
 from granular_lmp.plot.movie import write_movie
+from tests.conftest import members
 from tests.house.test_site import loaded
 
 ROOT = Path(__file__).parents[2]
@@ -111,7 +112,8 @@ def short_movies(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("granular_lmp.plot.crystal.write_movie", short)
 
 
-@each_page
+# `make tested-docs` runs both
+@pytest.mark.parametrize("name", members(PAGES, "tutorial-fit"))
 @pytest.mark.usefixtures("short_movies")
 def test_every_command_of_the_tutorial_runs_and_prints_what_the_page_shows(name: str, tmp_path: Path) -> None:
     assert follow(PAGES[name].read_text("utf-8"), tmp_path) == []
