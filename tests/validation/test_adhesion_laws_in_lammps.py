@@ -136,7 +136,9 @@ def test_the_second_harmonic_in_lammps_is_that_of_theory(
     assert relative_error(record.p, torus(another, record.tau)[0]) > 0.05  # the other law is seen
 
 
-def test_the_figure_takes_the_runs_of_a_law_and_finds_resonance_and_antiresonance(crystal: dict[int, Record]) -> None:
+def test_the_figure_takes_the_runs_of_a_law_and_finds_resonance_and_antiresonance(
+    crystal: dict[int, Record], monkeypatch: pytest.MonkeyPatch
+) -> None:
     groups = figure.by_law(list(crystal.values()))
     lines = figure.table(groups).splitlines()
     assert list(groups) == ["jkr"]
@@ -144,6 +146,7 @@ def test_the_figure_takes_the_runs_of_a_law_and_finds_resonance_and_antiresonanc
     # A polynomial of degree 4 through runs that are 0.26 apart
     assert found["resonance"] == pytest.approx(1.3083, abs=0.02)
     assert found["antiresonance"] == pytest.approx(2.5337, abs=0.02)
+    monkeypatch.setattr(figure, "POINTS", 4)  # the lines of the theory take 3 s
     assert len(figure.draw(groups).axes) == 4
     other = run_of_another(crystal[4])
     with pytest.raises(ValueError, match="a figure takes the runs of one crystal"):

@@ -117,7 +117,7 @@ def test_effects_follow_the_bound_of_the_strike(watched: Record) -> None:
             prepare(pressed.with_values({"packing.first": faces, "packing.last": faces}))
 
 
-@pytest.mark.parametrize(("launcher", "ranks"), [("lmp", 1), ("lmp", 2)])
+@pytest.mark.parametrize(("launcher", "ranks"), [pytest.param("lmp", 1, marks=pytest.mark.more), ("lmp", 2)])
 def test_routes_agree(watched: Record, launcher: Any, ranks: int, tmp_path: Path) -> None:
     other = run(WATCHED, tmp_path / "run", launcher=launcher, ranks=ranks)
     np.testing.assert_allclose(other.displacement, watched.displacement, rtol=0, atol=1e-12)

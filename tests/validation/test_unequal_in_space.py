@@ -135,7 +135,8 @@ def forces_in_lammps(scene: Scene, folder: Path) -> np.ndarray:
 # Of each, a case with one feature more stands beside it
 MORE = ("a layer", "a layer that lost contacts", "a layer of 1 % spheres", "a layer in a box", "an island")
 MORE += ("a layer that is pressed together", "a larger sphere", "rows of steel on a substrate")
-MORE += ("fcc", "fcc under load", "hcp", "a film")
+MORE += ("fcc", "fcc under load", "hcp", "a film", "a layer with measured stiffnesses")
+MORE += ("a layer between held rows", "a layer between two plates", "a cover of steel")
 
 
 @pytest.mark.parametrize("name", members(CASES, *MORE))

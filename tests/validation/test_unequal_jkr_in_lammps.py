@@ -65,7 +65,7 @@ def test_a_crystal_that_is_not_perfect_moves_as_its_network(feature: str, tmp_pa
         {"inclusion": [OTHER]},
         CHAIN,
         {"packing.contact_force": 5e-8},
-        {"packing.relax_friction": 0.3},
+        pytest.param({"packing.relax_friction": 0.3}, marks=pytest.mark.more),
         {"effects.shear_law": "incremental", "wave.form": "standing", "striker": [{"rows": [4, 4], "velocity": 1e-3}]},
     ],
 )

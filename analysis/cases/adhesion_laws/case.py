@@ -35,6 +35,7 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 COLOURS: Final[dict[Adhesion, str]] = {"dmt": "black", "jkr": "tab:red"}
+POINTS = 50  # of a line of theory in the panels below
 # A contact that nothing presses has these k1Δ0 in πwRc, and Δ0 in that of the DMT law
 UNITS: Final[dict[Adhesion, tuple[float, float]]] = {"dmt": (3.0, 1.0), "jkr": (1.8, 3 ** (-1 / 3))}
 
@@ -105,10 +106,10 @@ def draw(groups: Mapping[Adhesion, Sequence[Record]]) -> Figure:
     spectrum.set(ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)", title="second harmonic of TR waves")
     spectrum.legend(frameon=False, fontsize="small", loc="upper left")
 
-    nu = np.linspace(-0.99, 0.5, 50)
+    nu = np.linspace(-0.99, 0.5, POINTS)
     _draw_places(ratios, nu, {law: [Contact(each, adhesion_law=law) for each in nu] for law in COLOURS})
     ratios.set(xlabel=r"Poisson's ratio $\nu$", title="without an outer force")
-    share = np.linspace(0, 0.9999, 50)
+    share = np.linspace(0, 0.9999, POINTS)
     contacts = {law: [Contact(SILICA, adhesion_law=law, prestress=each) for each in share] for law in COLOURS}
     _draw_places(pressed, share, contacts)
     pressed.set(xlabel=r"share $F_0/(F_0+F)$ of an outer force", title=rf"$\nu$ = {SILICA:g}")
