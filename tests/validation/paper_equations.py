@@ -218,6 +218,9 @@ def transverse_shape(wavenumber: float, ratio: float, frequency: float, inertia:
     return float(1 / np.hypot(1, slope)), float(slope / np.hypot(1, slope))
 
 
+_NX, _NY = (of(np.deg2rad([*CONTACT_ANGLES.values()]))[:, None] for of in (np.cos, np.sin))  # (6, 1) each
+
+
 def exact_acceleration(
     ahead: Array, here: Array, behind: Array, amplitude: float, ratio: float, inertia: float = 0.4
 ) -> Array:
@@ -226,18 +229,15 @@ def exact_acceleration(
     `ahead`, `here`, `behind` hold (p, q, φ), shape (3, K), in units of D0; `amplitude` is D0/Δ0.
     """
     rows = {1: ahead, 0: here, -1: behind}
-    force_u, force_v, torque = np.zeros((3, *here.shape[1:]))
-    for label, row in ROW_OF_CONTACT.items():
-        angle = np.deg2rad(CONTACT_ANGLES[label])
-        nx, ny = np.cos(angle), np.sin(angle)
-        along, across = rows[row][0] - here[0], -(rows[row][1] - here[1])
-        overlap = np.maximum(1 - amplitude * (nx * across + ny * along), 0)
-        # Less the static force 2/(3a): it cancels between opposite contacts, its round-off would not.
-        normal = -2 / (3 * amplitude) * (overlap**1.5 - 1)
-        shear = ratio * (-ny * across + nx * along - rows[row][2] - here[2]) * np.sqrt(overlap)
-        force_u += nx * normal - ny * shear
-        force_v += ny * normal + nx * shear
-        torque += shear
+    # One contact to a line: (6, K)
+    along, across, turned = np.stack([rows[row] for row in ROW_OF_CONTACT.values()], axis=1)
+    along, across = along - here[0], here[1] - across
+    overlap = np.maximum(1 - amplitude * (_NX * across + _NY * along), 0)
+    # Less the static force 2/(3a): it cancels between opposite contacts, its round-off would not.
+    normal = -2 / (3 * amplitude) * (overlap**1.5 - 1)
+    shear = ratio * (-_NY * across + _NX * along - turned - here[2]) * np.sqrt(overlap)
+    force_u, force_v = (_NX * normal - _NY * shear).sum(axis=0), (_NY * normal + _NX * shear).sum(axis=0)
+    torque = shear.sum(axis=0)
     return np.array([force_v, -force_u, torque / inertia]) / (2 * (ratio + 3))
 
 

@@ -18,6 +18,7 @@ from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.mixing import Pair, Tone, mixed_wave
 from granular_analysis.theory.selection import forbidden
 from granular_lmp import Deck, Scene, build, run
+from tests.conftest import members
 from tests.polarisations import modes
 from tests.theory.test_mixing import PAIRS, SHEET, SIGNS, on_sheet, relative
 
@@ -79,8 +80,17 @@ def seen_and_pair(name: str, sign: int) -> tuple[Complexes, Pair, Floats]:
     return component(crossed, rest, pair.wavevector), pair, tau
 
 
+# A pair of the same directions with another branch stands beside each of these
+MORE = (
+    "along y, RT and TR",
+    "along x, lower and middle",
+    "oblique, lower and middle",
+    "difference phase-matched to 0.005",
+)
+
+
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("name", PAIRS)
+@pytest.mark.parametrize("name", members(PAIRS, *MORE))
 def test_in_lammps_two_waves_make_what_the_closed_form_says(name: str, sign: int) -> None:
     seen, pair, tau = seen_and_pair(name, sign)
     # Fourth order is a few times a² = 4e-4 (9e-4 is the largest seen); extrapolation leaves (Ωh/2)⁴ = 1e-4
@@ -88,7 +98,7 @@ def test_in_lammps_two_waves_make_what_the_closed_form_says(name: str, sign: int
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("name", [name for name in PAIRS if name.startswith(("along", "mirrored"))])
+@pytest.mark.parametrize("name", members([name for name in PAIRS if name.startswith(("along", "mirrored"))], *MORE))
 def test_in_lammps_nothing_is_made_that_symmetry_forbids(name: str, sign: int) -> None:
     seen, pair, _ = seen_and_pair(name, sign)
     banned = forbidden(pair.mixed)
