@@ -19,6 +19,7 @@ from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import contacts, search, start
 from granular_lmp import Record, Scene, run
+from tests.conftest import members
 
 SHEET = Scene.load("tr_periodic").with_values(
     {
@@ -123,7 +124,7 @@ CASES: dict[str, tuple[Changes, list[Wrong]]] = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", members(CASES, "s = 0.1"))
 def test_an_imperfect_crystal_moves_as_its_network_and_as_no_other(case: str, tmp_path: Any) -> None:
     changes, wrongs = CASES[case]
     pair = extrapolated(SHEET.with_values(changes), tmp_path)
@@ -190,9 +191,9 @@ def test_contacts_slide_in_a_run_as_in_its_network(tmp_path: Any) -> None:
     first = first_snapshot(pair.record)
     assert first.network.friction == 0.03
 
-    def off(network: FirstSnapshot) -> float:
-        return distance(pair, network_fields(network, pair.record.tau, SLIDING_STEP), first.recorded)[0]
+    def off(network: FirstSnapshot, longest: float = SLIDING_STEP) -> float:
+        return distance(pair, network_fields(network, pair.record.tau, longest), first.recorded)[0]
 
     # Where a contact begins to slide both are of second order in the step, and leave some 3e-6
     assert off(first) < 1e-5
-    assert off(changed(first, friction=0.0303)) > 1e-4
+    assert off(changed(first, friction=0.0303), 2 * SLIDING_STEP) > 1e-4
