@@ -101,7 +101,7 @@ def test_the_estimate_of_a_chain_is_above_its_error(changes: dict[str, Any], tol
     "changes",
     [
         {"disorder.density": 0.2, "disorder.seed": 7},
-        {"effects.friction": 0.25, "effects.shear_law": "secant"},
+        pytest.param({"effects.friction": 0.25, "effects.shear_law": "secant"}, marks=pytest.mark.more),
         {"effects.friction": 0.25, "effects.shear_law": "incremental", "disorder.density": 0.15},
     ],
     ids=["smooth", "secant", "incremental"],

@@ -95,8 +95,8 @@ def test_the_stepped_lattice_is_lammps(scene: Scene, per_sample: int, tmp_path: 
     [
         (periodic("TR", 16, 2, 0.2), 1e-3),
         (periodic("TR", 16, 2, 0.2), 1e-4),
-        (periodic("TR", 34, 8, 0.3), 1e-3),  # next to the resonance
-        (periodic("RT", 16, 6, 0.3), 1e-3),
+        pytest.param(periodic("TR", 34, 8, 0.3), 1e-3, marks=pytest.mark.more),  # next to the resonance
+        pytest.param(periodic("RT", 16, 6, 0.3), 1e-3, marks=pytest.mark.more),
         (periodic("L", 16, 4, 0.2, sphere_poisson_ratio=0.45), 1e-4),
         (periodic("L", 8, 3, 0.4), 1e-5),  # what the slip turned in first order does to the wave itself
         (periodic("TR", 8, 4, 0.4), 1e-4),

@@ -10,6 +10,7 @@ import pytest
 from granular_analysis import case as door
 from granular_analysis.cases.declared import Case, Number, Run, names
 from granular_analysis.cli import main
+from tests.conftest import members
 from tests.house.test_docs import ROOT, judge_package
 
 CASES = [Case.load(name) for name in names()]
@@ -71,7 +72,7 @@ def test_a_run_is_made_for_each_combination_of_values() -> None:
     assert made["y_2.5"] == ["granular-lmp", "collide", "--set", "a=y", "--set", "b=2.5"]
 
 
-@pytest.mark.parametrize("name", ["figure2", "standing"])
+@pytest.mark.parametrize("name", members(["figure2", "standing"], "standing"))
 def test_a_case_is_run_drawn_and_judged_by_one_command(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

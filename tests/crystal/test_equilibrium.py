@@ -22,6 +22,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
 from granular_lmp.lammps import contact
 from granular_lmp.units import NANO
+from tests.conftest import members
 from tests.crystal.test_sphere import SILICA
 from tests.instance import silent_lammps
 
@@ -260,7 +261,7 @@ def test_a_crystal_with_vacancies_stays_in_place_without_compression_and_relaxes
         assert bool(rest.displacement.any()) == (sphere is pressed)
 
 
-@pytest.mark.parametrize("s", [0.8, 2.0])
+@pytest.mark.parametrize("s", members([0.8, 2.0], 2.0))
 def test_the_spread_over_the_overlap_alone_decides_how_many_contacts_there_are(s: float) -> None:
     """Spheres ten times as stiff have an overlap 4.6 times as small: the same s is another spread of radii."""
     stiff = replace(SILICA, youngs_modulus=10 * SILICA.youngs_modulus)
@@ -307,7 +308,7 @@ def test_stiffness_is_the_derivative_of_the_force() -> None:
     np.testing.assert_allclose(on_box, (by_both.T @ du.ravel() + by_e @ de) / potential.neighbour, rtol=0, atol=1e-5)
 
 
-@pytest.mark.parametrize("seed", [1, 3, 9])
+@pytest.mark.parametrize("seed", members([1, 3, 9], 1, 9))
 def test_newton_steps_end_in_crystals_whose_spheres_are_about_to_buckle(seed: int) -> None:
     """At s = 12 hardly a contact is to spare: secants that do not raise λ do not end within 1500 steps here."""
     rest = disordered(12.0, seed=seed)

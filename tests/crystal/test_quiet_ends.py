@@ -244,11 +244,11 @@ def test_quiet_ends_leave_the_stable_step_as_it_is(tmp_path: Path) -> None:
     [
         ("hexagonal", "L", 0.7, 6, 0.4),
         pytest.param("hexagonal", "TR", 2.3, 6, 0.25, marks=pytest.mark.more),
-        ("hexagonal", "RT", 1.3, 5, 0.25),
+        pytest.param("hexagonal", "RT", 1.3, 5, 0.25, marks=pytest.mark.more),
         pytest.param("square", "L", 0.9, 5, 0.4, marks=pytest.mark.more),
         ("square", "TR", 1.3, 5, 0.25),
         pytest.param("square", "RT", 1.3, 4, 0.25, marks=pytest.mark.more),
-        ("chain", "L", 0.9, 4, 0.25),
+        pytest.param("chain", "L", 0.9, 4, 0.25, marks=pytest.mark.more),
         ("chain", "RT", 1.3, 4, 0.25),
     ],
 )
@@ -279,7 +279,9 @@ def test_the_reflection_in_lammps_is_that_of_the_layer_at_its_step(
 
 
 # With rotation, in this process: tests/promises
-@pytest.mark.parametrize(("options", "rotation"), [({}, False), ({"ranks": 2}, True)])
+@pytest.mark.parametrize(
+    ("options", "rotation"), [({}, False), pytest.param({"ranks": 2}, True, marks=pytest.mark.more)]
+)
 def test_a_stopped_run_continues_to_the_same_bytes(
     options: dict[str, Any], rotation: bool, tmp_path: Path, stop: Callable[..., None]
 ) -> None:

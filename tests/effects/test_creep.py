@@ -61,7 +61,11 @@ def test_spheres_creep_as_the_theory_of_analysis_has_it(
 # Runs that no formula was fitted to; far from resonances, where the next order adds little
 @pytest.mark.parametrize(
     ("values", "mode", "duration"),
-    [({}, "H1", 300.0), ({"packing.lattice": "square", "wave.amplitude": 0.3}, "H2", 200.0), (OBLIQUE, "5", 300.0)],
+    [
+        ({}, "H1", 300.0),
+        ({"packing.lattice": "square", "wave.amplitude": 0.3}, "H2", 200.0),
+        pytest.param(OBLIQUE, "5", 300.0, marks=pytest.mark.more),
+    ],
     ids=str,
 )
 @verifies(

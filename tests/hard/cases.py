@@ -1,4 +1,4 @@
-"""All cases of the stability table: the fast ones, which `make test` asserts, and the long ones of `make stability`."""
+"""All cases of the stability table: the fast ones, most of which `make test` asserts, and the long ones."""
 
 from collections.abc import Callable, Mapping
 from functools import partial

@@ -141,7 +141,17 @@ BROKEN: dict[str, tuple[Measure, str]] = {
 }
 
 
-@pytest.mark.parametrize(("measure", "figure"), BROKEN.values(), ids=BROKEN.keys())
+# Of each, a likeness stands beside it, or its measure is one of `make stability` alone
+MORE = {"weaker adhesion that sticks", "weaker adhesion that parts", "spheres that leave a substrate on a fast clock"}
+MORE |= {"two ranks with another amplitude", "a seed on a lattice of another law", "loss on a long run"}
+MORE |= {"a lossy contact at the resonance", "another law with open contacts", "a held sphere"}
+MORE |= {"another law with open contacts at all steps but the finest", "another law at all steps but the finest"}
+MORE |= {"an incremental sheet of another law at all steps but the finest", "a layer of lossy contacts"}
+assert set(BROKEN) > MORE
+CASES = [pytest.param(*case, id=name, marks=[pytest.mark.more] * (name in MORE)) for name, case in BROKEN.items()]
+
+
+@pytest.mark.parametrize(("measure", "figure"), CASES)
 def test_a_broken_deck_or_a_wrong_reference_is_seen(measure: Measure, figure: str) -> None:
     told = [case for case in measure() if figure in case.name]
     assert told

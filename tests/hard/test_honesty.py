@@ -29,6 +29,7 @@ from granular_lmp.runs import launch, loop, manifest
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.record import TRAJECTORY, read_status, write_status
 from granular_lmp.studies import sweep
+from tests.conftest import members
 from tests.stand_in import of_first_format
 
 Edit = tuple[str, str]
@@ -234,6 +235,7 @@ def test_on_a_full_disk_the_other_commands_fail_in_one_line(
     assert errors[0].startswith("granular-lmp: error: ")
 
 
+@pytest.mark.more
 def test_a_full_disk_leaves_no_bytecode_that_is_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPYCACHEPREFIX", str(tmp_path / "bytecode"))  # empty, as in a fresh checkout
     assert on_a_full_disk(1000, "build", "tr_periodic", "-o", str(tmp_path / "deck")).returncode in (1, 2)
@@ -397,7 +399,7 @@ def same(folder: Path, expected: Record) -> None:
     assert [path.name for path in folder.glob("*.part")] == []
 
 
-@pytest.mark.parametrize("reached", BEFORE.values(), ids=BEFORE.keys())
+@pytest.mark.parametrize("reached", members(BEFORE.values(), BEFORE["run.json"]), ids=BEFORE.keys())
 def test_a_run_killed_early_is_not_finished_and_resumes_or_starts_anew_to_the_same_bytes(
     reached: Reached, whole: tuple[Path, Record], tmp_path: Path
 ) -> None:
@@ -412,8 +414,15 @@ def test_a_run_killed_early_is_not_finished_and_resumes_or_starts_anew_to_the_sa
     same(folder, expected)
 
 
-@pytest.mark.parametrize("reached", AFTER.values(), ids=AFTER.keys())
-@pytest.mark.parametrize("route", [[], ["--lmp"]], ids=["module", "lmp"])
+@pytest.mark.parametrize(
+    ("route", "reached"),
+    [
+        pytest.param([], AFTER["second checkpoint begun"], id="module-second checkpoint begun", marks=pytest.mark.more),
+        pytest.param([], AFTER["1000 records"], id="module-1000 records"),
+        pytest.param(["--lmp"], AFTER["second checkpoint begun"], id="lmp-second checkpoint begun"),
+        pytest.param(["--lmp"], AFTER["1000 records"], id="lmp-1000 records", marks=pytest.mark.more),
+    ],
+)
 def test_a_run_killed_after_a_checkpoint_is_not_finished_and_resumes_to_the_same_bytes(
     reached: Reached, route: list[str], whole: tuple[Path, Record], tmp_path: Path
 ) -> None:

@@ -106,6 +106,7 @@ def test_torques_of_contacts_and_substrate_are_what_turns_a_sphere(record: Recor
     assert np.abs(slope - mean).max() < 1e-3 * np.abs(found).max()
 
 
+@pytest.mark.more
 def test_the_step_by_which_a_run_continues_leaves_no_trace(tmp_path: Path, stop: Callable[..., None]) -> None:
     scene = layer(
         **{"wave__amplitude": 0.05, "time__duration": 600.0, "time__timestep": 0.05, "time__sample": 1.0},
@@ -160,6 +161,7 @@ def test_a_sphere_that_bounces_off_a_wall_leaves_its_momentum_there(tmp_path: Pa
     np.testing.assert_allclose(normal, hertz, atol=1e-9)
 
 
+@pytest.mark.more
 def test_a_tolerance_holds_for_forces_on_walls(tmp_path: Path) -> None:
     fine = layer(**SAMPLED | {"time__duration": 4.0, "time__timestep": 1e-3})
     values = LAYER | {"time.duration": 4.0, "monitor": [ALL], "time.tolerance": 1e-4}

@@ -16,6 +16,7 @@ from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, look_interval
 from granular_lmp.lammps.outputs import CONTACTS, LOG, read_log, read_snapshots
 from granular_lmp.problem import prepare
 from granular_lmp.runs.record import read_status
+from tests.conftest import members
 from tests.hard.guard_study import FAMILIES, Comparison, blind_rules, compared, random_scene
 
 # A standing L wave that opens a contact for a twelfth of its period, between what looks every 50 steps see
@@ -50,7 +51,7 @@ WALLED = STANDING.with_values(
 # --- random scenes ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", members(FAMILIES, "pulse", "beam", "running"))
 def test_a_guard_misses_nothing_and_stops_no_valid_run(family: str, tmp_path: Path) -> None:
     openings, slip = compared(random_scene(family, 0), tmp_path / "run")  # make guards takes 29 of each family
     for comparison in (openings, slip):

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ from granular_lmp.scene.shipped import shipped
 from granular_lmp.studies import collide, cost
 from granular_lmp.studies.kick import run_kicked
 from granular_lmp.studies.sweep import sweep
-from tests.conftest import kernel_lacks, place_kernel
+from tests.conftest import kernel_lacks, members, place_kernel
 from tests.hard.guard_study import FAMILIES, random_scene
 from tests.house.test_docs import ROOT
 from tests.manual import Measure, Mutant, verifies
@@ -123,9 +124,13 @@ SCENES = {
 
 SHIPPED = sorted([*shipped("*/scene.toml"), *shipped("impacts/*/scene.toml")])
 RANDOM = {f"{family} {seed}": (family, seed) for seed, family in enumerate(FAMILIES)}
+# Their contacts are those of scenes above, in crystals that take longer
+MORE = ["point_impact", "two_tones", "tr_burst_scattering", "struck_crystal", "refraction", "multilayer"]
+MORE += ["struck_sheet", "tr_pulse", "l_beam", "point_source", "monolayer_vertical", "monolayer_rocking", "hcp_c_axis"]
+MORE += [name for name in RANDOM if not name.startswith("walled")]
 
 
-@pytest.mark.parametrize("name", [*SCENES, *SHIPPED, *RANDOM])
+@pytest.mark.parametrize("name", members([*SCENES, *SHIPPED, *RANDOM], *MORE))
 def test_numbers_are_those_of_lammps(name: str, tmp_path: Path) -> None:
     scene = (
         SCENES[name] if name in SCENES else brief(Scene.load(name) if name in SHIPPED else random_scene(*RANDOM[name]))
@@ -194,7 +199,7 @@ SEEN = {name: SCENES[name] for name in ("contacts that open", "contacts that sli
 SEEN["contacts that would slide"] = short("tr_periodic", **{"packing.rows": 16, "effects.friction": 0.0615})
 
 
-@pytest.mark.parametrize("name", SEEN)
+@pytest.mark.parametrize("name", members(SEEN, "unequal radii and vacancies"))
 def test_guards_see_every_contact_at_every_step(name: str, tmp_path: Path) -> None:
     scene = SEEN[name].with_values({"time.duration": 3.0})
     found = one(scene, tmp_path / "kernel", kernel=True).info
@@ -299,8 +304,18 @@ def test_the_kernel_itself_refuses_other_laws(words: str, named: str, built: Pat
         lammps.close()
 
 
-@pytest.mark.parametrize("options", [{"launcher": "lmp"}, {"ranks": 2}])
-@pytest.mark.parametrize("name", ["contacts that slide", "unequal radii in JKR", "a layer on a substrate"])
+@pytest.mark.parametrize(
+    ("name", "options"),
+    members(
+        product(
+            ("contacts that slide", "unequal radii in JKR", "a layer on a substrate"),
+            ({"launcher": "lmp"}, {"ranks": 2}),
+        ),
+        ("unequal radii in JKR", {"launcher": "lmp"}),
+        ("unequal radii in JKR", {"ranks": 2}),
+        ("a layer on a substrate", {"ranks": 2}),
+    ),
+)
 def test_the_program_takes_it_on_several_ranks(name: str, options: dict[str, Any], tmp_path: Path) -> None:
     if options.get("ranks", 1) > core_count():
         pytest.skip("one core")
@@ -317,7 +332,9 @@ def test_a_program_that_does_not_load_it_fails_the_run(tmp_path: Path, monkeypat
         run(short("tr_periodic"), tmp_path / "run", kernel=True, launcher="lmp")
 
 
-@pytest.mark.parametrize("name", ["contacts that open", "contacts that slide", "unequal radii in JKR"])
+@pytest.mark.parametrize(
+    "name", members(["contacts that open", "contacts that slide", "unequal radii in JKR"], "unequal radii in JKR")
+)
 def test_a_checkpoint_is_that_of_lammps(name: str, stop: Callable[..., None], tmp_path: Path) -> None:
     """One that the kernel wrote is continued with it and without it, to the same numbers and the same extremes."""
     scene = SCENES[name].with_values({"time.duration": 100.0, "time.allow_echo": True})
@@ -338,7 +355,7 @@ def test_a_checkpoint_is_that_of_lammps(name: str, stop: Callable[..., None], tm
     assert largest_difference(whole, Record.from_dump(other, scene)) < ROUNDING
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", members([1, 2], 2))
 def test_what_opens_far_from_the_record_fails_no_continued_run(
     ranks: int, stop: Callable[..., None], tmp_path: Path
 ) -> None:

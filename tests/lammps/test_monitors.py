@@ -443,6 +443,7 @@ def test_the_energy_beyond_a_row_came_through_it(struck: Record) -> None:
     assert came[0] > came[-1] > 0.2
 
 
+@pytest.mark.more
 def test_a_tolerance_of_a_strike_holds_for_monitors(struck: Record, tmp_path: Path) -> None:
     record = run(STRUCK.with_values({"time.tolerance": 1e-2, "time.sample": 0.5}), tmp_path / "run")
     said = record.info["errors_of_monitors"]

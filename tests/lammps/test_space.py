@@ -195,6 +195,7 @@ def test_a_run_in_space_continues_to_the_same_bytes(tmp_path: Path, stop: Callab
         assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "stopped" / name).read_bytes(), name
 
 
+@pytest.mark.more
 def test_the_program_and_two_ranks_give_the_same_as_the_module(tmp_path: Path) -> None:
     scene = layer(wave__amplitude=0.05, packing__rows=16, wave__wavenumber=QUARTER, time__duration=20.0)
     module = run(scene, tmp_path / "module")
@@ -338,6 +339,7 @@ def test_quiet_ends_are_of_crystals_whose_reflection_is_known() -> None:
     assert "vz v_kept_z omega v_kept_turnx v_kept_turny v_kept_turnz" in build(fcc).input_text
 
 
+@pytest.mark.more
 def test_a_source_in_space_is_continued_to_the_same_bytes(tmp_path: Path, stop: Callable[..., None]) -> None:
     sources = [
         {"rows": [3, 3], "frequency": 0.5, "ramp": 5.0, "force": "torque_x"},

@@ -25,7 +25,16 @@ from tests.matrix.outcomes import (
 )
 from tests.matrix.page import PAGE, current, refused
 
-ROWS = [pytest.param(kind, name, id=f"{kind.name}-{name}") for kind in KINDS for name in kind.features]
+# Dear rows of features that other rows have too
+MORE = {"jkr", "beam", "quiet", "rolling", "no rotation", "tolerance", "hertz scale", "state", "free sides"}
+MORE |= {"held sides", "chirp", "quiet end", "wall end", "stiffness spread", "motion", "incremental", "restitution"}
+ROWS = [
+    pytest.param(
+        kind, name, id=f"{kind.name}-{name}", marks=[pytest.mark.more] if kind.scene.wave and name in MORE else []
+    )
+    for kind in KINDS
+    for name in kind.features
+]
 BEFORE = {"a": ".", "b": "P.", "c": "N.x"}
 
 

@@ -17,6 +17,7 @@ from granular_lmp.lammps.deck import deck_of
 from granular_lmp.problem import prepare
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import read_status
+from tests.conftest import members
 from tests.promises.paths import PATHS, Path_, Signals, resume, signals
 from tests.promises.table import ELSEWHERE, PROMISES, covered, current
 
@@ -27,9 +28,10 @@ TOLERANCE = 1e-2
 FINER = {2: 8, 1: 32}
 
 
-def on(promise: str) -> pytest.MarkDecorator:
-    """Parametrize a test over the paths on which the table says that it holds a promise."""
-    return pytest.mark.parametrize("path", [PATHS[name] for name in covered(promise)], ids=lambda each: each.name)
+def on(promise: str, *more: str) -> pytest.MarkDecorator:
+    """Parametrize a test over the paths on which the table says that it holds a promise; `more` is for `members`."""
+    paths = members((PATHS[name] for name in covered(promise)), *(PATHS[name] for name in more))
+    return pytest.mark.parametrize("path", paths, ids=lambda each: each.name)
 
 
 @pytest.fixture(autouse=True)
@@ -122,7 +124,8 @@ def wave_section(data: Path) -> np.ndarray:
 # --- accuracy --------------------------------------------------------------------------------------------------------
 
 
-@on("error estimate")
+# A run to a tolerance is many runs, each on the path of a plain one
+@on("error estimate", "two ranks")
 def test_an_estimate_is_at_least_half_the_error(path: Path_, runs: Runs) -> None:
     said = read_status(runs(path, "to a tolerance"))["error_estimate"]
     found = errors(signals(runs(path, "to a tolerance")), signals(runs(path, "fine")), path.impact)
@@ -132,7 +135,7 @@ def test_an_estimate_is_at_least_half_the_error(path: Path_, runs: Runs) -> None
     assert all(found[name] <= 2 * value for name, value in counted.items()), (found, counted)
 
 
-@on("tolerance")
+@on("tolerance", "two ranks")
 def test_an_answer_errs_by_less_than_its_tolerance(path: Path_, runs: Runs) -> None:
     said = read_status(runs(path, "to a tolerance"))["error_estimate"]
     found = errors(signals(runs(path, "to a tolerance")), signals(runs(path, "fine")), path.impact)
@@ -156,7 +159,7 @@ def test_the_error_of_a_step_is_at_most_what_the_budget_says(path: Path_, runs: 
 LENGTHS = {"driven": 6, "sources and monitors": 10, "quiet ends": 6, "imperfect": 12, "impact": 10, "two ranks": 6}
 
 
-@on("same bytes after resume")
+@on("same bytes after resume", "standing", "JKR", "collision", "thread")
 def test_a_stopped_run_is_continued_to_the_same_bytes(path: Path_, tmp_path: Path, fast_looks: None) -> None:
     scene = path.scene()
     spheres = scene.shape.spheres

@@ -72,6 +72,7 @@ FACES: dict[str, dict[str, Any]] = {
 # Of each, a case with one feature more stands beside it
 MORE = ("free sides", "an oblique wave between sides", "a wall", "walls along three sides", "walls under load")
 MORE += ("walls that adhere under load", "a chain between walls under load", "unequal spheres between walls")
+MORE += ("vacancies between walls under load", "a free end", "unequal spheres")
 
 
 @pytest.mark.parametrize("name", members(FACES, *MORE))
