@@ -35,7 +35,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 GROUPS = spectrum dispersion waves quiet scattering disorder impact published pull-off onset adhesion cost
 
-.PHONY: $(GROUPS) paper figures gallery test processors stability guards ladders mutants witness bench scale decks docs \
+.PHONY: $(GROUPS) paper figures gallery test types processors stability guards ladders mutants witness bench scale decks docs \
     tested-docs versioned-docs notebook rooms engines wheel packages floors readers clean
 
 spectrum: cases = spectrum
@@ -77,9 +77,12 @@ gallery: .venv/ready
 test: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(MAKE) --no-print-directory --jobs=2 types processors
 	$(BIN)/pytest --numprocesses=auto --dist=loadfile -m "not rounding and not more"
-	$(BIN)/python -m tests.processors
+
+# It is one process, beside which those of `processors` have a core
+types: .venv/ready
+	$(BIN)/mypy
 
 processors: .venv/ready
 	$(BIN)/python -m tests.processors

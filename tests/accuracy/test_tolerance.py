@@ -188,6 +188,7 @@ def test_a_tolerance_below_the_floor_of_the_linear_wave_is_refused_before_anythi
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.more
 def test_a_signal_that_rounding_keeps_above_the_tolerance_does_not_count(
     tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:

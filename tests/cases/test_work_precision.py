@@ -191,7 +191,7 @@ def cost_rows() -> dict[float, list[str]]:
     return {float(line[0]): line[1:] for line in lines}
 
 
-@pytest.mark.parametrize("wanted", members(accuracy.WANTED[:-1], 1e-5, 1e-4))
+@pytest.mark.parametrize("wanted", members(accuracy.WANTED[:-1], 1e-5, 1e-4, 1e-3))
 def test_the_costs_on_the_page_are_of_these_runs(wanted: float, tmp_path: Path) -> None:
     setting, steps, work, shown, *_ = cost_rows()[wanted]
     scene = STRIP.with_values({"time.tolerance": wanted})

@@ -125,7 +125,7 @@ def test_spheres_let_go_with_friction_settle_where_normal_forces_alone_do_not_ba
 
 
 def test_a_crystal_prepared_with_friction_is_at_rest_without_and_has_fewer_contacts() -> None:
-    rests = [[relax(*sheet(2.0, seed), friction=friction) for seed in (1, 2, 3)] for friction in (0.0, 0.3)]
+    rests = [[relax(*sheet(2.0, seed), friction=friction) for seed in (1, 2)] for friction in (0.0, 0.3)]
     assert max(rest.residual for each in rests for rest in each) <= BALANCED
     without, prepared = (np.mean([rest.contacts_per_sphere for rest in each]) for each in rests)
     # The case "disorder" has 5.01 and 4.76, with a deviation of 0.1 between two crystals of 120 spheres

@@ -246,7 +246,7 @@ def test_quiet_ends_leave_the_stable_step_as_it_is(tmp_path: Path) -> None:
         pytest.param("hexagonal", "TR", 2.3, 6, 0.25, marks=pytest.mark.more),
         pytest.param("hexagonal", "RT", 1.3, 5, 0.25, marks=pytest.mark.more),
         pytest.param("square", "L", 0.9, 5, 0.4, marks=pytest.mark.more),
-        ("square", "TR", 1.3, 5, 0.25),
+        pytest.param("square", "TR", 1.3, 5, 0.25, marks=pytest.mark.more),
         pytest.param("square", "RT", 1.3, 4, 0.25, marks=pytest.mark.more),
         pytest.param("chain", "L", 0.9, 4, 0.25, marks=pytest.mark.more),
         ("chain", "RT", 1.3, 4, 0.25),

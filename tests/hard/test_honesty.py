@@ -196,7 +196,16 @@ def on_a_full_disk(size: int, *words: str) -> "subprocess.CompletedProcess[str]"
 
 
 @pytest.mark.parametrize(
-    ("size", "route"), [(0, []), (1500, []), (4700, []), (6000, []), (9000, []), (6000, ["--lmp"]), (9000, ["--lmp"])]
+    ("size", "route"),
+    [
+        (0, []),
+        pytest.param(1500, [], marks=pytest.mark.more),
+        (4700, []),
+        (6000, []),
+        (9000, []),
+        (6000, ["--lmp"]),
+        pytest.param(9000, ["--lmp"], marks=pytest.mark.more),
+    ],
 )
 def test_on_a_full_disk_a_run_fails_in_one_line_and_nothing_is_taken_for_whole(
     size: int, route: list[str], small: Scene, tmp_path: Path
@@ -214,10 +223,12 @@ def test_on_a_full_disk_a_run_fails_in_one_line_and_nothing_is_taken_for_whole(
 @pytest.mark.parametrize(
     ("size", "words"),
     [
-        *((size, ["collide", "test2", "-o"]) for size in (1000, 50_000)),
+        (1000, ["collide", "test2", "-o"]),
+        pytest.param(50_000, ["collide", "test2", "-o"], marks=pytest.mark.more),
         (1000, ["build", "tr_periodic", "-o"]),
-        (1000, ["modes", "l_wave", "--plot"]),
-        *((size, ["run", "{tolerant}", "-o"]) for size in (100, 5000)),
+        pytest.param(1000, ["modes", "l_wave", "--plot"], marks=pytest.mark.more),
+        pytest.param(100, ["run", "{tolerant}", "-o"], marks=pytest.mark.more),
+        (5000, ["run", "{tolerant}", "-o"]),
     ],
 )
 def test_on_a_full_disk_the_other_commands_fail_in_one_line(

@@ -7,7 +7,8 @@ import pytest
 
 from granular_lmp import Scene, build
 from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps.datafile import _PIECE, DataFile, read
+from granular_lmp.lammps import datafile
+from granular_lmp.lammps.datafile import DataFile, read
 from tests.instance import silent_lammps
 
 
@@ -41,11 +42,12 @@ def test_a_lost_digit_is_seen(tmp_path: Path) -> None:
     assert not same(read(tmp_path / "data"), other)
 
 
-def test_pieces_join_to_lines_of_consecutive_numbers() -> None:
-    count = 2 * _PIECE + 3
+def test_pieces_join_to_lines_of_consecutive_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(datafile, "_PIECE", 500)
+    count = 2 * 500 + 3
     spheres = awkward_spheres(count)
     pieces = list(spheres.pieces("title"))
-    assert max(piece.count("\n") for piece in pieces) == _PIECE  # memory holds no more lines than that
+    assert max(piece.count("\n") for piece in pieces) == 500  # memory holds no more lines than that
     lines = "".join(pieces).split("\n")
     sections = [lines.index(title) + 2 for title in lines if title.startswith(("Atoms", "wave"))]
     for start in sections:

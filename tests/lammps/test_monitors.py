@@ -276,6 +276,7 @@ def test_a_run_that_was_stopped_continues_to_the_same_bytes(
     assert others == [whole, whole]
 
 
+@pytest.mark.more
 def test_two_ranks_record_the_same(record: Record, tmp_path: Path) -> None:
     two = run(record.scene, tmp_path / "two", ranks=2)
     for each in record.scene.monitor:

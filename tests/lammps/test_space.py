@@ -181,7 +181,7 @@ def test_the_angle_is_the_sum_of_the_spins(tmp_path: Path) -> None:
 def test_a_run_in_space_continues_to_the_same_bytes(tmp_path: Path, stop: Callable[..., None]) -> None:
     scene = layer(
         wave__amplitude=0.05,
-        time__duration=600.0,
+        time__duration=300.0,
         time__timestep=0.05,
         time__sample=1.0,
         output__checkpoint=1e-4,

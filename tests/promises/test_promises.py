@@ -125,7 +125,7 @@ def wave_section(data: Path) -> np.ndarray:
 
 
 # A run to a tolerance is many runs, each on the path of a plain one
-@on("error estimate", "two ranks")
+@on("error estimate", "quiet ends", "two ranks")
 def test_an_estimate_is_at_least_half_the_error(path: Path_, runs: Runs) -> None:
     said = read_status(runs(path, "to a tolerance"))["error_estimate"]
     found = errors(signals(runs(path, "to a tolerance")), signals(runs(path, "fine")), path.impact)
@@ -135,7 +135,7 @@ def test_an_estimate_is_at_least_half_the_error(path: Path_, runs: Runs) -> None
     assert all(found[name] <= 2 * value for name, value in counted.items()), (found, counted)
 
 
-@on("tolerance", "two ranks")
+@on("tolerance", "quiet ends", "two ranks")
 def test_an_answer_errs_by_less_than_its_tolerance(path: Path_, runs: Runs) -> None:
     said = read_status(runs(path, "to a tolerance"))["error_estimate"]
     found = errors(signals(runs(path, "to a tolerance")), signals(runs(path, "fine")), path.impact)

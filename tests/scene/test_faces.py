@@ -72,7 +72,7 @@ FACES: dict[str, dict[str, Any]] = {
 # Of each, a case with one feature more stands beside it
 MORE = ("free sides", "an oblique wave between sides", "a wall", "walls along three sides", "walls under load")
 MORE += ("walls that adhere under load", "a chain between walls under load", "unequal spheres between walls")
-MORE += ("vacancies between walls under load", "a free end", "unequal spheres")
+MORE += ("a square sheet between four walls", "vacancies between walls under load", "a free end", "unequal spheres")
 
 
 @pytest.mark.parametrize("name", members(FACES, *MORE))
@@ -131,7 +131,7 @@ def test_a_guard_sees_the_row_that_leaves_its_wall(tmp_path: Path) -> None:
 
 
 def test_a_run_between_walls_continues_to_the_same_bytes(tmp_path: Path, stop: Callable[..., None]) -> None:
-    scene = SHEET.with_values(WALLED | LOAD | {"time.duration": 600.0, "time.timestep": 0.05, "packing.columns": 12})
+    scene = SHEET.with_values(WALLED | LOAD | {"time.duration": 300.0, "time.timestep": 0.05, "packing.columns": 12})
     scene = scene.with_values({"output.checkpoint": 1e-4, "output.particles": 100.0})
     run(scene, tmp_path / "whole")
     stop(scene, tmp_path / "stopped")

@@ -34,7 +34,7 @@ def results(scene: Scene) -> list[np.ndarray]:
     ]
 
 
-@pytest.mark.parametrize("scene", [SHEET, SPACE], ids=["sheet", "fcc"])
+@pytest.mark.parametrize("scene", [SHEET, pytest.param(SPACE, marks=pytest.mark.more)], ids=["sheet", "fcc"])
 def test_the_size_of_blocks_changes_nothing(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = results(scene)
     monkeypatch.setattr(blocks, "BLOCK", 50)

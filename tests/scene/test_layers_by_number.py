@@ -60,7 +60,10 @@ def drift(signal: np.ndarray, tau: np.ndarray, rate: float) -> tuple[float, floa
         layers(),
         layers(wave__mode=6),
         layers(wave__mode=2, wave__form="standing"),
-        layers(wave__mode=3, wave__direction=30.0, wave__wavenumber=1.0, packing__columns=24),
+        pytest.param(
+            layers(wave__mode=3, wave__direction=30.0, wave__wavenumber=1.0, packing__columns=24),
+            marks=pytest.mark.more,
+        ),
         layers(packing__lattice="square", wave__mode=4, **every(3)),
         layers(packing__ends="fixed", packing__rows=81, time__duration=10.0, **every(2, 80)),
         layers(packing__ends="fixed", packing__rows=83, time__duration=10.0, **every(2, 82)),

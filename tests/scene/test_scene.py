@@ -24,7 +24,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene.scene import Scene, assignment
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.scene.shipped import SHIPPED
-from tests.conftest import PAPER
+from tests.conftest import PAPER, members
 
 PAPER_MINIMAL = """
 [sphere]
@@ -212,7 +212,7 @@ def test_no_branch_is_faster_than_the_long_longitudinal_wave() -> None:
         assert np.abs(np.diff(frequencies, axis=0)).max() <= FASTEST_ROWS_PER_TAU * step
 
 
-@pytest.mark.parametrize("name", MODES)
+@pytest.mark.parametrize("name", members(MODES, "RT"))
 def test_walls_are_not_heard_before_the_echo_time_and_are_soon_after(name: str) -> None:
     # 61 rows against the infinite lattice, both integrated without LAMMPS; the margin promises 1e-6 of the wave
     scene = PAPER.with_values({"packing.rows": 61, "time.duration": 10})

@@ -210,6 +210,7 @@ def test_each_signal_is_what_it_is_called(tmp_path: Path) -> None:
         assert not turned[:, sphere].any()
 
 
+@pytest.mark.more
 def test_a_run_that_was_stopped_continues_to_the_same_bytes(
     tmp_path: Path, stop: Callable[[Scene, Path], None]
 ) -> None:
