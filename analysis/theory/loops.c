@@ -6,48 +6,99 @@
 #ifndef NUMBER
 #include <complex.h>
 #include <math.h>
+#include <pthread.h>
 #include <stddef.h>
 
 typedef ptrdiff_t whole; /* intp of NumPy */
 enum { LANES = 64 }; /* numbers that stay in the nearest cache together */
+enum { FEW = 16 };   /* fewer contacts in a row are gathered one by one */
+enum { PART = 16384, MOST_THREADS = 64 }; /* numbers of a part */
 
 /* The widest vectors of the processor at hand; without fused products all of them give the same bits */
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-#define VECTORS __attribute__((target_clones("avx2", "default")))
+#define VECTORS __attribute__((target_clones("avx512f", "avx2", "default")))
 #define INLINE static inline __attribute__((always_inline))
 #else
 #define INLINE static inline
 #define VECTORS
 #endif
 
-/* out = sum of weights[r] * table[r], for rows of n numbers that are `stride` apart; a weight of 0 takes no time. */
-VECTORS void weighted(whole n, whole rows, const double *weights, const double *table, whole stride, double *out)
+/* Work in numbered parts, which threads take as they come. What a part computes does not depend on who takes it. */
+typedef struct {
+  void (*part)(const void *, whole);
+  const void *data;
+  whole parts, taken;
+} Shared;
+
+static void *take(void *shared)
 {
-  for (whole from = 0; from < n; from += 8 * LANES) {
-    const whole count = n - from < 8 * LANES ? n - from : 8 * LANES;
+  Shared *s = shared;
+  for (whole k; (k = __atomic_fetch_add(&s->taken, 1, __ATOMIC_RELAXED)) < s->parts;) s->part(s->data, k);
+  return NULL;
+}
+
+/* Threads are made for one call: a process that forks later has none to miss. */
+static void share(whole threads, whole parts, void (*part)(const void *, whole), const void *data)
+{
+  Shared shared = {part, data, parts, 0};
+  pthread_t others[MOST_THREADS];
+  whole made = 0;
+  while (made + 1 < threads && made + 1 < parts && made < MOST_THREADS &&
+         !pthread_create(&others[made], NULL, take, &shared))
+    made++;
+  take(&shared);
+  while (made > 0) pthread_join(others[--made], NULL);
+}
+
+typedef struct {
+  whole n, rows;
+  const double *weights, *table;
+  whole stride;
+  double *out;
+} Weighted;
+
+VECTORS static void weighted_part(const void *data, whole part)
+{
+  const Weighted *w = data;
+  const whole last = (part + 1) * PART < w->n ? (part + 1) * PART : w->n;
+  for (whole from = part * PART; from < last; from += 8 * LANES) {
+    const whole count = last - from < 8 * LANES ? last - from : 8 * LANES;
     double sum[8 * LANES] = {0};
-    for (whole r = 0; r < rows; r++)
-      if (weights[r] != 0)
-        for (whole i = 0; i < count; i++) sum[i] += weights[r] * table[r * stride + from + i];
-    for (whole i = 0; i < count; i++) out[from + i] = sum[i];
+    for (whole r = 0; r < w->rows; r++)
+      if (w->weights[r] != 0)
+        for (whole i = 0; i < count; i++) sum[i] += w->weights[r] * w->table[r * w->stride + from + i];
+    for (whole i = 0; i < count; i++) w->out[from + i] = sum[i];
   }
 }
 
-/* squares[e] = sum over n numbers of (Σ_r weights[e][r] slopes[r] / (atol + rtol max(|begin|, |after|)))², e = 0, 1;
-   with a tolerance for each number, or one for all. */
-VECTORS void errors(whole n, whole rows, const double *weights, const double *slopes, const double *begin,
-                    const double *after, const double *atol, whole each, double rtol, double *squares)
+/* out = sum of weights[r] * table[r], for rows of n numbers that are `stride` apart; a weight of 0 takes no time. */
+void weighted(whole threads, whole n, whole rows, const double *weights, const double *table, whole stride, double *out)
 {
+  const Weighted data = {n, rows, weights, table, stride, out};
+  share(threads, (n + PART - 1) / PART, weighted_part, &data);
+}
+
+typedef struct {
+  whole n, rows;
+  const double *weights, *slopes, *begin, *after, *atol;
+  whole each;
+  double rtol, *squares;
+} Errors;
+
+VECTORS static void errors_part(const void *data, whole part)
+{
+  const Errors *e = data;
+  const whole last = (part + 1) * PART < e->n ? (part + 1) * PART : e->n;
   double total[2][LANES] = {{0}};
-  for (whole from = 0; from < n; from += LANES) {
-    const whole count = n - from < LANES ? n - from : LANES;
+  for (whole from = part * PART; from < last; from += LANES) {
+    const whole count = last - from < LANES ? last - from : LANES;
     double scale[LANES], sum[2][LANES] = {{0}};
     for (whole i = 0; i < count; i++) {
-      const double a = fabs(begin[from + i]), b = fabs(after[from + i]);
-      scale[i] = (each ? atol[from + i] : atol[0]) + rtol * (a > b ? a : b);
+      const double a = fabs(e->begin[from + i]), b = fabs(e->after[from + i]);
+      scale[i] = (e->each ? e->atol[from + i] : e->atol[0]) + e->rtol * (a > b ? a : b);
     }
-    for (whole r = 0; r < rows; r++) {
-      const double one = weights[r], two = weights[rows + r], *slope = slopes + r * n + from;
+    for (whole r = 0; r < e->rows; r++) {
+      const double one = e->weights[r], two = e->weights[e->rows + r], *slope = e->slopes + r * e->n + from;
       if (one != 0 || two != 0)
         for (whole i = 0; i < count; i++) {
           sum[0][i] += one * slope[i];
@@ -60,6 +111,7 @@ VECTORS void errors(whole n, whole rows, const double *weights, const double *sl
       total[1][i] += two * two;
     }
   }
+  double *squares = e->squares + 2 * part;
   squares[0] = squares[1] = 0;
   for (whole i = 0; i < LANES; i++) {
     squares[0] += total[0][i];
@@ -67,106 +119,151 @@ VECTORS void errors(whole n, whole rows, const double *weights, const double *sl
   }
 }
 
-/* Pairs of `network_state.Pairs` in the plane; those on walls, which are at rest, come after `free` others.
+/* squares[part][e] = sum over the numbers of a part of
+   (Σ_r weights[e][r] slopes[r] / (atol + rtol max(|begin|, |after|)))², e = 0, 1; with a tolerance for each number, or
+   one for all. */
+void errors(whole threads, whole n, whole rows, const double *weights, const double *slopes, const double *begin,
+            const double *after, const double *atol, whole each, double rtol, double *squares)
+{
+  const Errors data = {n, rows, weights, slopes, begin, after, atol, each, rtol, squares};
+  share(threads, (n + PART - 1) / PART, errors_part, &data);
+}
 
-   Of numbers that are the same for all pairs, `same`, there are LANES. */
-enum { X, Y, LENGTH, OVERLAP, FIRST_RADIUS, SECOND_RADIUS, HERTZ, SHEAR, ADHESION, NUMBERS };
+/* Pairs of `network_state.Pairs` in the plane. They come by blocks of `width` first spheres: of each those that stay in
+   the block, then those that leave it; at last those on walls, which are at rest. `starts` says where each begins.
+
+   Of numbers that are the same for all pairs, `same`, there are LANES. `outside` (3, M) holds the loads on second
+   spheres of other blocks, until all blocks are done. */
+enum { X, Y, LENGTH, OVERLAP, HERTZ, SHEAR, ADHESION, NUMBERS };
+enum { PLACE_X, PLACE_Y, SPEED_X, SPEED_Y, SPIN, RADIUS, ENDS };
 typedef struct {
-  whole spheres, pairs, free;
+  whole spheres, pairs, blocks, width;
   double friction;
+  const whole *starts;
   const int *first, *second;
   const double *numbers[NUMBERS];
   whole same[NUMBERS];
+  const double *radius;
+  double *outside;
 } Pairs;
 
-/* Forces and torques (3, N) of pairs with the secant law, without dashpots, and the rates of slips.
+typedef struct {
+  const Pairs *pairs;
+  const double *motion, *slip;
+  double *load, *slip_rate, *sums;
+} Acting;
 
-   motion: (6, N). slip, slip_rate: (M). sums: dW/dt of the ledger, the energies of normal and of shear forces, and how
-   many contacts are open and have a slip, or are beyond the limit of friction, where the forces are others. */
-VECTORS void plane(const Pairs *p, const double *motion, const double *slip, double *load, double *slip_rate,
-                   double *sums)
+typedef enum { INSIDE, OUTSIDE, WALL } Where;
+
+/* Forces, torques and the rates of slips of some pairs; forces on second spheres outside are left in `outside`. */
+INLINE void acted(const Acting *a, whole from, whole end, Where where, double sums[4][LANES])
 {
+  const Pairs *p = a->pairs;
   const whole N = p->spheres;
-  const double mu = p->friction;
-  const double *x = motion, *y = motion + N, *vx = motion + 3 * N, *vy = motion + 4 * N, *spin = motion + 5 * N;
-  double work[LANES] = {0}, normal[LANES] = {0}, shear[LANES] = {0}, lost[LANES] = {0};
-  for (whole i = 0; i < 3 * N; i++) load[i] = 0;
-  for (whole from = 0, count; from < p->pairs; from += count) {
-    const int wall = from >= p->free;
-    const whole left = (wall ? p->pairs : p->free) - from;
-    const int *first = p->first + from, *second = p->second + from;
-    double dx[LANES], dy[LANES], rx[LANES], ry[LANES], here[LANES], there[LANES];
-    double fx[LANES], fy[LANES], on_first[LANES], on_second[LANES];
-    const double *number[NUMBERS];
+  const double mu = p->friction, shortened = where == WALL ? 0 : 0.5;
+  const double *rows[ENDS] = {a->motion, a->motion + N, a->motion + 3 * N, a->motion + 4 * N, a->motion + 5 * N, p->radius};
+  for (whole count; from < end; from += count) {
+    const int *first = p->first + from, *second = p->second + from, i = first[0], j = second[0];
+    const whole left = end - from;
+    double gathered[2][ENDS][FEW], push[4][LANES];
+    const double *here[ENDS], *there[ENDS], *number[NUMBERS];
+    /* in a crystal the contacts of spheres i, i + 1, … with j, j + 1, … follow each other */
+    for (count = 1; count < left && count < LANES && first[count] == i + count && second[count] == j + count;) count++;
+    const int run = where != WALL && (count >= FEW || count == left);
+    if (!run) count = left < FEW ? left : FEW;
+    for (int k = 0; k < ENDS; k++) {
+      here[k] = run ? rows[k] + i : gathered[0][k];
+      there[k] = run ? rows[k] + j : gathered[1][k];
+    }
+    if (!run)
+      for (whole c = 0; c < count; c++)
+        for (int k = 0; k < ENDS; k++) {
+          gathered[0][k][c] = rows[k][first[c]];
+          gathered[1][k][c] = where == WALL ? 0 : rows[k][second[c]];
+        }
     for (int k = 0; k < NUMBERS; k++) number[k] = p->numbers[k] + (p->same[k] ? 0 : from);
     const double *ax = number[X], *ay = number[Y], *length = number[LENGTH], *gap = number[OVERLAP];
-    const double *R = number[FIRST_RADIUS], *Q = number[SECOND_RADIUS];
-    const double *A = number[HERTZ], *B = number[SHEAR], *F = number[ADHESION], shortened = wall ? 0 : 0.5;
-    const double *slid = slip + from;
-    double *rate = slip_rate + from;
-    count = left < LANES ? left : LANES;
-    /* contacts come in the order of their first spheres, whose numbers stay at hand */
-    for (whole c = 0; c < count;) {
-      const int i = first[c];
-      const double xi = x[i], yi = y[i], vxi = vx[i], vyi = vy[i], spini = spin[i];
-      do {
-        const int j = second[c];
-        dx[c] = (wall ? 0 : x[j]) - xi;
-        dy[c] = (wall ? 0 : y[j]) - yi;
-        rx[c] = (wall ? 0 : vx[j]) - vxi;
-        ry[c] = (wall ? 0 : vy[j]) - vyi;
-        here[c] = spini;
-        there[c] = wall ? 0 : spin[j];
-        c++;
-      } while (c < count && first[c] == i);
-    }
+    const double *A = number[HERTZ], *B = number[SHEAR], *F = number[ADHESION], *slid = a->slip + from;
+    const double *R = here[RADIUS], *Q = there[RADIUS];
+    double *rate = a->slip_rate + from;
 #pragma GCC ivdep
     for (whole c = 0; c < count; c++) {
-      const double nowx = ax[c] + dx[c], nowy = ay[c] + dy[c], distance = sqrt(nowx * nowx + nowy * nowy);
-      const double nx = nowx / distance, ny = nowy / distance;
-      const double stretch = ((ax[c] + nowx) * dx[c] + (ay[c] + nowy) * dy[c]) / (distance + length[c]);
+      const double dx = there[PLACE_X][c] - here[PLACE_X][c], dy = there[PLACE_Y][c] - here[PLACE_Y][c];
+      const double rx = there[SPEED_X][c] - here[SPEED_X][c], ry = there[SPEED_Y][c] - here[SPEED_Y][c];
+      const double nowx = ax[c] + dx, nowy = ay[c] + dy, distance = sqrt(nowx * nowx + nowy * nowy);
+      /* one division for the normal and for the stretch */
+      const double both = distance + length[c], inverse = 1 / (distance * both), unit = both * inverse;
+      const double nx = nowx * unit, ny = nowy * unit;
+      const double stretch = ((ax[c] + nowx) * dx + (ay[c] + nowy) * dy) * (distance * inverse);
       const double depth = gap[c] - stretch, closed = depth > 0 ? 1.0 : 0.0, overlap = depth * closed;
       const double root = sqrt(overlap), P = A[c] * overlap * root - F[c] * closed;
       const double S = B[c] * root * slid[c], arm = shortened * overlap, energy = S * slid[c];
-      fx[c] = -ny * S - P * nx;
-      fy[c] = nx * S - P * ny;
-      on_first[c] = (R[c] - arm) * S;
-      on_second[c] = (Q[c] - arm) * S;
-      rate[c] = (nx * ry[c] - ny * rx[c] - R[c] * here[c] - Q[c] * there[c]) * closed;
+      push[0][c] = -ny * S - P * nx;
+      push[1][c] = nx * S - P * ny;
+      push[2][c] = (R[c] - arm) * S;
+      push[3][c] = (Q[c] - arm) * S;
+      const double here_spin = here[SPIN][c], there_spin = there[SPIN][c];
+      rate[c] = (nx * ry - ny * rx - R[c] * here_spin - Q[c] * there_spin) * closed;
       /* an open contact has no energy, and something to divide by */
-      work[c] -= (nx * rx[c] + ny * ry[c]) * energy / (4 * overlap + (1 - closed)) + arm * S * (here[c] + there[c]);
-      normal[c] += (0.4 * A[c] * overlap * root - F[c]) * overlap;
-      shear[c] += energy / 2;
+      sums[0][c] -= (nx * rx + ny * ry) * energy / (4 * overlap + (1 - closed)) + arm * S * (here_spin + there_spin);
+      sums[1][c] += (0.4 * A[c] * overlap * root - F[c]) * overlap;
+      sums[2][c] += energy / 2;
       const double open = slid[c] != 0 ? 1 - closed : 0.0;
-      lost[c] += open + (fabs(S) > mu * (P + 2 * F[c] * closed) ? 1.0 : 0.0);
+      sums[3][c] += open + (fabs(S) > mu * (P + 2 * F[c] * closed) ? 1.0 : 0.0);
     }
-    for (whole c = 0; c < count;) {
-      const int i = first[c];
-      double fxi = 0, fyi = 0, torque = 0;
-      do {
-        const int j = second[c];
-        fxi += fx[c];
-        fyi += fy[c];
-        torque += on_first[c];
-        if (!wall) {
-          load[j] -= fx[c];
-          load[N + j] -= fy[c];
-          load[2 * N + j] += on_second[c];
-        }
-        c++;
-      } while (c < count && first[c] == i);
-      load[i] += fxi;
-      load[N + i] += fyi;
-      load[2 * N + i] += torque;
+    for (int k = 0; k < 3; k++) {
+      const double *mine = push[k], *others = push[k < 2 ? k : 3], sign = k < 2 ? -1 : 1;
+      double *load = a->load + k * N, *outside = p->outside + k * p->pairs + from;
+      if (run)
+        for (whole c = 0; c < count; c++) load[i + c] += mine[c];
+      else
+        for (whole c = 0; c < count; c++) load[first[c]] += mine[c];
+      if (where == OUTSIDE)
+        for (whole c = 0; c < count; c++) outside[c] = sign * others[c];
+      else if (run)
+        for (whole c = 0; c < count; c++) load[j + c] += sign * others[c];
+      else if (where == INSIDE)
+        for (whole c = 0; c < count; c++) load[second[c]] += sign * others[c];
     }
   }
-  sums[0] = sums[1] = sums[2] = sums[3] = 0;
-  for (whole c = 0; c < LANES; c++) {
-    sums[0] += work[c];
-    sums[1] += normal[c];
-    sums[2] += shear[c];
-    sums[3] += lost[c];
+}
+
+/* One block of spheres, or the walls behind the last */
+VECTORS static void block(const void *data, whole number)
+{
+  const Acting *a = data;
+  const Pairs *p = a->pairs;
+  const whole N = p->spheres, from = number * p->width, end = from + p->width < N ? from + p->width : N;
+  const whole *starts = p->starts + 2 * number;
+  double sums[4][LANES] = {{0}};
+  if (number < p->blocks) {
+    for (int k = 0; k < 3; k++)
+      for (whole i = from; i < end; i++) a->load[k * N + i] = 0;
+    acted(a, starts[0], starts[1], INSIDE, sums);
+    acted(a, starts[1], starts[2], OUTSIDE, sums);
+  } else
+    acted(a, starts[0], p->pairs, WALL, sums);
+  for (int k = 0; k < 4; k++) {
+    a->sums[4 * number + k] = 0;
+    for (whole c = 0; c < LANES; c++) a->sums[4 * number + k] += sums[k][c];
   }
+}
+
+/* Forces and torques (3, N) of pairs with the secant law, without dashpots, and the rates of slips.
+
+   motion: (6, N). slip, slip_rate: (M). sums (blocks + 1, 4): dW/dt of the ledger, the energies of normal and of shear
+   forces, and how many contacts are open and have a slip, or are beyond the limit of friction, where the forces are
+   others. */
+void plane(whole threads, const Pairs *p, const double *motion, const double *slip, double *load, double *slip_rate,
+           double *sums)
+{
+  const Acting data = {p, motion, slip, load, slip_rate, sums};
+  share(threads, p->blocks, block, &data);
+  for (whole number = 0; number < p->blocks; number++)
+    for (int k = 0; k < 3; k++)
+      for (whole c = p->starts[2 * number + 1]; c < p->starts[2 * number + 2]; c++)
+        load[k * p->spheres + p->second[c]] += p->outside[k * p->pairs + c];
+  block(&data, p->blocks);
 }
 
 /* Spheres in a row of chain.py without dashpots: displacements and velocities in units of chain_motion.py. */
@@ -238,7 +335,7 @@ void stages(whole n, whole first, whole last, whole width, const double *weights
             void (*slope)(const void *, const double *, double *), const void *data)
 {
   for (whole row = first; row <= last; row++) {
-    weighted(n, row + 1, weights + row * width, stack, n, trial);
+    weighted(1, n, row + 1, weights + row * width, stack, n, trial);
     slope(data, trial, stack + (row + 1) * n);
   }
 }

@@ -5,6 +5,10 @@ name that its source, its flags and the machine give. Without a compiler, or in 
 is NumPy, which is the reference: both give the same numbers, to the rounding of sums in another order.
 
 A sum of rows takes the loop from `LARGE` numbers on: below, a call of NumPy costs no more.
+
+Large work is shared by `threads`: as many as the environment variable OMP_NUM_THREADS says, else as the process has
+cores. Each takes parts that do not depend on their number, and sums of parts are added in the order of the parts, so
+any number of threads gives the same bits.
 """
 
 import ctypes
@@ -27,9 +31,10 @@ Array = NDArray[Any]  # floats or complex numbers
 Floats = NDArray[np.float64]
 SOURCE = Path(__file__).with_suffix(".c")
 # Products are not fused with sums: all processors then give the same bits
-FLAGS = ("-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
+FLAGS = ("-O3", "-fPIC", "-shared", "-pthread", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 LARGE = 1000  # numbers of a row
-LANES = 64  # as in loops.c
+LANES, PART = 64, 16384  # as in loops.c
+SHARED = 8 * PART  # numbers from which on a thread more takes less time than to begin it
 
 
 @cache
@@ -47,9 +52,9 @@ def library() -> ctypes.CDLL | None:
         logging.getLogger(__name__).info("loops are those of NumPy: %s", trouble)
         return None
     pointer, number, size = ctypes.c_void_p, ctypes.c_double, ctypes.c_ssize_t
-    found.weighted.argtypes = [size, size, pointer, pointer, size, pointer]
-    found.errors.argtypes = [size, size, *[pointer] * 5, size, number, pointer]
-    found.plane.argtypes = [pointer] * 6
+    found.weighted.argtypes = [size, size, size, pointer, pointer, size, pointer]
+    found.errors.argtypes = [size, size, size, *[pointer] * 5, size, number, pointer]
+    found.plane.argtypes = [size, *[pointer] * 6]
     found.chain.argtypes = found.torus.argtypes = found.torus_complex.argtypes = [pointer] * 3
     found.stepped.argtypes = [*[pointer] * 3, number, size]
     found.stages.argtypes = [*[size] * 4, *[pointer] * 5]
@@ -80,6 +85,16 @@ def _compile(place: Path) -> None:
         part.replace(place)
     finally:
         part.unlink(missing_ok=True)
+
+
+def threads(numbers: int) -> int:
+    """Return how many threads share work on so many numbers."""
+    if numbers < SHARED:
+        return 1
+    wanted = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
+    if wanted.isdecimal() and int(wanted) > 0:
+        return int(wanted)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def address(array: Array) -> int:
@@ -116,7 +131,8 @@ def weighted(weights: Floats, rows: Floats, out: Floats) -> None:
     if loop is None:
         np.einsum("i,ij->j", weights, rows[: len(weights)], out=out)
     else:
-        loop.weighted(out.size, len(weights), address(weights), address(rows), rows.shape[1], address(out))
+        sizes = threads(out.size), out.size, len(weights)
+        loop.weighted(*sizes, address(weights), address(rows), rows.shape[1], address(out))
 
 
 def errors(
@@ -129,10 +145,10 @@ def errors(
         rows = slopes[: weights.shape[1]].reshape(weights.shape[1], -1).view(np.float64)
         both = np.einsum("ki,ij->kj", weights, rows).view(slopes.dtype).reshape(2, *begin.shape) / scale
         return norm(both[0]), norm(both[1])
-    squares, sizes = np.empty(2), np.asarray(atol, dtype=np.float64)
+    squares, sizes = np.empty((-(-begin.size // PART), 2)), np.asarray(atol, dtype=np.float64)
     places = map(address, (weights, slopes, begin, after, sizes))
-    loop.errors(begin.size, weights.shape[1], *places, sizes.ndim, rtol, address(squares))
-    fifth, third = squares / begin.size
+    loop.errors(threads(begin.size), begin.size, weights.shape[1], *places, sizes.ndim, rtol, address(squares))
+    fifth, third = squares.sum(axis=0) / begin.size
     return sqrt(fifth), sqrt(third)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from granular_analysis.theory import loops
 from granular_analysis.theory.network import Network
-from granular_analysis.theory.network_state import Pairs
+from granular_analysis.theory.network_state import BLOCK, Pairs, leaving
 
 Floats = NDArray[np.float64]
 
@@ -28,18 +28,19 @@ class Sums(NamedTuple):
     shear: float
 
 
-NUMBERS = 9  # a pair has
+NUMBERS = 7  # a pair has
 
 
 class _Pairs(ctypes.Structure):
     """`Pairs` of loops.c."""
 
     _fields_ = [
-        *((name, ctypes.c_ssize_t) for name in ("spheres", "pairs", "free")),
+        *((name, ctypes.c_ssize_t) for name in ("spheres", "pairs", "blocks", "width")),
         ("friction", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("first", "second")),
+        *((name, ctypes.c_void_p) for name in ("starts", "first", "second")),
         ("numbers", ctypes.c_void_p * NUMBERS),
         ("same", ctypes.c_ssize_t * NUMBERS),
+        *((name, ctypes.c_void_p) for name in ("radius", "outside")),
     ]
 
 
@@ -60,26 +61,31 @@ class ClosedPairs:
     """The pairs of a network as the compiled loop takes them."""
 
     def __init__(self, loop: ctypes.CDLL, network: Network, pairs: Pairs) -> None:
-        spheres = len(network.position)
+        spheres, blocks = len(network.position), -(-len(network.position) // BLOCK)
+        parts = 2 * (pairs.first // BLOCK) + leaving(pairs.first, pairs.second)
+        starts = np.searchsorted(np.where(pairs.second < spheres, parts, 2 * blocks), np.arange(2 * blocks + 1))
         first, second = (each.astype(np.int32) for each in (pairs.first, pairs.second))
-        each_pair = [*pairs.apart, pairs.length, pairs.overlap, *pairs.radii, pairs.A, pairs.B, pairs.F]
+        each_pair = [*pairs.apart, pairs.length, pairs.overlap, pairs.A, pairs.B, pairs.F]
         same = [len(each) > 0 and bool(np.all(each == each[0])) for each in each_pair]
         numbers = [
             np.full(loops.LANES, each[0]) if one else np.ascontiguousarray(each)
             for each, one in zip(each_pair, same, strict=True)
         ]
-        self._arrays = first, second, *numbers  # live as long as what points to them
-        sizes = spheres, len(first), int(np.sum(second < spheres))
-        ends, others = map(loops.address, (first, second)), map(loops.address, numbers)
-        pointers, flags = ctypes.c_void_p * NUMBERS, ctypes.c_ssize_t * NUMBERS
-        self._pairs = _Pairs(*sizes, network.friction, *ends, pointers(*others), flags(*same))
-        self._loop, self._sums = loop, np.empty(4)
+        outside, radius = np.empty((3, len(first))), np.ascontiguousarray(network.radius)
+        arrays: tuple[loops.Array, ...] = (starts, first, second, radius, outside, *numbers)
+        self._arrays = arrays  # they live as long as what points to them
+        *ends, sizes_at, loads_at = (loops.address(each) for each in arrays[:5])
+        pointers = (ctypes.c_void_p * NUMBERS)(*map(loops.address, numbers))
+        flags = (ctypes.c_ssize_t * NUMBERS)(*same)
+        sizes = spheres, len(first), blocks, BLOCK
+        self._pairs = _Pairs(*sizes, network.friction, *ends, pointers, flags, sizes_at, loads_at)
+        self._loop, self._sums = loop, np.empty((blocks + 1, 4))
 
     def acting(self, motion: Floats, slip: Floats, load: Floats, slip_rate: Floats) -> Sums | None:
         """Write forces and torques (3, N) and the rates of slips (1, M) of a motion; None if the forces are others."""
         places = map(loops.address, (motion, slip, load, slip_rate, self._sums))
-        self._loop.plane(ctypes.byref(self._pairs), *places)
-        *found, otherwise = self._sums.tolist()
+        self._loop.plane(loops.threads(motion.size + slip.size), ctypes.byref(self._pairs), *places)
+        *found, otherwise = self._sums.sum(axis=0).tolist()
         return None if otherwise else Sums(*found)
 
     def sums(self, motion: Floats, slip: Floats) -> Sums | None:

@@ -32,6 +32,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 _FAR = 1e9  # a plane, in radii of the sphere on it
+BLOCK = 4096  # spheres whose numbers stay in a cache together
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +124,11 @@ class Contacts(NamedTuple):
     memory_rate: Floats
 
 
+def leaving(first: Integers, second: Integers) -> Bools:
+    """Return which pairs are of spheres in different blocks, (M,)."""
+    return np.asarray(first // BLOCK != second // BLOCK)
+
+
 def search(network: Network, displacement: Floats) -> Pairs:
     """Return all pairs with gaps below the margin, for spheres displaced by (d, N)."""
     from scipy.spatial import cKDTree  # slow to import, and only networks need it
@@ -134,7 +140,10 @@ def search(network: Network, displacement: Floats) -> Pairs:
     wrapped = np.where(periodic, np.mod(place, np.where(periodic, period, 1.0)), place)
     wrapped[periodic & (wrapped >= period)] = 0.0  # np.mod of a tiny negative number is the period itself
     found = cKDTree(wrapped, boxsize=box).query_pairs(network.reach, output_type="ndarray")
-    first, second = found[np.lexsort((found[:, 1], found[:, 0]))].T.astype(np.intp)
+    first, second = found.T
+    # Block by block, and of a crystal the contacts of spheres i, i + 1, … with j, j + 1, … one after the other
+    order = np.lexsort((first, second - first, leaving(first, second), first // BLOCK))
+    first, second = found[order].T.astype(np.intp)
 
     way = (displacement.T[second] - displacement.T[first]).T
     apart = (network.position[second] - network.position[first]).T

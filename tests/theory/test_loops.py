@@ -1,8 +1,10 @@
 """The compiled loops beside NumPy: the same sums, the same forces, the same motion, and none where they cannot be."""
 
 import logging
-from concurrent.futures import ThreadPoolExecutor
+import os
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from threading import Barrier
 
@@ -21,7 +23,7 @@ from granular_analysis.theory.network import Material, Network, Wall
 from granular_analysis.theory.network_closed import closed_pairs, refusal
 from granular_analysis.theory.network_ledger import energy, kinetic_energy, work_rate
 from granular_analysis.theory.network_motion import integrate
-from granular_analysis.theory.network_state import State, contacts, resultants, start
+from granular_analysis.theory.network_state import State, contacts, leaving, resultants, start
 from granular_analysis.theory.wave import Wave
 
 compiled = pytest.mark.skipif(loops.library() is None, reason="no C compiler")
@@ -159,6 +161,68 @@ def test_a_library_that_others_may_write_is_not_loaded(
     with caplog.at_level(logging.INFO):
         assert loops.library() is None
     assert "may be written by others" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("environment", "numbers", "expected"),
+    [("3", loops.SHARED, 3), ("2,1", loops.SHARED, 2), ("3", loops.SHARED - 1, 1), ("0", loops.SHARED, 5)],
+)
+def test_threads_are_those_of_the_environment_else_the_cores(
+    environment: str, numbers: int, expected: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", environment)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(5)), raising=False)
+    assert loops.threads(numbers) == expected
+
+
+def sheet(rows: int, columns: int) -> tuple[Network, State]:
+    """Return a close-packed sheet of several blocks on a wall, which moves at random and meets its own image."""
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    places = np.stack([column + row % 2 / 2, row * np.sqrt(3) / 2], axis=1) * 1.99
+    one = np.ones(len(places))
+    floor = Wall((0.0, -0.99), (0.0, -1.0), STEEL)
+    network = Network(places, one, one, (GLASS,), cell=(1.99 * columns, np.inf), walls=(floor,))
+    ways, rates = np.random.default_rng(7).normal(0, 1e-4, (2, len(places), 2))
+    return network, start(network, ways, rates, 0.0, 1e-4)
+
+
+def motion_by_threads(count: int) -> bytes:
+    """Return the bits of a short motion that as many threads share."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("OMP_NUM_THREADS", str(count))
+        run = integrate(*sheet(150, 100), [0.5, 1.0], rtol=1e-6)
+    return run.motion.tobytes() + run.energy.tobytes() + run.work.tobytes()
+
+
+@compiled
+def test_any_number_of_threads_gives_the_same_bits() -> None:
+    network, state = sheet(150, 100)
+    assert state.motion.size + state.shear.size > loops.SHARED
+    assert len({motion_by_threads(count) for count in (1, 2, 4)}) == 1
+
+
+@compiled
+def test_forces_across_blocks_are_those_of_the_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loops, "threads", lambda numbers: 3)
+    network, state = sheet(150, 100)
+    assert np.any(leaving(state.pairs.first, state.pairs.second))
+    now = contacts(network, state.motion, state.pairs, state.shear)
+    load, rate = np.empty((3, 15_000)), np.empty_like(state.shear)
+    pairs = closed_pairs(network, state.pairs)
+    assert pairs is not None
+    sums = pairs.acting(state.motion, state.shear, load, rate)
+    assert sums is not None
+    assert np.allclose(load, resultants(state.pairs, now, 15_000), rtol=0, atol=1e-14 * np.abs(now.repulsion).max())
+    assert np.allclose(rate, now.memory_rate, rtol=0, atol=1e-14 * np.abs(rate).max())
+    assert sums.work_rate == pytest.approx(work_rate(network, state.pairs, now), rel=1e-10)
+
+
+@compiled
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_a_process_that_forks_after_threads_has_threads_too() -> None:
+    known = motion_by_threads(2)
+    with ProcessPoolExecutor(1, get_context("fork")) as pool:
+        assert pool.submit(motion_by_threads, 2).result(60) == known
 
 
 @compiled

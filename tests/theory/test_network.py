@@ -263,7 +263,7 @@ def test_a_contact_that_opens_forgets_its_slip():
     reference="other integrator: the wave from its travelling-wave equation, 0.840509 and 0.681632 (Nesterenko 1983)",
     tolerance=1e-05,
     reason="the parabola through three samples errs by 1e-8, spheres 35 to 45 still shed the start",
-    mutant=Mutant("analysis/theory/loops.c", "/ (distance + length[c]);", "/ (2 * distance);"),
+    mutant=Mutant("analysis/theory/loops.c", "both = distance + length[c],", "both = 2 * distance,"),
 )
 def test_a_struck_chain_carries_the_solitary_wave(measured):
     count, radius = 60, 1000.0
