@@ -93,7 +93,7 @@ def failures(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     return run_blocks(pages, tmp_path_factory.mktemp("pages"))
 
 
-@pytest.mark.parametrize("page", members(PAGES_OF_PYTHON, "docs/sweeps.md", "docs/experiments.md"))
+@pytest.mark.parametrize("page", members(PAGES_OF_PYTHON, "docs/how-to.md", "docs/sweeps.md", "docs/experiments.md"))
 def test_the_python_of_a_page_runs(page: str, failures: dict[str, str]) -> None:
     assert failures[page] == ""
 
