@@ -36,7 +36,7 @@ CHAIN = Scene.load("solitary_chain").with_values(
 
 
 WAVE = PAPER.with_values(
-    {"packing.rows": 201, "time.duration": 75.0, "time.allow_echo": True, "output.checkpoint": 603 * 100 / SPEED / 60}
+    {"packing.rows": 101, "time.duration": 75.0, "time.allow_echo": True, "output.checkpoint": 303 * 100 / SPEED / 60}
 )
 SCENES = {
     "wave": WAVE,
@@ -83,8 +83,8 @@ def stopped(scene: Scene, folder: Path, launcher: str = "module", ranks: int = 1
         run(scene, folder, launcher=launcher, ranks=ranks, progress=stop)
 
 
-# Imperfect crystals are stopped as the perfect one; the sheet is stopped with friction and walls too
-@pytest.mark.parametrize("name", members(SCENES, "imperfect", "sheet", "held"))
+# Imperfect crystals are stopped as the perfect one, the sheet with friction and walls, the chain under a force
+@pytest.mark.parametrize("name", members(SCENES, "imperfect", "sheet", "slides", "held", "chain"))
 def test_a_stopped_run_is_continued_to_the_same_bytes(name: str, tmp_path: Path, fast_looks: None) -> None:
     scene = SCENES[name]
     whole = run(scene, tmp_path / "whole")
@@ -147,7 +147,7 @@ def test_stopped_runs_to_a_tolerance_are_continued_to_the_same_bytes(
 def test_the_program_continues_on_its_ranks(ranks: int, tmp_path: Path, fast_looks: None) -> None:
     # Half the minutes on two ranks are as many steps
     scene = SHEET.with_values(
-        {**RUBS, "output.checkpoint": 5e-5 / ranks, "time.duration": 200.0 if ranks == 1 else 60.0}
+        {**RUBS, "output.checkpoint": 5e-5 / ranks, "time.duration": 200.0 if ranks == 1 else 30.0}
     )
     whole = run(scene, tmp_path / "whole", launcher="lmp", ranks=ranks)
     stopped(scene, tmp_path / "cut", "lmp", ranks)
