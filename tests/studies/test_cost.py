@@ -514,6 +514,7 @@ def test_the_command_says_how_long_and_what_is_left_out(
     assert "budget = 1e-09: must be at least" in err
 
 
+@pytest.mark.more
 def test_a_study_that_is_stopped_from_outside_goes_on(small_toml: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "granular_lmp", "cost", str(small_toml), "-o", str(tmp_path / "study")]
     with subprocess.Popen([*command, "--repeats", "40"], cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:

@@ -448,7 +448,8 @@ EXECUTORS: dict[str, Callable[[], Any]] = {
 }
 
 
-@pytest.mark.parametrize("kind", members(EXECUTORS, "spawned processes"))
+# The command below has workers
+@pytest.mark.parametrize("kind", members(EXECUTORS, "workers", "spawned processes"))
 def test_every_executor_gives_the_same_table(kind: str, small: Scene, tmp_path: Path) -> None:
     alone = sweep(small, TWO, tmp_path / "alone")
     with EXECUTORS[kind]() as executor:
