@@ -10,6 +10,7 @@ S. Zhang et al., arXiv:2310.19356); a light impurity vibrates, and gaps open bes
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -146,6 +147,7 @@ class Interface:
     velocity_back: float
 
 
+@cache
 def interface(mass: float) -> Interface:
     """Return what follows when a solitary wave comes to spheres of another mass, with contacts of the same A.
 

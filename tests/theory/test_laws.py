@@ -94,9 +94,10 @@ def test_secant_law_is_the_papers():
 
 
 def test_an_antiresonance_of_the_incremental_law_needs_negative_poisson_ratio():
-    exists = np.array([antiresonance(Contact(nu, law="incremental")) is not None for nu in NUS])
-    clear = np.abs(NUS) > 1e-3  # at ν = 0 itself it is at ξ = 0, and rounding decides
-    assert np.array_equal(exists[clear], NUS[clear] < 0)
+    numbers = NUS[::2]
+    exists = np.array([antiresonance(Contact(nu, law="incremental")) is not None for nu in numbers])
+    clear = np.abs(numbers) > 1e-3  # at ν = 0 itself it is at ξ = 0, and rounding decides
+    assert np.array_equal(exists[clear], numbers[clear] < 0)
 
 
 @pytest.mark.parametrize(("law", "nu"), [("secant", NU), ("incremental", -0.5)])

@@ -22,6 +22,7 @@ from granular_analysis.theory.mixing import Pair, Tone, detunings, growth_rates
 from granular_analysis.theory.second_order import Answer, Mixed, branch_of, second_order
 from granular_analysis.theory.timestep import stepped_second_harmonic
 from granular_analysis.theory.wave import Wave
+from tests.conftest import members
 from tests.sheet import Sheet, evolve
 
 HELD = json.loads((Path(__file__).parents[1] / "data/second_order.json").read_text("utf-8"))
@@ -76,7 +77,12 @@ def test_every_wave_along_y(contact: Contact) -> None:
         assert_equal(stepped_second_harmonic(wave, TAU, 0.1), held["stepped"])
 
 
-@pytest.mark.parametrize("held", [held for held in HELD["waves"] if "shift" in held], ids=named)
+SHIFTED = [held for held in HELD["waves"] if "shift" in held]
+# Of other spheres than the paper's the shorter waves are left to `make stability`
+SHORTER = [held for held in SHIFTED if held["contact"] != {"poisson_ratio": 0.17} and held["wavenumber"] > 2]
+
+
+@pytest.mark.parametrize("held", members(SHIFTED, *SHORTER), ids=named)
 def test_third_order_and_slow_amplitudes(held: dict[str, Any]) -> None:
     wave = wave_of(held, 0.1)
     assert float(plane.shift(wave).total) == pytest.approx(held["shift"], rel=1e-11)

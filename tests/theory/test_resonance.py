@@ -85,7 +85,13 @@ def test_first_harmonics_hold_to_half_a_percent_in_the_long_run():
 
 
 @pytest.mark.parametrize(
-    ("xi", "name"), [(0.3, "TR"), (0.802, "TR"), (1.2, "TR"), (1.9, "TR"), (2.5, "TR"), (0.802, "RT"), (2.0, "RT")]
+    ("xi", "name"),
+    members(
+        [(0.3, "TR"), (0.802, "TR"), (1.2, "TR"), (1.9, "TR"), (2.5, "TR"), (0.802, "RT"), (2.0, "RT")],
+        (0.3, "TR"),
+        (1.2, "TR"),
+        (1.9, "TR"),
+    ),
 )
 def test_off_resonance_it_is_second_order_with_less_error(xi, name):
     three, second = compared(xi, np.linspace(0, 120, 241), name=name)

@@ -226,7 +226,7 @@ CUBE = np.array([[0, 0, 0], [0, C / 2, C / 2], [C / 2, 0, C / 2], [C / 2, C / 2,
         (np.eye(3) * C, CUBE, (0, 0, 1), (1, 1, 3), (), 0, (1, 0, 0, 0, 0, 0)),
         (HCP, [[0, 0, 0], [A / 2, A / 2 / ROOT3, A * np.sqrt(2 / 3)]], (0, 1, 1), (1, 3, 3), (), 3, None),
         (TRIANGULAR, [[0, 0, 0]], (1, 1), (3, 4), (FLOOR,), 0, None),
-        (TRIANGULAR, [[0, 0, 0]], (1, 1), (3, 4), (FLOOR,), 3, None),
+        pytest.param(TRIANGULAR, [[0, 0, 0]], (1, 1), (3, 4), (FLOOR,), 3, None, marks=pytest.mark.more),
     ],
     ids=["fcc along [001]", "hcp", "layer on a wall", "layer on a wall, turning"],
 )

@@ -244,7 +244,7 @@ def test_the_command_prints_resonances_and_writes_all_waves(
 def test_another_density_of_the_substrate_changes_the_leak(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(saw, "POINTS", 12)
+    monkeypatch.setattr(saw, "POINTS", 2)  # of the file, which is not read here
     monkeypatch.setattr(saw, "save", lambda figure, path: None)
     scene = Scene.load("monolayer_vertical").with_values({"substrate.density": 4400.0})
     (tmp_path / "heavy.toml").write_text(scene.to_toml())
@@ -261,7 +261,7 @@ def test_another_density_of_the_substrate_changes_the_leak(
 def test_the_command_takes_a_plate_and_a_film(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(saw, "POINTS", 12)
+    monkeypatch.setattr(saw, "POINTS", 2)  # of the file, which is not read here
     monkeypatch.setattr(saw, "save", lambda figure, path: None)
     plate = ["monolayer_vertical", "--thickness", "2e-6", "-o", str(tmp_path / "saw.png")]
     saw.main([*plate, "--limit", "0.2"])
