@@ -8,6 +8,7 @@
 # make GROUP runs those of the lines `GROUP: cases = ...` below, make figures those of README and of the theory pages.
 #
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
+# make types (the type checker alone),
 # make processors (the tests that depend on last digits, as on other processors; make test runs them there only),
 # make stability (hard cases, and more members of what make test claims, a few minutes: docs/stability.md),
 # make guards (how often a guard is wrong, of 261 random scenes, ten minutes: docs/verification.md),

@@ -32,9 +32,11 @@ MORE = (
     "point_source",
     "struck_crystal",
     "tr_pulse",
+    "tr_resonant",
     "two_tones",
     "monolayer_vertical",
     "tr_antiresonant",
+    "tr_burst_scattering",
     "tr_nonresonant",
     "tr_impurity",
     "tr_periodic",
@@ -54,7 +56,7 @@ def test_every_shipped_wave_meets_a_tolerance(name: str, tmp_path: Path) -> None
     assert 0 < max(errors_of(info).values()) <= TOLERANCE
 
 
-@pytest.mark.parametrize("name", members(shipped("impacts/*/scene.toml"), "refraction"))
+@pytest.mark.parametrize("name", members(shipped("impacts/*/scene.toml"), "point_impact", "refraction"))
 def test_every_shipped_impact_meets_a_tolerance(name: str, tmp_path: Path) -> None:
     scene = ImpactScene.load(name)
     sample = min(scene.time.sample, 5.0)

@@ -1,5 +1,6 @@
 """Fronts: group velocities of one frequency in all directions, and where energy is in LAMMPS."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,12 @@ RING = Scene.load("point_source").with_values(
 )
 
 
+@cache
+def fronts_at(frequency: float) -> dict[str, np.ndarray]:
+    """Return the fronts of one frequency, found once."""
+    return fronts(LATTICE, SILICA, frequency)
+
+
 @pytest.fixture(scope="module")
 def ring(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("fronts") / "run"
@@ -42,7 +49,7 @@ def test_along_y_the_front_is_that_of_the_dispersion(name: str, xi: float) -> No
     )
     speed = abs(ahead - behind) / 2e-4 * ROW
     # The direction of k nearest to y is half a degree off, and |k| is interpolated
-    velocity = fronts(LATTICE, SILICA, here)[name]
+    velocity = fronts_at(here)[name]
     nearest = velocity[np.argmin(np.abs(velocity[:, 0]) - 10 * (velocity[:, 1] > 0))]
     assert np.hypot(*nearest) == pytest.approx(speed, rel=3e-3)
 
@@ -55,7 +62,7 @@ def test_along_y_the_front_is_that_of_the_dispersion(name: str, xi: float) -> No
     mutant=Mutant("granular_lmp/crystal/group_velocity.py", "/ (2 * _STEP)", "/ (2.01 * _STEP)"),
 )
 def test_long_waves_have_round_fronts_at_the_speeds_of_sound(measured: Measure) -> None:
-    found = fronts(LATTICE, SILICA, 0.03)
+    found = fronts_at(0.03)
     assert set(found) == {"L", "TR"}
     for name, velocity in found.items():
         sound = bloch_mode(LATTICE, SILICA, WaveVector.of(1e-3), name).frequency / 1e-3 * ROW
@@ -64,7 +71,7 @@ def test_long_waves_have_round_fronts_at_the_speeds_of_sound(measured: Measure) 
 
 
 def test_fronts_have_the_symmetry_of_the_crystal() -> None:
-    velocity = fronts(LATTICE, SILICA, 0.9)["TR"]
+    velocity = fronts_at(0.9)["TR"]
     angle = np.radians(60)
     turned = velocity @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     np.testing.assert_allclose(np.roll(turned, 60, axis=0), velocity, atol=1e-4)  # central differences: 1e-16/1e-4
@@ -72,7 +79,7 @@ def test_fronts_have_the_symmetry_of_the_crystal() -> None:
 
 
 def test_without_rotation_there_is_no_rt() -> None:
-    assert "RT" in fronts(LATTICE, SILICA, 1.4)
+    assert "RT" in fronts_at(1.4)
     assert not fronts(LATTICE, SILICA, 1.4, Physics(rotation=False))
 
 
@@ -98,7 +105,7 @@ def test_in_lammps_the_energy_of_a_turned_sphere_is_on_the_front_of_rt(ring: Pat
     # The kinetic half of the energy swings, and the ring is as wide as a burst: a few per cent over 12 τ
     assert speed == pytest.approx(mean, rel=0.03)
     # The burst holds slower waves at both ends of its spectrum, from 0.7 to 2.1
-    assert mean == pytest.approx(np.hypot(*fronts(LATTICE, SILICA, 1.4)["RT"].T).mean(), rel=0.15)
+    assert mean == pytest.approx(np.hypot(*fronts_at(1.4)["RT"].T).mean(), rel=0.15)
 
 
 def test_lines_stand_where_the_group_velocity_says(ring: Path) -> None:
@@ -107,7 +114,7 @@ def test_lines_stand_where_the_group_velocity_says(ring: Path) -> None:
     (line,) = [line for line in axes.lines if line.get_label() == "RT, $\\Omega$ = 1.4"]
     start = Snapshots.load(ring).rest[17 * 36 + 18]
     middle = BURST / 2
-    expected = start + fronts(LATTICE, SILICA, 1.4)["RT"] * (25 - middle)
+    expected = start + fronts_at(1.4)["RT"] * (25 - middle)
     np.testing.assert_allclose(line.get_xydata()[:-1], expected, rtol=1e-9)  # the same numbers
     early = crystal.run_figure(Record.load(ring), Snapshots.load(ring), tau=5.0, fronts=True)
     axes = next(axes for axes in early.axes if axes.get_ylabel() == "row")

@@ -387,7 +387,10 @@ def test_an_effect_forced_off_is_reported_and_does_not_fail_the_run(tmp_path: Pa
     assert (record.phi == 0).all()
 
 
-@pytest.mark.parametrize(("mode", "amplitude"), [*product(["L", "TR", "RT"], [1e-4, 0.3]), ("TR", 1e-2)])
+@pytest.mark.parametrize(
+    ("mode", "amplitude"),
+    members([*product(["L", "TR", "RT"], [1e-4, 0.3]), ("TR", 1e-2)], ("L", 1e-4), ("RT", 1e-4), ("TR", 1e-2)),
+)
 def test_guards_stay_silent_at_any_amplitude(mode: str, amplitude: float, tmp_path: Path) -> None:
     # Rounding is a larger part of a smaller wave
     short = STRIP.with_values({"wave.mode": mode, "wave.amplitude": amplitude, "time.duration": 60.0})

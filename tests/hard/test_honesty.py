@@ -410,7 +410,9 @@ def same(folder: Path, expected: Record) -> None:
     assert [path.name for path in folder.glob("*.part")] == []
 
 
-@pytest.mark.parametrize("reached", members(BEFORE.values(), BEFORE["run.json"]), ids=BEFORE.keys())
+@pytest.mark.parametrize(
+    "reached", members(BEFORE.values(), BEFORE["run.json"], BEFORE["first checkpoint begun"]), ids=BEFORE.keys()
+)
 def test_a_run_killed_early_is_not_finished_and_resumes_or_starts_anew_to_the_same_bytes(
     reached: Reached, whole: tuple[Path, Record], tmp_path: Path
 ) -> None:
