@@ -4,7 +4,8 @@ A guard is a number that LAMMPS computes from contacts or spheres at *looks*, an
 guard is in the deck only if its effect is not. Each look is a line of the thermo table.
 
 Looks are as frequent as the motion needs (`granular_lmp.lammps.pace`), and a look judges only the spheres whose state
-can still affect the record (`inside_lines`). The guards are defined with their effects (`granular_lmp.effects`).
+can still affect the record (`granular_lmp.lammps.cone`). The guards are defined with their effects
+(`granular_lmp.effects`).
 """
 
 from math import pi
@@ -18,12 +19,12 @@ from granular_lmp.effects.selection import guards as all_guards
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import slip_lines
 from granular_lmp.lammps import pace
+from granular_lmp.lammps.cone import inside_lines
 from granular_lmp.lammps.outputs import CONTACTS, UNKNOWN, UNWAVED_CONTACTS
 from granular_lmp.problem import Problem
 from granular_lmp.scene.at_rest import swiftness
 from granular_lmp.scene.linear import physics_of, unit_contacts, usual_frequency
 from granular_lmp.scene.scene import Scene
-from granular_lmp.scene.shape import quiet_rows
 
 GUARDS = all_guards()
 LINE = 10.0  # tau between two lines of the thermo table
@@ -84,48 +85,6 @@ def _look_time(problem: Problem) -> float:
 
 def _looks_per_line(problem: Problem) -> int:
     return max(1, int(LINE / (look_interval(problem) * problem.scene.time.step) + 1e-9))
-
-
-# --- the spheres it looks at -----------------------------------------------------------------------------------------
-
-
-def inside_lines(problem: Problem) -> list[str]:
-    """Return the lines for the group of the spheres whose state can still affect the record before the run ends.
-
-    The group holds all spheres if snapshots record them, or in a periodic plane wave. Otherwise it is a cone around the
-    centre, which starts one row inside the strip whose echo arrives after the run (`quiet_rows`) and ends one row from
-    the centre, and the like along y around the rows of each monitor. The group is renewed whenever the cone has lost a
-    row.
-    """
-    scene = problem.scene
-    if not watches_part(scene):
-        return ["group        inside union all  # the spheres that what is recorded depends on"]
-    far = _farthest_row(scene)
-    row = problem.units.number(scene.lattice.row_distance(scene.sphere.lattice_constant), length=1)
-    near = ["v_reach^2>x*x+y*y"]
-    for monitor in scene.monitor:
-        low, high = ((each - scene.shape.centre_row) * row for each in monitor.span)
-        apart = f"abs(y-({(low + high) / 2!r}))"
-        if scene.shape.along_y:  # the shorter way may be across the faces
-            half = scene.shape.rows * row / 2
-            apart = f"({half!r}-abs({half!r}-{apart}))"
-        near.append(f"v_reach>{apart}-{(high - low) / 2!r}")
-    where = "the centre or a monitor" if scene.monitor else "the centre"
-    return [
-        f"# spheres from where a signal still reaches {where} before the end: outside, a guard would judge walls",
-        f"variable     reach equal {row!r}*(1.5+{far - 2.5}*(1-v_tau/(v_duration+(v_duration==0))))",
-        f"variable     near atom {'||'.join(near)}",
-        f"group        inside dynamic all var near every {_group_interval(scene)}",
-    ]
-
-
-def _farthest_row(scene: Scene) -> int:
-    return (quiet_rows(scene.time.duration * swiftness(scene), scene.lattice.fastest) - 1) // 2
-
-
-def _group_interval(scene: Scene) -> int:
-    """Return the steps in which the cone loses a row."""
-    return max(1, int(scene.time.duration / _farthest_row(scene) / scene.time.step))
 
 
 # --- the deck --------------------------------------------------------------------------------------------------------

@@ -1,7 +1,8 @@
 """When the guards of a deck look next: as late as a bound on the motion of the spheres proves that nothing happens.
 
-At a look let v be the speed of the fastest sphere, and a its largest acceleration, both with those of the surface of
-the sphere that turns fastest. In a time t no sphere moves, and none turns at its surface, by more than
+At a look let v be the speed of the fastest sphere in and around the cone that guards judge
+(`granular_lmp.lammps.cone`), and a its largest acceleration, both with those of the surface of the sphere that turns
+fastest. In a time t no sphere moves, and none turns at its surface, by more than
 
     G (v t + a t²/2)
 
@@ -31,6 +32,7 @@ from granular_lmp.effects.openings import counted_lines, nearest_gap
 from granular_lmp.effects.reading import Reading, nearly_open
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import sliding_force
+from granular_lmp.lammps.cone import around_lines
 from granular_lmp.problem import Problem
 
 FEWEST = 4  # looks in a period of the fastest motion that matters
@@ -66,15 +68,16 @@ def _bound(problem: Problem, free: list[str]) -> list[str]:
         f"# the next look is due when a sphere may have moved, or turned, by v_room: at most {GROWTH}(v t + a t^2/2)",
         *_rates(problem),
         *(_farthest(columns, len(axes(problem))) if any("v_farthest" in each for each in free) else []),
-        "# computes of one sphere keep numbers that formulas read more than once",
-        "group        first id 1",
+        "# computes keep numbers, the same of all spheres, that formulas read more than once",
         *(f"variable     {name} atom {each}" for name, each in zip(names, [*free, "v_Delta0"], strict=True)),
-        f"compute      free first reduce max {' '.join(f'v_{name}' for name in names)}",
-        f"variable     room equal ({smallest}>0)*{smallest}",
-        f"variable     due equal v_room/({GROWTH!r}*v_swift+sqrt({GROWTH / 2!r}*v_gain*v_room)+{_SMALL!r})/(v_look*dt)",
+        f"compute      free mobile reduce max {' '.join(f'v_{name}' for name in names)}",
+        f"variable     smallest equal {smallest}",
+        "variable     room atom (v_smallest>0)*v_smallest",
+        "compute      room mobile reduce max v_room",
+        f"variable     due equal c_room/({GROWTH!r}*v_swift+sqrt({GROWTH / 2!r}*v_gain*c_room)+{_SMALL!r})/(v_look*dt)",
         "variable     pause atom 1+floor((v_due+v_longest-abs(v_due-v_longest))/2)",
-        "compute      pause first reduce max v_pause",
-        "variable     looks equal ternary(c_pause>1,c_pause,1)  # also where spheres blew up, or sphere 1 was lost",
+        "compute      pause mobile reduce max v_pause",
+        "variable     looks equal ternary(c_pause>1,c_pause,1)  # also where spheres blew up",
     ]
 
 
@@ -84,9 +87,13 @@ def _farthest(columns: str, count: int) -> list[str]:
 
 
 def _rates(problem: Problem) -> list[str]:
-    """Return the lines of v_swift and v_gain: the largest speed and acceleration of a sphere and its surface."""
+    """Return the lines of v_swift and v_gain: the largest speed and acceleration of a sphere and its surface.
+
+    Forces on held spheres near the cone only make looks more frequent.
+    """
     ways, ends = axes(problem), turns(problem) if problem.on["rotation"] else ()
-    contacts, number = problem.contacts, problem.units.number
+    around, contacts, number = around_lines(problem), problem.contacts, problem.units.number
+    moving, pushed = ("around", "around") if around else ("all", "mobile")
     lightest, radius = number(float(contacts.mass.min()), mass=1), number(float(contacts.radius.max()), length=1)
     lever = float((contacts.radius / contacts.mass).max()) / INERTIA_RATIO  # of R/I times R
     both = [f"{name}{end or 'z'}" for name in ("omega", "tq") for end in ends]
@@ -99,8 +106,9 @@ def _rates(problem: Problem) -> list[str]:
         gain += f"+{number(lever, length=1, mass=-1) / radius**2!r}*{_length('push', len(ways), len(ends))}"
     return [
         *([f"compute      spin all property/atom {' '.join(both)}"] if ends else []),
-        f"compute      rate all reduce maxabs {' '.join(f'v{way}' for way in ways)}{spins}",
-        f"compute      push mobile reduce maxabs {' '.join(f'f{way}' for way in ways)}{torques}",
+        *around,
+        f"compute      rate {moving} reduce maxabs {' '.join(f'v{way}' for way in ways)}{spins}",
+        f"compute      push {pushed} reduce maxabs {' '.join(f'f{way}' for way in ways)}{torques}",
         f"variable     swift equal {swift}",
         f"variable     gain equal {gain}{_driven(problem)}",
     ]

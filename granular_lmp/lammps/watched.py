@@ -13,12 +13,12 @@ from granular_lmp.effects.guard import watches_part
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import mu_line
+from granular_lmp.lammps.cone import inside_lines
 from granular_lmp.lammps.guards import (
     ELSEWHERE,
     GUARDS,
     fastest,
     guards,
-    inside_lines,
     is_there,
     line_interval,
     look_interval,

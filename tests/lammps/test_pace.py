@@ -9,6 +9,7 @@ import pytest
 
 from granular_lmp import Scene, build, run
 from granular_lmp.crystal.sphere import INERTIA_RATIO
+from granular_lmp.lammps.cone import MARGIN
 from granular_lmp.lammps.guards import NEXT, look_interval
 from granular_lmp.lammps.outputs import LOG, read_log
 from granular_lmp.lammps.pace import GROWTH
@@ -35,9 +36,18 @@ LATTICES = {  # (cell, bond) of each contact, and how many cells stand for an en
 }
 
 
-def spread(lattice: str, ratio: float, time: float) -> float:
-    """Return by how much displacements and turns of all spheres exceed v t and a t²/2, over these, at most."""
+ROWS = {"chain": 1.0, "square": 1.0, "hexagonal": HALF, "fcc": LEG}  # between two rows, in diameters
+
+
+def spread(lattice: str, ratio: float, time: float, beyond: float = -1.0) -> float:
+    """Return by how much displacements and turns of all spheres exceed v t and a t²/2, over these, at most.
+
+    With `beyond` only the spheres count that are farther, in diameters, from the one that is pushed.
+    """
     bonds, cells = LATTICES[lattice]
+    edges = np.array([dict(bonds).get(edge, (0, 0, 0)) for edge in ((1, 0, 0), (0, 1, 0), (0, 0, 1))])
+    places = np.array(list(product(*(np.fft.fftfreq(many, 1 / many) for many in cells)))) @ edges
+    far = np.linalg.norm(places, axis=1) > beyond
     phases = 2 * pi * np.array(list(product(*map(range, cells)))) / cells
     normal = 1 / (2 * (ratio + 3))  # t0² = m/(2(g1 + 3 k1))
     matrix = np.zeros((len(phases), 6, 6), dtype=complex)
@@ -56,7 +66,7 @@ def spread(lattice: str, ratio: float, time: float) -> float:
     for response, alone in ((np.sin(rate * time) / rate, time), ((1 - np.cos(rate * time)) / rate**2, time**2 / 2)):
         waves = (shapes * response[:, None, :]) @ np.conj(shapes.transpose(0, 2, 1)) * root / root[:, None]
         parts = np.fft.ifftn(waves.reshape(*cells, 6, 6), axes=(0, 1, 2)).real.reshape(-1, 2, 3, 2, 3)
-        size = np.linalg.norm(parts.transpose(0, 1, 3, 2, 4), 2, axis=(3, 4)).sum(axis=0)
+        size = np.linalg.norm(parts.transpose(0, 1, 3, 2, 4), 2, axis=(3, 4))[far].sum(axis=0)
         worst.append(size.sum(axis=0).max() / alone)
     return float(max(worst))
 
@@ -68,6 +78,23 @@ def test_no_sphere_moves_farther_than_the_bound_in_a_quarter_of_a_period(lattice
     assert spreads == sorted(spreads)
     assert spreads[0] == pytest.approx(1, abs=0.06)
     assert spreads[-1] < GROWTH
+
+
+@pytest.mark.parametrize("lattice", LATTICES)
+def test_spheres_beyond_the_margin_of_the_cone_move_none_in_it_before_the_next_look(lattice: str) -> None:
+    beyond = (MARGIN - 1e-9) * ROWS[lattice]
+    assert spread(lattice, 0.91, pi / 2, beyond) < 0.01
+    assert spread(lattice, 0.91, pi / 2, beyond - 2 * ROWS[lattice]) > spread(lattice, 0.91, pi / 2, beyond)
+
+
+def test_walls_that_no_record_feels_make_looks_no_more_frequent(tmp_path: Path) -> None:
+    def looks(name: str, changes: dict[str, object]) -> int:
+        values = {"wave.amplitude": 0.2, "time.duration": 60.0, "time.timestep": 0.05} | changes
+        run(Scene.load("tr_periodic").with_values(values), tmp_path / name)
+        return len(np.unique(read_log(tmp_path / name / LOG).table["Step"]))
+
+    walled = looks("walled", {"packing.ends": "fixed", "packing.rows": "auto"})
+    assert walled < 1.2 * looks("periodic", {})
 
 
 @pytest.mark.parametrize(
