@@ -85,23 +85,27 @@ PAGES_OF_PYTHON = [
 ]
 
 
+MORE = ["docs/how-to.md", "docs/sweeps.md", "docs/experiments.md", "docs/impacts.md", "docs/layers.md"]
+MORE += ["docs/gallery.md", "docs/collisions.md", "analysis/cases/solitary/README.md"]
+PAGE = "```python\nimport analysis\nx = 1\n```\n\n```console\nfalse\n```\n\n```python\n{}\n```\n"
+LINES = {"right": "assert x == 1", "wrong": "assert x == 2", "gone": "import os; os._exit(0)"}
+
+
 @pytest.fixture(scope="module")
 def failures(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Tracebacks of the pages that are asked for in this session."""
+    """Tracebacks of the pages that are asked for in this session, and of three that are no files."""
     asked = [item.callspec.params.get("page") for item in request.session.items if hasattr(item, "callspec")]
     pages = {page: (ROOT / page).read_text("utf-8") for page in PAGES_OF_PYTHON if page in asked}
+    pages |= {name: PAGE.format(line) for name, line in LINES.items()}
     return run_blocks(pages, tmp_path_factory.mktemp("pages"))
 
 
-@pytest.mark.parametrize("page", members(PAGES_OF_PYTHON, "docs/how-to.md", "docs/sweeps.md", "docs/experiments.md"))
+@pytest.mark.parametrize("page", members(PAGES_OF_PYTHON, *MORE))
 def test_the_python_of_a_page_runs(page: str, failures: dict[str, str]) -> None:
     assert failures[page] == ""
 
 
-def test_python_that_fails_or_ends_its_process_is_found(tmp_path: Path) -> None:
-    page = "```python\nimport analysis\nx = 1\n```\n\n```console\nfalse\n```\n\n```python\n{}\n```\n"
-    lines = {"right": "assert x == 1", "wrong": "assert x == 2", "gone": "import os; os._exit(0)"}
-    found = run_blocks({name: page.format(line) for name, line in lines.items()}, tmp_path)
-    assert found["right"] == ""
-    assert 'File "block 2", line 1' in found["wrong"]
-    assert found["gone"] == "the process was killed"
+def test_python_that_fails_or_ends_its_process_is_found(failures: dict[str, str]) -> None:
+    assert failures["right"] == ""
+    assert 'File "block 2", line 1' in failures["wrong"]
+    assert failures["gone"] == "the process was killed"
