@@ -98,7 +98,7 @@ def test_surface_waves_and_branches_on_a_rigid_substrate_stand_in_one_table(
 def test_points_are_drawn_over_the_waves_and_listed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(saw, "POINTS", 12)
+    monkeypatch.setattr(saw, "POINTS", 6)
     point, scene = exact()[0], tmp_path / "scene.toml"
     scene.write_text(SCENE.to_toml())
     data = table(tmp_path, f",0.08,{1.02e-6 * point.value},{0.01e-6 * point.value}\n")

@@ -14,7 +14,7 @@ from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import run as collide
 from granular_lmp.studies.kick import run_kicked
 
-LONG = 4000.0  # τ of the run beside which the others begin: 80,000 steps of 24 spheres, half a second
+LONG = 2000.0  # τ of the run beside which the others begin: 40,000 steps of 24 spheres, a quarter of a second
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 20.0})
 
 

@@ -20,6 +20,7 @@ from granular_lmp.studies.coinciding import remarks
 from granular_lmp.studies.sweep import Sweep, sweep
 from granular_lmp.studies.sweep_points import points, scene_hash
 from tests.cli.test_cli import cli
+from tests.conftest import members
 
 PERIODIC = Scene.load("tr_periodic").with_values({"packing.rows": 48, "packing.columns": 3, "time.duration": 8.0})
 ASKED = [1.0, 1.02, 1.04, 1.06, 1.08, 1.1]
@@ -78,7 +79,7 @@ def as_of_an_earlier_version(swept: Sweep, folder: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("old", [False, True])
+@pytest.mark.parametrize("old", members([False, True], False))
 def test_compare_has_a_line_a_wave_that_names_it(
     old: bool, swept: Sweep, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
