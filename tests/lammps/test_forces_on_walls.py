@@ -121,7 +121,7 @@ def test_the_step_by_which_a_run_continues_leaves_no_trace(tmp_path: Path, stop:
 
 
 def test_the_program_and_two_ranks_give_the_same(tmp_path: Path) -> None:
-    scene = layer(**SAMPLED, wave__amplitude=0.05, **HEAVY, wave__form="standing")
+    scene = layer(**SAMPLED | {"time__duration": 3.0}, wave__amplitude=0.05, **HEAVY, wave__form="standing")
     options: dict[str, dict[str, Any]] = {"module": {}, "program": {"launcher": "lmp"}}
     options["ranks"] = {"launcher": "lmp", "ranks": 2}
     module, program, ranks = (run(scene, tmp_path / name, **how) for name, how in options.items())
