@@ -193,6 +193,7 @@ def test_a_monitor_records_contacts_that_hold_beyond_their_end(tmp_path: Path) -
     np.testing.assert_allclose(force, LAW.force(overlap), rtol=0, atol=1e-9 * sphere.pull_off_force)
 
 
+@pytest.mark.more  # as the run that is resumed in test_unequal_jkr_in_lammps
 def test_a_run_that_is_resumed_while_contacts_hold_beyond_their_end_is_the_same(
     tmp_path: Path, stop: Callable[[Scene, Path], None]
 ) -> None:

@@ -292,7 +292,7 @@ def test_an_adhesive_impact_is_elastic_and_deeper(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("steps", members([5000, 7919, 20_000], 7919))
-@pytest.mark.parametrize("velocity", [1e-3, 1e-2, 0.1])
+@pytest.mark.parametrize("velocity", members([1e-3, 1e-2, 0.1], 1e-2))
 def test_the_parting_velocity_of_an_adhesive_contact_is_known_to_one_kick(
     velocity: float, steps: int, tmp_path: Path
 ) -> None:

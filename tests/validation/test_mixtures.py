@@ -16,7 +16,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.guards import fastest
 from granular_lmp.problem import largest_step, prepare
-from tests.conftest import PAPER
+from tests.conftest import PAPER, members
 
 UNIT = PAPER.scale.length / PAPER.scale.time  # m/s
 STRUCK = [{"spheres": [[5, 4]], "velocity": 0.02 * UNIT, "direction": 30.0}]
@@ -65,7 +65,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Record
     return made
 
 
-@pytest.mark.parametrize("name", MIXTURES)
+@pytest.mark.parametrize("name", members(MIXTURES, "a striker alone", "a state alone"))
 def test_compare_judges_a_mixture_by_the_network(
     name: str, recorded: Callable[[str], Record], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -100,7 +100,11 @@ HELD = {"rows": 41, "columns": 3, "ends": "fixed"}
 
 @pytest.mark.parametrize(
     ("wave", "packing"),
-    [({}, None), ({"form": "standing"}, None), ({"form": "driven"}, {**HELD, "rows": 9})],
+    [
+        ({}, None),
+        pytest.param({"form": "standing"}, None, marks=pytest.mark.more),
+        ({"form": "driven"}, {**HELD, "rows": 9}),
+    ],
     ids=["running", "standing", "driven"],
 )
 def test_a_weak_source_is_added_to_any_wave_in_linear_theory(
@@ -166,6 +170,7 @@ def test_strikes_do_not_scale_with_the_amplitude_of_the_wave() -> None:
     assert not deck.data.wave[:at, 6:].any()
 
 
+@pytest.mark.more  # as the strike without a wave in test_strikes_at_rest
 def test_a_struck_run_that_was_stopped_continues_to_the_same_bytes(
     stop: Callable[[Scene, Path], None], tmp_path: Path
 ) -> None:

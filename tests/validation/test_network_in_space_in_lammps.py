@@ -132,10 +132,14 @@ def apart(network: Network, moving: tuple[np.ndarray, ...], fields: np.ndarray, 
     return float(np.max(np.abs(scale * (run.motion[:, :6] - fields))) / (AMPLITUDE * OVERLAP))
 
 
+SECANT = {"law": "secant"}
+LAWS = {"law": "incremental"}, {"viscosity": VISCOSITY}, {"adhesion": "jkr"}
+PACKINGS = [(layer, SECANT), (fcc, SECANT), *((layer, each) for each in LAWS)]
+
+
 @pytest.mark.parametrize(
-    "changes", [{"law": "secant"}, {"law": "incremental"}, {"viscosity": VISCOSITY}, {"adhesion": "jkr"}], ids=str
+    ("packing", "changes"), [*PACKINGS, *(pytest.param(fcc, each, marks=pytest.mark.more) for each in LAWS)], ids=str
 )
-@pytest.mark.parametrize("packing", [layer, fcc])
 def test_a_packing_in_space_moves_as_in_lammps(packing, changes) -> None:
     network = packing(**changes)
     moving = disturbed(network)
@@ -154,6 +158,7 @@ def test_contacts_slide_in_space_as_in_lammps() -> None:
     assert apart(replace(network, friction=np.inf), moving, fields) > 0.05
 
 
+@pytest.mark.more  # dashpots in space are above, those of contacts that slide in test_network_in_lammps
 def test_damped_contacts_slide_in_space_as_in_lammps() -> None:
     network = layer(friction=0.1, viscosity=VISCOSITY)
     moving = disturbed(network)

@@ -71,7 +71,7 @@ def test_lammps_is_velocity_verlet_to_rounding() -> None:
     assert velocities[1:] != pytest.approx(np.roll(expected, 1, axis=0), abs=1e-3)
 
 
-@pytest.mark.parametrize("velocity", members([1e-6, 1e-3, 1e2], 1e-3))
+@pytest.mark.parametrize("velocity", members([1e-6, 1e-3, 1e2], 1e-3, 1e2))
 def test_strikers_of_any_velocity_make_the_same_wave_in_lammps(velocity: float) -> None:
     scale = velocity**-0.2
     _, plain, _ = lammps(20, 0.1, 100, 100, (0, 20))

@@ -230,7 +230,8 @@ def growing(name: tuple[str, str]) -> list[Match]:
 
 
 # The second order of fcc along [111] and of hcp is claimed above, next to no resonance
-MORE = "fcc along [111], T to L", "fcc along [111], T to T", "hcp along c, T to L", "layer, third to fourth"
+MORE = "fcc along [111], T to L", "fcc along [111], T to T", "hcp along c, T to L"
+MORE += "layer, sagittal", "layer, third to fourth"
 
 
 @pytest.mark.parametrize("name", members(RESONANCES, *MORE))

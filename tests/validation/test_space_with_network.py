@@ -52,7 +52,11 @@ def record_of(name: str, folder: Path, **values: Any) -> Record:
     return run(Scene.load(shipped).with_values(TAU | changes | values), folder / "run")
 
 
-@pytest.mark.parametrize("name", members(CASES, "vertical", "rocking", "soft substrate", "square between two, JKR"))
+# The substrate below, its forces and other directions stand in the cases beside
+MORE = "vertical", "rocking", "soft substrate", "square between two, JKR", "oblique", "standing", "hcp"
+
+
+@pytest.mark.parametrize("name", members(CASES, *MORE))
 def test_a_scene_in_space_moves_as_its_network(name: str, tmp_path: Path) -> None:
     record = record_of(name, tmp_path, **{"time.tolerance": 1e-5})
     found = compare(record)

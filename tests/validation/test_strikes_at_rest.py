@@ -17,7 +17,7 @@ from granular_lmp.problem import prepare
 from granular_lmp.runs.readouts import drive_of
 from granular_lmp.scene.refusals import require_wave
 from granular_lmp.studies.sweep import sweep
-from tests.conftest import PAPER
+from tests.conftest import PAPER, members
 from tests.matrix import compared
 from tests.matrix.compared import outcome
 
@@ -62,7 +62,7 @@ SCENES: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", members(SCENES, "jkr", "opening"))
 def test_a_strike_alone_moves_as_its_network(name: str, tmp_path: Path) -> None:
     found = outcome(BASE.with_values(SCENES[name]), tmp_path)
     assert not found.refused
