@@ -36,7 +36,7 @@ CHAIN = Scene.load("solitary_chain").with_values(
 
 
 WAVE = PAPER.with_values(
-    {"packing.rows": 101, "time.duration": 75.0, "time.allow_echo": True, "output.checkpoint": 303 * 100 / SPEED / 60}
+    {"packing.rows": 201, "time.duration": 75.0, "time.allow_echo": True, "output.checkpoint": 603 * 100 / SPEED / 60}
 )
 SCENES = {
     "wave": WAVE,
