@@ -77,8 +77,8 @@ def even(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Reco
     return make
 
 
-# The upper branch of layers, the second of a layer on a substrate and hcp have their likes beside them
-MORE = "layers, upper branch", "layer on a substrate, S2", "hcp"
+# The upper branch of layers, the second of a layer on a substrate, hcp and a film have their likes beside them
+MORE = "layers, upper branch", "layer on a substrate, S2", "hcp", "four layers"
 
 
 @pytest.mark.parametrize("name", members(CASES, *MORE))

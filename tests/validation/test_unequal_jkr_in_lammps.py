@@ -58,7 +58,7 @@ def agrees(record: Record) -> bool:
 FEATURES = "radii", "densities", "vacancies", "rows of another", "another sphere"
 
 
-@pytest.mark.parametrize("feature", members(FEATURES, "densities", "another sphere"))
+@pytest.mark.parametrize("feature", members(FEATURES, "densities", "vacancies", "another sphere"))
 def test_a_crystal_that_is_not_perfect_moves_as_its_network(feature: str, tmp_path: Path) -> None:
     assert agrees(run(SHEET.with_values(WAVES[feature]), tmp_path / "run"))
 
