@@ -156,7 +156,7 @@ def test_the_error_of_a_step_is_at_most_what_the_budget_says(path: Path_, runs: 
 
 
 # Durations of a run that is stopped, over that of its path: a tenth of a second, in which looks each millisecond fall
-LENGTHS = {"driven": 6, "sources and monitors": 10, "quiet ends": 6, "imperfect": 12, "impact": 10, "two ranks": 6}
+LENGTHS = {"driven": 6, "sources and monitors": 10, "quiet ends": 6, "imperfect": 12, "impact": 10, "two ranks": 4}
 
 
 @on("same bytes after resume", "standing", "JKR", "collision", "thread")
