@@ -92,8 +92,8 @@ def test_a_pulse_is_that_of_second_order_on_a_sheet(changes: dict[str, Any], tmp
     found = sheets.compare(run(scene, tmp_path / "run"))
     beyond = found.beyond[1:]
     whole = sheets.relative(found.linear[1:] + found.second[1:], found.run[1:])
-    # Third order is a² = 4e-4 of the field over τ, measured 2e-5 (TR) and 4e-5 (L) at τ = 40. The parts are off by fourth,
-    # a² times a number that a narrow pulse, whose parts overlap, makes 10
+    # Third order is a² = 4e-4 of the field over τ, measured 2e-5 (TR) and 4e-5 (L) at τ = 40. The parts are off by
+    # fourth order, a² times a number that a narrow pulse, whose parts overlap, makes 10
     assert whole < 1e-4
     for multiple, bound in ((0, 5e-3), (2, 1e-2)):
         part, theory = (found.around(each, multiple) for each in (beyond, found.second[1:]))
