@@ -224,6 +224,7 @@ def test_the_incremental_law_has_the_same_steady_state_but_for_the_mean() -> Non
         driven.static(wave, [1])
 
 
+@pytest.mark.more  # that waves carry energy away, of two wave numbers too, stays in `make test`
 def test_of_two_waves_that_run_the_strip_has_those_that_run_away() -> None:
     wave = sent("RT", 2.15, 0.01, Contact(NU, inertia=1.5))
     run = fitted(wave.mode, driven.slowest(wave), 0.01, wave.contact, wait=800.0)[0][1]
