@@ -79,7 +79,12 @@ def test_a_pair_turned_rigidly_slips_by_its_overlap():
 
 @pytest.mark.parametrize(
     ("name", "xi"),
-    members([("TR", 0.802), ("TR", 1.475), ("TR", 2.127), ("RT", 0.802), ("L", 0.802)], ("TR", 1.475), ("TR", 2.127)),
+    members(
+        [("TR", 0.802), ("TR", 1.475), ("TR", 2.127), ("RT", 0.802), ("L", 0.802)],
+        ("TR", 1.475),
+        ("TR", 2.127),
+        ("RT", 0.802),
+    ),
 )
 @verifies(
     "Exact lattice as one period of the phase, TR, RT and L to τ = 120, in D0",

@@ -82,7 +82,6 @@ def test_resonances_in_space_are_all_found_once(name: tuple[str, str]) -> None:
         assert each.wavenumber * row == pytest.approx(KNOWN[name][each.branch, each.target], abs=1e-6)
 
 
-@pytest.mark.more  # in `make test` a run of LAMMPS has this resonance: tests/validation/test_space_in_lammps.py
 def test_close_packed_layers_ab_answer_to_a_wave_across_them_as_abc_do() -> None:
     row = APART * LATTICES["hcp", "c"].row
     near = matches(crystal("hcp", "c"), (0, 1, 0))
