@@ -292,9 +292,9 @@ def test_every_family_has_its_marker_and_theory_one_line() -> None:
     assert labels == ["0.02 $\\Delta_0$", "0.1 $\\Delta_0$", "0.2 $\\Delta_0$", "0.5%"]
 
 
-@pytest.mark.parametrize("modes", members([("TR",), ("TR", "RT", "L")], ("TR", "RT", "L")))
-def test_the_title_of_the_figure_is_not_clipped(modes: tuple[str, ...]) -> None:
-    records = [at(of_theory(mode, 17), amplitude) for mode in modes for amplitude in (0.02, 0.05, 0.1)]
+@pytest.mark.parametrize("modes", members(["TR", "TR RT L"], "TR RT L"))
+def test_the_title_of_the_figure_is_not_clipped(modes: str) -> None:
+    records = [at(of_theory(mode, 17), amplitude) for mode in modes.split() for amplitude in (0.02, 0.05, 0.1)]
     figure = spectrum_figure.draw([spectrum.point(record) for record in records], records)
     figure.draw_without_rendering()
     box = figure._suptitle.get_window_extent()  # type: ignore[attr-defined]

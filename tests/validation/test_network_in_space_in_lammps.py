@@ -138,7 +138,9 @@ PACKINGS = [(layer, SECANT), (fcc, SECANT), *((layer, each) for each in LAWS)]
 
 
 @pytest.mark.parametrize(
-    ("packing", "changes"), [*PACKINGS, *(pytest.param(fcc, each, marks=pytest.mark.more) for each in LAWS)], ids=str
+    ("packing", "changes"),
+    [*PACKINGS, *(pytest.param(fcc, each, marks=pytest.mark.more) for each in LAWS)],
+    ids=lambda each: getattr(each, "__name__", str(each)),
 )
 def test_a_packing_in_space_moves_as_in_lammps(packing, changes) -> None:
     network = packing(**changes)
