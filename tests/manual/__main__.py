@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from importlib.util import cache_from_source
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,13 @@ def worst_of(said: list[dict[str, Any]]) -> tuple[str, float]:
     return worst["test"], worst["error"]
 
 
+def rewrite(file: Path, text: str) -> None:
+    """Write a source, and drop what was compiled of it: a change of the same size in the same second goes unseen."""
+    file.write_text(text, "utf-8")
+    if file.suffix == ".py":
+        Path(cache_from_source(str(file))).unlink(missing_ok=True)
+
+
 def with_mutant(folder: Path, name: str, case: Case) -> float | None:
     """Return the largest error of a case with its mutant, None where the test fails before it measures one.
 
@@ -70,10 +78,10 @@ def with_mutant(folder: Path, name: str, case: Case) -> float | None:
     file = folder / case.mutant.file
     text = file.read_text("utf-8")
     try:
-        file.write_text(case.mutant.applied(text), "utf-8")
+        rewrite(file, case.mutant.applied(text))
         failed = [each for each in ran(folder, [name]) if each["outcome"] == "failed"]
     finally:
-        file.write_text(text, "utf-8")
+        rewrite(file, text)
     if not failed or not all(each["own"] for each in failed):
         raise ValueError(f"{failed or 'passes'} with {case.mutant}: must fail by an assertion of its own")
     errors = [each["error"] for each in failed if each["error"] is not None and each["error"] > case.tolerance]

@@ -1,10 +1,15 @@
 """The manual says what its tests declare and measure, and each mutant can still be made."""
 
+import os
 import re
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from tests.manual import ROOT, Mutant, agree, declared, off
+from tests.manual.__main__ import rewrite
 from tests.manual.table import Row, committed, node
 
 
@@ -49,3 +54,13 @@ def test_errors_agree_to_a_factor_of_two_or_far_below_the_tolerance() -> None:
 def test_a_difference_is_over_the_largest_magnitude_or_the_size_given() -> None:
     assert off([1.0, -2.0], [1.0, -4.0]) == 0.5
     assert off([1.0], [2.0], size=4) == 0.25
+
+
+def test_a_change_of_the_same_size_in_the_same_second_is_seen(tmp_path: Path) -> None:
+    file = tmp_path / "changed.py"
+    for value in (1, 2):
+        rewrite(file, f"VALUE = {value}\n")
+        os.utime(file, (0, 0))
+        command = [sys.executable, "-c", "import changed; print(changed.VALUE)"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+        assert done.stdout == f"{value}\n"

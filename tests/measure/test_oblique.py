@@ -133,7 +133,8 @@ def test_the_script_prints_a_table_and_draws_a_figure(
 @pytest.mark.parametrize("modes", members(["TR", "TR RT L"], "TR RT L"))
 def test_nothing_in_the_figure_is_clipped(modes: str, made: list[oblique.Point], runs: list[Record]) -> None:
     some = [record for record in runs if record.scene.wave.mode in modes.split()]
-    off = [replace(each, theory=each.theory * 1.1) for each in made if each.mode in modes.split()]  # errors above the usual
+    # Errors above the usual
+    off = [replace(each, theory=each.theory * 1.1) for each in made if each.mode in modes.split()]
     figure = oblique_figure.draw(off, some)
     figure.draw_without_rendering()
     for part in (*figure.legends, figure._suptitle):  # type: ignore[attr-defined]
