@@ -27,7 +27,7 @@ _PREFIXES = {"": 1.0, "k": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3, "u": 1e-6, "n": 1
 _LENGTHS = {f"{prefix}m": size for prefix, size in _PREFIXES.items() if size <= 1}
 _TIMES = {f"{prefix}s": size for prefix, size in _PREFIXES.items() if size <= 1}
 _NUMBERS = {"": 1.0}
-UNITS: Mapping[str, Mapping[str, float]] = {  # of each quantity, in SI units
+UNITS: Mapping[str, Mapping[str, float]] = {  # each quantity has these, in SI units
     "frequency": {f"{prefix}Hz": size for prefix, size in _PREFIXES.items() if size >= 1},
     "second_harmonic": _LENGTHS,
     "arrival": _TIMES,

@@ -170,7 +170,7 @@ def _of_crystal(scene: "Scene", vector: "WaveVector", k: "NDArray[np.float64]") 
         modes = [(*each, "") for each in zip(*bloch_modes(crystal, sphere, k, physics), strict=True)]
     rows = []
     for number, (frequency, shape, name) in enumerate(modes, 1):
-        half = ("L",) if name[:1] == "S" else ("TR", "RT")  # of a mode that stays in the plane, k and z
+        half = ("L",) if name[:1] == "S" else ("TR", "RT")  # S modes stay in the plane of k and z
         share = characters(shape[None, None], k[None], crystal.mass)[0, 0]
         stays = share[2] + share[3] < 1e-9
         also = [each for each in half if stays and each in plane and abs(plane[each] - frequency) < 1e-9]

@@ -35,7 +35,7 @@ Integers = NDArray[np.int64]
 # Tolerance between the overlaps of the positions and those of a declared force: a share of them, and rounding, in radii
 SAME_OVERLAP = 1e-3
 ROUNDING = 1e-9
-FACTORS = "factors"  # of `ase.Atoms.info`, (M, M + 1, 2): of normal and shear forces by pair of materials, walls last
+FACTORS = "factors"  # in `ase.Atoms.info`, (M, M + 1, 2): for normal and shear forces by pair of materials, walls last
 
 
 @dataclass(frozen=True, eq=False)

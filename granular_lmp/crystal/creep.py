@@ -53,7 +53,7 @@ def creep_velocities(
     k, still = np.array(mode.vector.components) / sphere.lattice_constant, np.zeros(2)
     shape, curving = (mode.shape() / TURNS).ravel(), np.where(contacts.on_wall, 0.0, 1 / contacts.length)
     growth = sphere.contact_law.softening(sphere.static_overlap)[1] / contacts.overlap * incremental
-    normal, sideways, turn = stretch_rows(contacts, k)  # of −i times δN, δT and δS − δT
+    normal, sideways, turn = stretch_rows(contacts, k)  # they give −i times δN, δT and δS − δT
     stretch, twist = normal @ shape, twist_rows(contacts, k) @ shape
     one, other = (rows @ shape for rows in sideways)
     normal, moved, turned = stretch_rows(contacts, still)

@@ -163,7 +163,7 @@ class Case:
             weakest = adhesive or self.contacts.contact_force.min()
             hold = float(weakest) / self.scene.sphere.holding_force
         stiffer = self.shear_stiffness / self.scene.sphere.stiffness_ratio
-        strength = self.strength or 1.0  # of strikes alone that of their own amplitude
+        strength = self.strength or 1.0  # strikes alone have that of their own amplitude
         stiffer *= self._stiffer_walls * float(self._factors[..., 1].max())
         return FRICTION_PER_AMPLITUDE * strength * stiffer / hold if hold > 0 else inf
 

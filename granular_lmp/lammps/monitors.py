@@ -46,7 +46,7 @@ def _wall_lines(problem: Problem) -> list[str]:
         return []
     lines, materials = [], range(1, len(problem.materials) + 1)
     for face in problem.planes:
-        kept = (1, FACES[face][0] + 5, 2, 3, 4)  # of `fix wall/gran ... contacts`
+        kept = (1, FACES[face][0] + 5, 2, 3, 4)  # columns that `fix wall/gran ... contacts` has
         for name, column in zip(wall_columns(face, axes(problem)), kept, strict=False):
             lines.append(f"variable     {name} atom {'+'.join(f'f_{face}{m}[{column}]' for m in materials)}")
     return ["# --- walls of monitors: whether a sphere touches, where the wall is, and its force on the sphere", *lines]

@@ -44,7 +44,7 @@ DUMP_COLUMNS = (
 )
 _LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump; _SNAPSHOT is the first
 _SNAPSHOT = b"ITEM: TIMESTEP\n"
-_OF_PAIRS = b"ITEM: NUMBER OF ENTRIES\n"  # of a dump of spheres "ATOMS"
+_OF_PAIRS = b"ITEM: NUMBER OF ENTRIES\n"  # a dump of spheres says "ATOMS"
 _LONGEST = 1e12  # s, of a time loop: 30,000 years
 LOOP_SECTIONS = tuple(f"loop.{name}" for name in ("pair", "neigh", "comm", "output", "modify", "other"))
 _EVERY = re.compile(r"^thermo +([1-9]\d{0,17})$", re.MULTILINE)

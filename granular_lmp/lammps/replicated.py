@@ -137,7 +137,7 @@ def _in_space(problem: Problem) -> dict[str, str]:
         fields[name] = amplitude
         if problem.scene.wave.form == "running":
             fields[f"v{name.removeprefix('u')}"] = rate
-    smallest = 1e-14  # of a field: below the last of 13 decimals
+    smallest = 1e-14  # below the last of 13 decimals of a field
     return {
         name: f"({part.real!r}*cos(v_angle)-({part.imag!r})*sin(v_angle))"
         for name, part in ((name, complex(each)) for name, each in fields.items())

@@ -8,7 +8,7 @@ MOTION = {2: ("u", "v", "phi"), 3: ("u", "v", "w", "phix", "phiy", "phiz")}  # b
 NAMES = (*MOTION[2], *MOTION[3][2:])
 RATES = tuple(f"{name}_t" for name in NAMES)
 _VECTORS = ("shear", "rolling")
-FORCES = ("normal", *(f"{name}{axis}" for name in _VECTORS for axis in ("", "_x", "_y", "_z")))  # of contacts
+FORCES = ("normal", *(f"{name}{axis}" for name in _VECTORS for axis in ("", "_x", "_y", "_z")))  # contacts have these
 
 
 def components(displacement: Floats, rotation: Floats) -> dict[str, Floats]:

@@ -28,7 +28,6 @@ from granular_lmp.crystal.lattices import HELD, Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import samples
-from granular_lmp.scene.echo import echo_at as echo_at
 from granular_lmp.scene.places import AtPlaces, check_counted, place_troubles, spheres_at
 from granular_lmp.scene.schema import choice, number, shown
 from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave

@@ -148,7 +148,7 @@ def struck(strikers: Sequence[Striker], crystal: ase.Atoms) -> tuple[NDArray[np.
         except SceneError as error:
             raise SceneError(f"striker {number_}: {error}") from error
         free = chosen[~crystal.arrays["fixed"][chosen]]
-        if len(free) < len(chosen) and not (striker.rows and len(free)):  # of rows, spheres at held sides stay
+        if len(free) < len(chosen) and not (striker.rows and len(free)):  # spheres of rows stay where sides hold them
             raise SceneError(f"striker {number_}: is at a face that is held, which does not move")
         chosen = free
         if twice := taken & {*chosen.tolist()}:

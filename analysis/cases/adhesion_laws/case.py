@@ -35,7 +35,7 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 COLOURS: Final[dict[Adhesion, str]] = {"dmt": "black", "jkr": "tab:red"}
-POINTS = 50  # of a line of theory in the panels below
+POINTS = 50  # on each line of theory in the panels below
 # A contact that nothing presses has these k1Δ0 in πwRc, and Δ0 in that of the DMT law
 UNITS: Final[dict[Adhesion, tuple[float, float]]] = {"dmt": (3.0, 1.0), "jkr": (1.8, 3 ** (-1 / 3))}
 
