@@ -95,7 +95,9 @@ def _rates(problem: Problem) -> list[str]:
     around, contacts, number = around_lines(problem), problem.contacts, problem.units.number
     moving, pushed = ("around", "around") if around else ("all", "mobile")
     lightest, radius = number(float(contacts.mass.min()), mass=1), number(float(contacts.radius.max()), length=1)
-    lever = float((contacts.radius / contacts.mass).max()) / INERTIA_RATIO  # the largest R³/I
+    # The largest R/I, which is that of a small sphere, times the square of the largest R
+    levers = contacts.radius / contacts.mass * (contacts.radius.max() / contacts.radius) ** 2
+    lever = float(levers.max()) / INERTIA_RATIO
     both = [f"{name}{end or 'z'}" for name in ("omega", "tq") for end in ends]
     spins, torques = (
         "".join(f" c_spin[{part}]" for part in range(first, first + len(ends))) for first in (1, 1 + len(ends))

@@ -1,5 +1,6 @@
 """Guards look as rarely as a bound on the motion allows, and the bound holds in the linear lattice."""
 
+import re
 from itertools import product
 from math import pi
 from pathlib import Path
@@ -10,9 +11,11 @@ import pytest
 from granular_lmp import Scene, build, run
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.lammps.cone import MARGIN
+from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.guards import NEXT, look_interval
 from granular_lmp.lammps.outputs import LOG, read_log
 from granular_lmp.lammps.pace import GROWTH
+from granular_lmp.problem import prepare
 
 HALF, LEG = 3**0.5 / 2, 0.5**0.5
 LATTICES = {  # (cell, bond) of each contact, and how many cells stand for an endless crystal
@@ -112,3 +115,17 @@ def test_looks_are_rare_where_contacts_are_far_from_opening(changes: dict[str, o
     # Each look is at the step that the one before has named, or a line of the table is before it
     due = {int(step): int(following) for step, following in zip(table["Step"], table[NEXT], strict=True)}
     assert all(later <= due[int(step)] for step, later in zip(steps[:-1], steps[1:], strict=True))
+
+
+def test_a_torque_turns_the_smallest_sphere_fastest() -> None:
+    problem = prepare(
+        Scene.load("tr_nonresonant").with_values(
+            {"packing.rows": 17, "time.allow_echo": True, "disorder.radius": 0.004}
+        )
+    )
+    contacts, number = problem.contacts, problem.units.number
+    (line,) = (each for each in deck_of(problem).input_text.splitlines() if each.startswith("variable     gain equal"))
+    found = float(re.findall(r"\+([\d.e+-]+)\*sqrt", line)[0])
+    largest = 1 / (INERTIA_RATIO * contacts.mass * contacts.radius)
+    assert contacts.radius.min() < 0.995 * contacts.radius.max()
+    np.testing.assert_allclose(found, number(float(largest.max()), mass=-1, length=-1), rtol=1e-12)  # ten roundings
