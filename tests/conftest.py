@@ -1,11 +1,12 @@
 """Scenes and LAMMPS runs that several tests share."""
 
 import fcntl
+import gc
 import os
 import shutil
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,17 @@ from granular_lmp.studies import forecast  # noqa: E402
 pytest_plugins = ["tests.durations", "tests.manual.recorder"]
 
 PAPER = Scene.load("tr_nonresonant")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Collect without a search for garbage, and search later among what tests leave: modules and items stay anyway."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(scope="session")

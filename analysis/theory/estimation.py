@@ -23,7 +23,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
-from scipy.stats import norm, t
+from scipy.special import ndtri, stdtrit
 
 Floats = NDArray[np.float64]
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
@@ -225,10 +225,10 @@ class _Search:
 
     def judged(self, found: _Minimum, unit: float | None = None) -> Estimate:
         """Return the estimate of a minimum; `unit` is that of the residuals, where the error is not known."""
-        width, spread = float(norm.ppf(0.5 + COVERAGE / 2)), 1.0
+        width, spread = float(ndtri(0.5 + COVERAGE / 2)), 1.0
         if unit is not None:
             spread = max(_scatter(found), _ROUNDING)
-            width = float(t.ppf(0.5 + COVERAGE / 2, len(self.data) - len(self.parameters)))
+            width = float(stdtrit(len(self.data) - len(self.parameters), 0.5 + COVERAGE / 2))
         inside = found.jacobian @ found.seen.T
         covariance = found.seen.T @ np.linalg.inv(inside.T @ inside) @ found.seen * spread**2
         null = np.eye(len(self.parameters)) - found.seen.T @ found.seen  # projects on what data do not determine

@@ -5,6 +5,7 @@ that Ctrl-C and the progress display work at once.
 """
 
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -19,10 +20,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
+from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError
 from granular_lmp.lammps.installation import environment, lammps_module, lmp_command
 from granular_lmp.lammps.kernel import library
-from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, read_log
+from granular_lmp.lammps.outputs import CHECKPOINTS, LOG
 from granular_lmp.runs.directory import working_in
 from granular_lmp.runs.options import Options
 from granular_lmp.runs.phases import phase
@@ -30,6 +31,8 @@ from granular_lmp.runs.phases import phase
 FEWEST_FILES = 64  # open files; a run of one rank needs 24 (measured), and each other run of the process its own
 _POLL = 0.1  # s between two progress reports, and the longest wait for a program to stop
 _GRACE = 0.5  # s between the request to stop and the kill of a program
+_TAIL = 4096  # bytes of a log, which hold many lines of its table
+_NUMBERS = re.compile(rb" *\d+( +(-|[-+]?(\d[\d.e+-]*|nan|inf)))* *")  # the step and what a guard or a clock says
 _one_at_a_time = threading.Lock()  # for LAMMPS in this process
 
 
@@ -229,11 +232,14 @@ def _stop(process: "subprocess.Popen[str]") -> None:
 
 
 def _step_in_log(folder: Path) -> int | None:
+    """Return the step of the last whole line of numbers near the end of the log; None without any."""
     try:
-        steps = read_log(folder / LOG).table.get("Step")
-    except RunFolderError:
+        with (folder / LOG).open("rb") as stream:
+            stream.seek(max(0, stream.seek(0, os.SEEK_END) - _TAIL))
+            lines = stream.read().split(b"\n")[1:-1]  # the first may be cut off, the last is being written
+    except OSError:
         return None
-    return int(steps[-1]) if steps is not None and len(steps) else None
+    return next((int(line.split()[0]) for line in reversed(lines) if _NUMBERS.fullmatch(line)), None)
 
 
 def _first_line(error: BaseException) -> str:

@@ -191,20 +191,19 @@ def of_package(package: str) -> dict[str, str]:
     }
 
 
-TEXTS = of_package("granular_lmp")
-GRAPH = package_graph(TEXTS)
-ANALYSIS = package_graph(of_package("analysis"), "granular_analysis")
-TABLES = [(MAY_IMPORT, GRAPH), (ANALYSIS_MAY_IMPORT, ANALYSIS)]
-EAGER = {
-    module: {used for used in all_used if (module.split(".")[0], used.split(".")[0]) not in LAZY}
-    for module, all_used in GRAPH.items()
-}
-FORBIDDEN = {(room, used) for room, used in arrows(GRAPH) if used not in MAY_IMPORT[room]}
+TABLES = {"granular_lmp": MAY_IMPORT, "analysis": ANALYSIS_MAY_IMPORT}
+PACKAGES = {"granular_lmp": "granular_lmp", "analysis": "granular_analysis"}  # folder: name
 
 
-@pytest.mark.parametrize(("table", "graph"), TABLES, ids=["granular_lmp", "analysis"])
-def test_every_room_has_its_line_in_the_table(table: dict[str, set[str]], graph: dict[str, set[str]]) -> None:
-    assert {module.split(".")[0] for module in graph} == set(table)
+@cache
+def graph_of(folder: str) -> dict[str, set[str]]:
+    """Return the graph of a package; it takes a second, for which no other file of tests waits."""
+    return package_graph(of_package(folder), PACKAGES[folder])
+
+
+@pytest.mark.parametrize("folder", PACKAGES)
+def test_every_room_has_its_line_in_the_table(folder: str) -> None:
+    assert {module.split(".")[0] for module in graph_of(folder)} == set(TABLES[folder])
 
 
 @pytest.mark.parametrize("table", [MAY_IMPORT, ANALYSIS_MAY_IMPORT], ids=["granular_lmp", "analysis"])
@@ -213,22 +212,24 @@ def test_a_room_imports_only_what_stands_above_it_in_the_table(table: dict[str, 
         assert allowed <= set(list(table)[:place]), room
 
 
-def test_no_room_of_analysis_imports_another_than_it_may() -> None:
-    assert not {(room, used) for room, used in arrows(ANALYSIS) if used not in ANALYSIS_MAY_IMPORT[room]}
+@pytest.mark.parametrize(("folder", "allowed"), [("granular_lmp", LAZY), ("analysis", set())], ids=list(PACKAGES))
+def test_no_room_imports_another_than_it_may(folder: str, allowed: set[tuple[str, str]]) -> None:
+    beyond = {(room, used) for room, used in arrows(graph_of(folder)) if used not in TABLES[folder][room]}
+    assert beyond == allowed, {pair: importers(folder, *pair) for pair in beyond ^ allowed}
 
 
-def test_no_room_imports_another_than_it_may() -> None:
-    assert FORBIDDEN == LAZY, {pair: importers(*pair) for pair in FORBIDDEN ^ LAZY}
-
-
-def importers(room: str, used: str) -> list[str]:
+def importers(folder: str, room: str, used: str) -> list[str]:
     """Return the modules of a room that import another room."""
-    return sorted(module for module, names in GRAPH.items() if (room, used) in arrows({module: names}))
+    return sorted(module for module, names in graph_of(folder).items() if (room, used) in arrows({module: names}))
 
 
-@pytest.mark.parametrize("graph", [EAGER, ANALYSIS], ids=["granular_lmp", "analysis"])
-def test_no_circle_between_modules(graph: dict[str, set[str]]) -> None:
-    assert not circle(graph)
+@pytest.mark.parametrize("folder", PACKAGES)
+def test_no_circle_between_modules(folder: str) -> None:
+    eager = {
+        module: {used for used in all_used if (module.split(".")[0], used.split(".")[0]) not in LAZY}
+        for module, all_used in graph_of(folder).items()
+    }
+    assert not circle(eager)
 
 
 @pytest.mark.parametrize(
@@ -256,9 +257,10 @@ def test_the_theory_of_any_crystal_knows_neither_the_closed_form_nor_the_package
     found, left = set(), {f"theory.{name}"}
     while left:
         found |= left
-        left = set().union(*(ANALYSIS[each] for each in left)) - found
+        left = set().union(*(graph_of("analysis")[each] for each in left)) - found
     assert "second_harmonic" not in found
-    assert not any("granular_lmp" in roots(of_package("analysis")[each]) for each in found)
+    texts = of_package("analysis")
+    assert not any("granular_lmp" in roots(texts[each]) for each in found)
 
 
 # --- rooms of the tests -----------------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, Ru
 from granular_lmp.lammps import installation, outputs
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.lammps.outputs import DUMP_COLUMNS, mend_dump, mend_log, read_centre, read_dump, read_log
+from granular_lmp.lammps.outputs import DUMP_COLUMNS, LOG, mend_dump, mend_log, read_centre, read_dump, read_log
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.fields import LAUNCHERS
@@ -525,6 +525,18 @@ def test_a_log_gives_the_last_thermo_table_and_the_loop_time(small: Scene, tmp_p
     assert set(table) == {"Step", "v_tau", "v_slip", "v_open", "v_spread", "v_overlap", "v_next", "v_mu"}
     assert table["Step"][-1] == 40
     assert log.loop > 0
+
+
+def test_the_progress_of_a_program_is_the_last_step_that_its_log_has_whole(small: Scene, tmp_path: Path) -> None:
+    run(small.with_values({"time.duration": 20.0}), tmp_path / "run")
+    log = (tmp_path / "run" / LOG).read_bytes()
+    table = log.rindex(b"Step ")
+    assert table > routes._TAIL
+    for end in range(500, len(log), 97):
+        (tmp_path / LOG).write_bytes(log[:end])
+        steps = read_log(tmp_path / LOG).table.get("Step", [])
+        found = routes._step_in_log(tmp_path)
+        assert found == (steps[-1] if len(steps) else None) or (found is None and end < table + 300)
 
 
 def test_the_status_is_valid_json_without_nan(small: Scene, tmp_path: Path) -> None:

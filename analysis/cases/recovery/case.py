@@ -21,7 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from granular_analysis.measure.dispersion import Sheet, density, peaks
 from granular_analysis.measure.fitting import Fit
@@ -185,7 +185,7 @@ def draw(found: Mapping[tuple[str, float, str], Floats]) -> Figure:
     x = np.linspace(-2, 2, 101)
     for axes, own in zip(panels, names, strict=True):
         axes.axvspan(-1, 1, color="0.94")
-        axes.plot(x, norm.cdf(QUANTILE * x), color="black", label="Gaussian")
+        axes.plot(x, ndtr(QUANTILE * x), color="black", label="Gaussian")
         keys = list(dict.fromkeys(key for name, _, key in found if name == own))
         for (name, noise, key), values in found.items():
             if name == own:
