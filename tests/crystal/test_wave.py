@@ -12,7 +12,6 @@ from granular_lmp.crystal.mode import PLANE, TURNS
 from granular_lmp.crystal.modes import MODES, bloch_mode, bloch_modes
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene import initial_fields as wave_module
 from granular_lmp.scene.initial_fields import Fields, initial_fields, plane_wave
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.validation import FEWEST_RADIANS
@@ -161,19 +160,3 @@ def test_a_packet_that_would_run_backward_too_is_refused() -> None:
     assert erfc(FEWEST_RADIANS) / 2 < 1e-7
     with pytest.raises(SceneError, match=r"envelope\.length = 4\.0: must be 0 or at least 4/xi = 4\.988 rows"):
         PAPER.with_values({"envelope.length": 4.0})
-
-
-def test_many_wave_vectors_are_summed_as_quickly_as_few() -> None:
-    # A narrow pulse in a million spheres is 10⁵ Bloch modes, which took a minute one by one. Counted here, not timed
-    calls = []
-    solve = wave_module.bloch_modes
-
-    def counted(*arguments: Any) -> Any:
-        calls.append(len(arguments[2]))
-        return solve(*arguments)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(wave_module, "bloch_modes", counted)
-        fields_of(PULSE.with_values({"packing.rows": 200, "packing.columns": 200, "envelope.length": 4.0}))
-    assert len(calls) == 1
-    assert calls[0] > 3000

@@ -1,6 +1,7 @@
 """Large crystals: what is set up by blocks is what it was in one piece, and needs little memory."""
 
 import tracemalloc
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +13,10 @@ from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.stability import crude_bound, frequency_bound
 from granular_lmp.effects.case import Case
 from granular_lmp.problem import largest_step, prepare, step_rules
-from granular_lmp.scene import at_rest
+from granular_lmp.scene import at_rest, initial_fields
 from granular_lmp.scene.linear import physics_of
 from tests.conftest import PAPER
+from tests.crystal.test_wave import PULSE, fields_of
 
 SHEET = PAPER.with_values(
     {"packing.rows": 21, "packing.columns": 10, "disorder.density": 0.1, "disorder.radius": 1e-4, "time.duration": 2.0}
@@ -62,3 +64,19 @@ def test_a_large_crystal_takes_a_kilobyte_a_sphere(monkeypatch: pytest.MonkeyPat
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 1.25e3 * 201 * 80  # it was 14 kB a sphere
+
+
+def test_many_wave_vectors_are_summed_as_quickly_as_few() -> None:
+    # A narrow pulse in a million spheres is 10⁵ Bloch modes, which took a minute one by one. Counted here, not timed
+    calls = []
+    solve = initial_fields.bloch_modes
+
+    def counted(*arguments: Any) -> Any:
+        calls.append(len(arguments[2]))
+        return solve(*arguments)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(initial_fields, "bloch_modes", counted)
+        fields_of(PULSE.with_values({"packing.rows": 200, "packing.columns": 200, "envelope.length": 4.0}))
+    assert len(calls) == 1
+    assert calls[0] > 3000
