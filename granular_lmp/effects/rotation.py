@@ -74,9 +74,13 @@ def called_for(case: Case) -> Finding:
         return Finding(True, share, reason + ", but at the sides of a beam spheres turn")
     if case.scene.wave.mode == "RT":  # at K along x the wave turns no sphere, but the branch exists only with rotation
         return Finding(True, share, reason)
-    if share <= NOTHING and case.mode.name == "TR" and not case.scene.shape.along_y:  # at ξ = π
+    mirrored = case.mode.name == "L" and case.scene.uniform_rows  # Rows that lie across the wave keep its mirror
+    undisturbed = case.scene.perfect and case.scene.shape.along_y
+    if share <= NOTHING and not (mirrored or undisturbed):
         ends = "held rows" if case.scene.shape.infinite else "ends"
-        return Finding(True, share, reason + f", but the {ends} turn their neighbours")
+        return Finding(
+            True, share, f"{reason}, but the {ends if case.scene.perfect else 'rows that differ'} turn their neighbours"
+        )
     return Finding(share > NOTHING, share, reason)
 
 

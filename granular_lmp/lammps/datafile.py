@@ -38,6 +38,8 @@ class DataFile:
         Low and high face along x, y, z.
     kind : (N,) int array
         LAMMPS type: odd ones move, even ones are held; two to a material.
+    types : int
+        Number of types that the deck has coefficients for; the last may have no sphere.
     position : (N, 3) array
         Centres at rest.
     diameter, density : (N,) arrays
@@ -57,6 +59,7 @@ class DataFile:
     diameter: NDArray[np.float64]
     density: NDArray[np.float64]
     wave: NDArray[np.float64]
+    types: int = 2
     style: str = "hybrid sphere dipole"
     state: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
 
@@ -72,8 +75,7 @@ class DataFile:
         columns |= {"molecule": np.ones_like(self.kind)}
         columns |= dict(zip("xyz", self.position.T, strict=True))
         own = [columns[name] for name in ATOM_COLUMNS[self.style].split() if name in columns]
-        types = int(self.kind.max() + 1) // 2 * 2
-        yield f"{title}\n\n{len(self.kind)} atoms\n{types} atom types\n\n{faces}\n\n"
+        yield f"{title}\n\n{len(self.kind)} atoms\n{self.types} atom types\n\n{faces}\n\n"
         yield f"Atoms # {self.style.split()[0]} ({ATOM_COLUMNS[self.style]})\n\n"
         yield from _lines(own, tail=" 0 1 0 0\n" if self.style.endswith("dipole") else "\n")
         for name, section in (("wave", self.wave), ("state", self.state)):
@@ -128,7 +130,10 @@ def read(path: str | Path) -> DataFile:
     try:
         text = Path(path).read_text(encoding="utf-8")
         header, sections = _sections(text)
-        count = int(next(line.split()[0] for line in header if line.split()[1:] == ["atoms"]))
+        count, types = [
+            next(int(line.split()[0]) for line in header if line.split()[1:] == words)
+            for words in (["atoms"], ["atom", "types"])
+        ]
         box = [next(line.split()[:2] for line in header if line.endswith(f"{axis}hi")) for axis in "xyz"]
         style = _style(next(line for line in text.splitlines() if line.startswith("Atoms #")))
         names = ATOM_COLUMNS[style].split()
@@ -147,6 +152,7 @@ def read(path: str | Path) -> DataFile:
         position=np.column_stack([atoms["x"], atoms["y"], atoms["z"]]),
         diameter=atoms["diameter"],
         density=atoms["density"],
+        types=types,
         wave=_by_number(wave) if len(wave) else np.empty((count, 0)),
         state=_by_number(state) if len(state) else np.empty((0, 0)),
         style=style,

@@ -18,6 +18,7 @@ def data_of(problem: Problem) -> DataFile:
     return DataFile(
         box=box_of(problem),
         kind=types(packing),
+        types=2 * len(problem.materials),
         position=packing.positions * to_deck,
         diameter=2 * packing.arrays["radius"] * to_deck,
         density=_densities(problem),

@@ -25,7 +25,7 @@ def measured(sphere: Sphere, contact: Contact) -> Sphere:
     SceneError
         If the ratio of the stiffnesses is that of no Poisson's ratio above −1.
     """
-    if contact == Contact():
+    if contact == Contact() or not sphere.static_overlap:  # the check of the sphere says what presses no contact
         return sphere
     normal = sphere.normal_stiffness if contact.normal_stiffness is None else contact.normal_stiffness
     shear = sphere.shear_stiffness if contact.shear_stiffness is None else contact.shear_stiffness
@@ -33,9 +33,13 @@ def measured(sphere: Sphere, contact: Contact) -> Sphere:
     for _ in range(_ROUNDS):
         kappa = shear / normal / float(found.contact_law.excess(found.static_overlap))
         if not kappa < 4 / 3:
-            raise SceneError(
-                f"contact.shear_stiffness = {shear!r}: must be below 4/3 of the normal stiffness, {normal!r} N/m"
-            )
+            below = f"below 4/3 of the normal stiffness, {normal!r} N/m"
+            if contact.shear_stiffness is None:
+                raise SceneError(
+                    f"contact.normal_stiffness = {normal!r}: needs contact.shear_stiffness {below}; "
+                    f"left out, it is {shear:.6g} N/m by the moduli"
+                )
+            raise SceneError(f"contact.shear_stiffness = {shear!r}: must be {below}")
         ratio = (2 - 2 * kappa) / (2 - kappa)
         scale = normal / found.normal_stiffness
         modulus = found.effective_modulus * scale

@@ -123,8 +123,11 @@ def test_the_network_knows_factors_from_its_own_formulas() -> None:
         BASE.with_values(LAYERS | {"pair": PAIRS, "disorder.stiffness": 0.05, "inclusion.1.youngs_modulus": 9e10}),
         BASE.with_values({"disorder.stiffness": 0.1, "sphere.adhesion_law": "jkr"}),
         LAYER.with_values({"disorder.stiffness": 0.1}),
+        BASE.with_values(  # The last classes of the other material have no sphere
+            {"disorder.stiffness": 0.05, "inclusion": [{"spheres": [[25, 0], [2, 1]], "work_of_adhesion": 0.07}]}
+        ),
     ],
-    ids=["spread", "pairs and spread", "jkr", "layer"],
+    ids=["spread", "pairs and spread", "jkr", "layer", "single spheres"],
 )
 def test_runs_meet_the_network(scene: Scene, tmp_path: Path) -> None:
     record = run(scene, tmp_path / "run")
@@ -148,6 +151,14 @@ def network_errors(record: Record) -> list[float]:
         (LAYERS | {"pair": [{"of": [0, 1]}]}, "normal_stiffness, shear_stiffness: missing"),
         (LAYERS | {"pair": [PAIRS[0], {"of": [0, 1], "shear_stiffness": 1.0}]}, "pair 2: of = .* declared twice"),
         ({"inclusion": [{"rows": [3, 3], "vacancy": True}], "pair": [PAIRS[0]]}, "must not be of vacancies"),
+        (
+            {"contact.normal_stiffness": 400.0},
+            r"contact\.normal_stiffness = 400\.0: needs contact\.shear_stiffness below",
+        ),
+        (
+            {"contact.normal_stiffness": 400.0, "effects.adhesion": False},
+            r"packing\.contact_force = 0\.0: must be above 0",
+        ),
         ({"disorder.stiffness": 0.4}, r"disorder\.stiffness = 0\.4: must be a number in \[0, 0\.3\]"),
         (
             {"disorder.stiffness": 0.1, "packing.lattice": "square", "packing.contact_force": 1e-7},

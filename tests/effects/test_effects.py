@@ -63,6 +63,22 @@ def test_a_longitudinal_wave_turns_no_sphere_but_shears_its_contacts() -> None:
     assert effects["shear"].number == pytest.approx(np.sin(0.401), rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"wave.mode": "L", "wave.direction": "x", "packing.columns": 6},
+        {"wave.mode": "L", "wave.direction": "x", "packing.columns": 6, "packing.ends": "fixed", "packing.rows": 13},
+        {"wave.wavenumber": np.pi},
+    ],
+    ids=["L along rows", "L along held rows", "TR of the zone boundary"],
+)
+def test_rows_that_differ_turn_spheres_of_a_wave_that_turns_none(changes: dict[str, Any], tmp_path: Path) -> None:
+    rows = {} if "packing.ends" in changes else {"inclusion": [{"rows": [3, 4], "density": 2500.0}]}
+    scene = CELL.with_values({**changes, **rows, "time.duration": 4.0, "time.allow_echo": True})
+    assert "turn their neighbours" in chosen(scene)["rotation"].finding
+    assert all(guard["quiet"] for guard in run(scene, tmp_path / "run").info["guards"].values())
+
+
 def test_a_transverse_wave_needs_rotation_by_its_share_of_the_energy() -> None:
     # Ĩf²/(Q² + Ĩf²) with the numbers of the derivation
     q, f = 0.973101202335, 0.230378058881
