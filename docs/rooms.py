@@ -1,7 +1,7 @@
 """Draw the rooms of the package and who imports whom, from the sources: ``make rooms`` writes ``figures/rooms.svg``.
 
 An arrow leads from a room to one that imports from it, in the direction of the data. An import that a chain of other
-arrows implies is left out, and so is ``errors``, which every room imports.
+arrows implies is left out, and so are ``errors`` and ``frozen``, which every room imports.
 """
 
 import ast
@@ -13,7 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "granular_lmp"
 DRAWING = ROOT / "figures" / "rooms.svg"
-LEFT_OUT = {"errors"}
+LEFT_OUT = {"errors", "frozen"}
 # A record and a card draw themselves, and import the room when they are asked to: the arrows against the data
 LAZY = {("runs", "plot"), ("card", "plot")}
 Arrows = set[tuple[str, str]]

@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from importlib import metadata
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,6 +13,7 @@ import numpy as np
 from granular_lmp import __version__
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.errors import GranularError
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.installation import (
     PACKAGE_IN_SPACE,
     REQUIRED_PACKAGES,

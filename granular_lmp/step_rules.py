@@ -1,10 +1,10 @@
 """Rules for the time step, which a declared step and the first run to a tolerance both follow."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from math import inf
 
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.sections import Sampled
 
 # A mode at this share of the limit of stability has an amplitude 1/√(1 − share²) = 1.4 times too large; spheres of an

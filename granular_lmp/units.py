@@ -1,10 +1,11 @@
 """LAMMPS unit styles, chosen by the size of the spheres so that the numbers of a deck stay near 1, or its own units."""
 
-from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from granular_lmp.frozen import dataclass
 
 Value = TypeVar("Value", float, NDArray[np.float64])
 

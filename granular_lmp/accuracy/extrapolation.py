@@ -23,11 +23,13 @@ of all its steps. docs/accuracy.md says how often the estimate is wrong.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from math import ceil, inf
 
 import numpy as np
 from numpy.typing import NDArray
+
+from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 Signals = Mapping[str, Floats]

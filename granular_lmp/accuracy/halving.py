@@ -5,7 +5,6 @@ What estimates the error of the runs is given. The folder holds a run folder for
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
 from shlex import quote
@@ -13,6 +12,7 @@ from typing import Any
 
 from granular_lmp.accuracy.extrapolation import Judgement, following
 from granular_lmp.errors import GranularError, RunInterrupted, ToleranceError
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.outputs import PER_SAMPLE, SCENE, STATUS, replace_text, writable
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.continuation import read_unfinished, whole_checkpoints

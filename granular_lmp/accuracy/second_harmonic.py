@@ -14,13 +14,13 @@ The time step changes the frequencies and the drive. A second fit has the functi
 run to a tolerance, whose record is extrapolated, it is the share that the estimate of p says.
 """
 
-from dataclasses import dataclass
 from math import hypot, pi
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.accuracy.oscillator import Oscillator, late_shear, oscillator_of
+from granular_lmp.frozen import dataclass
 from granular_lmp.runs.readouts import fitted
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene

@@ -21,7 +21,6 @@ the contact is negative), so that they are those of a stable crystal.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -30,6 +29,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.dissection import blockwise, dissection, factorised
 from granular_lmp.crystal.potential import SKIN, Pairs, Potential, State
 from granular_lmp.errors import CrystalError
+from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -18,7 +18,7 @@ Everything in `Contacts` is in SI units; the crystal's own lengths are in radii 
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import cached_property
 
 import ase
@@ -29,6 +29,7 @@ from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
 from granular_lmp.crystal.blocks import blocks
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -10,7 +10,7 @@ legacy generator, whose streams are frozen, so that a seed gives the same crysta
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 
 import ase
 import numpy as np
@@ -21,6 +21,7 @@ from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import CLASSES, WIDEST, Pair, factors_of, spread
 from granular_lmp.errors import CrystalError
+from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -28,7 +28,6 @@ other seeds all kept their contacts, and one with s = 12 had places 4e-7 Δ0 apa
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import ase
@@ -44,6 +43,7 @@ from granular_lmp.crystal.potential import Pairs, Potential, State, displaced, p
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import Face, on_wall
 from granular_lmp.errors import CrystalError
+from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 

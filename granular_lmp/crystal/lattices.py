@@ -8,7 +8,7 @@ Rows along x are stacked along y. A `Lattice` holds how, and the places of the s
 `granular_lmp.crystal.wavevector`. Others ask it for distances, wave vectors and `offsets`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -29,6 +29,7 @@ from granular_lmp.crystal.lattice import Lattice as Lattice
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import factors_of
 from granular_lmp.crystal.walls import Wall, on_wall
+from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -1,11 +1,10 @@
 """One Bloch mode: its wave vector, frequency and shape; and the freedoms of the spheres that it moves."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.wavevector import WaveVector
+from granular_lmp.frozen import dataclass
 
 # A sphere's six freedoms: displacement u, and φ = Rθ for the rotation θ
 UX, UY, UZ, FX, FY, F = range(6)

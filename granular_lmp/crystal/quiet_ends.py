@@ -27,7 +27,7 @@ root of the energy flux that comes back, in all modes, over the incident one: ex
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import asin, sin, sqrt
 
 import numpy as np
@@ -37,6 +37,7 @@ from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.modes import FULL, Mode, Physics
 from granular_lmp.crystal.row_waves import Complexes, Line, flux, line_of, waves
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.frozen import dataclass
 
 POWERS = (2.0, 3.0, 4.0)
 MOST_ROWS = 2000

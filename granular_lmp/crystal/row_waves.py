@@ -8,7 +8,7 @@ where K₀ + K₊e^{iξ} + K₋e^{−iξ} is the Bloch matrix. At a frequency th
 of them leave to +n: |λ| < 1, or |λ| = 1 and the energy runs there.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from granular_lmp.crystal.mode import TURNS
 from granular_lmp.crystal.modes import FULL, MODES, Physics, bloch_modes, effective_inertia
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
+from granular_lmp.frozen import dataclass
 
 Complexes = NDArray[np.complexfloating]
 _RUNS = 1e-6  # ||λ| − 1| of a wave that runs; rounding leaves 1e-8 of it next to the edge of a band

@@ -12,11 +12,11 @@ for turns of its contacts of the order of ℓ/R. Two equal spheres that meet wit
 for 2.439 t0.
 """
 
-from dataclasses import dataclass
 from math import gamma, pi, sqrt
 from typing import Self
 
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.frozen import dataclass
 
 # Hertz: (4√π/5) Γ(2/5)/Γ(9/10) (5/4)^{2/5} = 3.2181 (Landau & Lifshitz, Theory of Elasticity, section 9)
 _COLLISION = 0.8 * sqrt(pi) * gamma(0.4) / gamma(0.9) * 1.25**0.4

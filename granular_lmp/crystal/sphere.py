@@ -12,11 +12,12 @@ law, whose adhesion acts beyond contact, can take its place (`granular_lmp.cryst
 in SI units.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from math import log, pi, sqrt
 
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
+from granular_lmp.frozen import dataclass
 
 INERTIA_RATIO = 2 / 5  # Ĩ = I/(mR²) of a solid sphere, fixed in LAMMPS's sphere styles too
 

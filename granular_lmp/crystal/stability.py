@@ -6,7 +6,6 @@ above the spectrum (Zhou & Li, Linear Algebra Appl. 435, 480 (2011)). Velocity V
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.modes import FULL, Physics, effective_inertia, effective_rolling, require_plane
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

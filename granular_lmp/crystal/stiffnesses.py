@@ -15,7 +15,6 @@ Both have the standard deviation σ. Contacts that share a sphere are alike in p
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
 from granular_lmp.crystal.contacts import mixed
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 CLASSES = 8

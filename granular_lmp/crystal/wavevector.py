@@ -7,13 +7,15 @@ per row for a wave along y, the paper's direction.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from math import atan2, cos, degrees, hypot, pi, radians, sin, sqrt
 from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from granular_lmp.frozen import dataclass
 
 ROW_SPACING = sqrt(3) / 2  # hexagonal lattice, in lattice constants
 DIRECTIONS = {"x": 0.0, "y": 90.0}

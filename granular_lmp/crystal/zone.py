@@ -5,7 +5,6 @@ fcc, X, M and R of cubic, A of hcp. A film has the zone of its plane. Wave vecto
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise, product
 from math import pi, sqrt
 from typing import Any
@@ -20,6 +19,7 @@ from granular_lmp.crystal.lattices import lattice_constant
 from granular_lmp.crystal.mode import FX, UX, UZ, F, Physics
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 CHARACTERS = ("along", "across", "vertical", "rocking", "torsion")  # shares of the kinetic energy of a mode

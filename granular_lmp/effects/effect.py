@@ -7,11 +7,12 @@ only if its line in `granular_analysis.theory.catalogue` names it.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.guard import Guard, Lines
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import Auto
 

@@ -5,7 +5,6 @@ result.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from math import cos, pi
 from typing import Any, Protocol
 
@@ -14,6 +13,7 @@ import ase
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.resolution import gathered_rounding
 from granular_lmp.scene.scene import Scene
 from granular_lmp.units import AnyUnits

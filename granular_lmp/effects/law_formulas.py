@@ -5,10 +5,10 @@ not know it there; with the cutoff ``type`` they list every pair up to the large
 components ``p`` of 0 where LAMMPS has no contact.
 """
 
-from dataclasses import dataclass
 from typing import Protocol
 
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.frozen import dataclass
 
 
 class Formulas(Protocol):

@@ -3,12 +3,11 @@
 A wall is named after its face, and its fix after that and the material of the spheres that it pushes: ``zlo1``.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from granular_lmp.effects.guard import Prepared, read
 from granular_lmp.effects.law_formulas import FORMULAS, Formulas
+from granular_lmp.frozen import dataclass
 
 # Walls by name: the axis across which they are, and the way along it in which they push
 FACES = {f"{axis}{end}": (number, way) for number, axis in enumerate("xyz") for end, way in (("lo", 1), ("hi", -1))}

@@ -1,13 +1,12 @@
 """Guards read contacts in LAMMPS by the lines of a deck that stand here."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.guard import BETWEEN, Prepared, read
 from granular_lmp.effects.law_formulas import FORMULAS, Formulas
 from granular_lmp.effects.on_walls import OnWall
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.scene import Scene
 

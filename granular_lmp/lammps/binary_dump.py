@@ -11,7 +11,6 @@ https://docs.lammps.org/dump.html, tools/binary2txt.cpp of LAMMPS. OVITO and ASE
 
 import struct
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from shutil import copyfileobj
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError, one_line
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.outputs import SnapshotPlace, keep_latest
 
 CONTINUED = ".next"

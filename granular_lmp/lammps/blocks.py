@@ -5,8 +5,8 @@ run from a checkpoint has the blocks with `Block.again`.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
+from granular_lmp.frozen import dataclass
 from granular_lmp.problem import Problem
 
 Lines = Callable[[Problem], list[str]]

@@ -9,7 +9,7 @@ reader also takes files of LAMMPS's ``write_data``. An extra section ``wave`` ho
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
+from granular_lmp.frozen import dataclass
 
 # Columns of the section Atoms by atom style, of whose words LAMMPS writes the first behind the title
 ATOM_COLUMNS = {

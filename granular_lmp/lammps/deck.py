@@ -6,13 +6,14 @@ in the module of its subject.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import ase
 
 from granular_lmp.card import HasCard
 from granular_lmp.effects import openings
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps import (
     ends,
     guards,

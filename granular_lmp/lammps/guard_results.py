@@ -1,7 +1,6 @@
 """The results of the guards of a run: from its thermo table, and from single contacts where that does not decide."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,6 +11,7 @@ from granular_lmp.crystal.contacts import law_between
 from granular_lmp.effects.guard import NEVER, Guard
 from granular_lmp.effects.reading import Reading, nearly_open
 from granular_lmp.effects.sliding import GUARD as SLIP
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.guards import NEXT
 from granular_lmp.lammps.outputs import CONTACTS, UNWAVED_CONTACTS, read_snapshots
 from granular_lmp.problem import Problem

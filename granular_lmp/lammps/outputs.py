@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from itertools import chain, islice
 from math import isfinite, nan
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError, one_line
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.schema import cut
 
 SCENE = "scene.toml"

@@ -17,9 +17,10 @@ keeps such a list as it was read, and a variable names the entry. A deck needs n
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.blocks import apart
 from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.problem import Problem

@@ -1,7 +1,6 @@
 """Quantities that the colours of spheres show, and directions from which a crystal is seen."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -9,6 +8,7 @@ from matplotlib.colors import LogNorm, Normalize
 from numpy.typing import NDArray
 
 from granular_lmp.errors import ViewError
+from granular_lmp.frozen import dataclass
 from granular_lmp.runs.snapshots import Snapshots, Spheres
 from granular_lmp.scene.scene import Scene
 

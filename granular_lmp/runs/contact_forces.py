@@ -1,9 +1,9 @@
 """Forces of contacts over time, between spheres and with walls, as a monitor records them."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
+
+from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

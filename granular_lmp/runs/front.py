@@ -10,7 +10,7 @@ breaks*: a burst of several periods has as many crests, and the first is faster 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import cos, inf, radians, sin
 from typing import Any, Self
 
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import ReadoutError
+from granular_lmp.frozen import dataclass
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.scales import length_of

@@ -18,7 +18,7 @@ OVITO reads ``monitor.NAME.bin`` as a binary LAMMPS dump with the columns of a s
 as a ``dump local``; ``pandas.DataFrame(monitor.columns())`` is a table of either.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.effects.on_walls import FACES
 from granular_lmp.errors import RunFolderError
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.monitors import contact_columns, wall_columns
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshots

@@ -2,11 +2,11 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import LaunchError
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.outputs import STATUS
 from granular_lmp.runs.fields import LAUNCHERS
 from granular_lmp.scene.schema import plain_value

@@ -15,12 +15,12 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.installation import environment, lammps_module, lmp_command
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, LOG

@@ -7,7 +7,6 @@ types and ``v_theta``. Here a snapshot is read when it is used, and is dimension
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
 from pathlib import Path
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from granular_lmp.card import HasCard
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.outputs import PER_SAMPLE, SNAPSHOTS, SnapshotPlace, read_snapshot, whole_snapshots
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.scales import length_of

@@ -8,11 +8,12 @@ so that a tone of amplitude A that lasts for the whole record has the height A a
 their frequencies differ by more than the resolution 4π/T, half of the window's main lobe.
 """
 
-from dataclasses import dataclass
 from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
+
+from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 

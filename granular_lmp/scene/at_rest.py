@@ -5,7 +5,6 @@ In a perfect lattice the two are the same. Otherwise `granular_lmp.crystal.disor
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import ase
@@ -22,6 +21,7 @@ from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.crystal.touching import contacts_of_neighbours, touching
 from granular_lmp.crystal.walls import Face, Wall
 from granular_lmp.errors import CrystalError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.scene import Scene

@@ -3,10 +3,11 @@
 The records of spheres and imperfections belong to other rooms, so that their rules stand here.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.crystal.walls import BELOW, BOTH
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.places import rows_rule, spheres_rule
 from granular_lmp.scene.schema import ArrayRule, Bare, Interval, Rule, choice, number
 

@@ -9,7 +9,6 @@ largest, F, or with ``contact.parting = "distance"`` until the distance is, at `
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import ceil, gamma, pi, sqrt
 from pathlib import Path
 from typing import Any, Self
@@ -18,6 +17,7 @@ from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, LATER, AdhesionLaw
 from granular_lmp.crystal.lattices import FREE, SQUARE, WALL
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.bodies import SPHERE_RULES
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.files import first_file

@@ -11,7 +11,6 @@ The sum breaks down for a packet shorter than 4/ξ (refused, because part of it 
 touches another within the envelope, because the assignment of wave vectors to branches is then undefined.
 """
 
-from dataclasses import dataclass
 from itertools import product
 from math import pi
 
@@ -24,6 +23,7 @@ from granular_lmp.crystal.mode import TURNS
 from granular_lmp.crystal.modes import Mode, bloch_modes
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.crystal.wavevector import WaveVector
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.linear import physics_of, wave_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sections import Envelope

@@ -5,11 +5,12 @@ checks. Only `Scene` checks combinations of values.
 """
 
 from collections.abc import Iterator
-from dataclasses import MISSING, dataclass
+from dataclasses import MISSING
 from typing import Any
 
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene import samples
 from granular_lmp.scene.document import Document, note
 from granular_lmp.scene.records import declared_keys

@@ -10,7 +10,7 @@ Recording changes no motion. What a run leaves is read by `granular_lmp.runs.mon
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import ase
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.places import (
     Rows,
     Spheres,

@@ -3,7 +3,7 @@
 A key of a scene that is one of these words is refused with the reason, and with where to go instead.
 """
 
-from dataclasses import dataclass
+from granular_lmp.frozen import dataclass
 
 PAGE = "docs/reference/not-there.md"
 

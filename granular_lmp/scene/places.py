@@ -1,7 +1,7 @@
 """Places in a packing: whole rows, or single spheres by row and column, as sources, monitors and strikers name them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import ase
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.schema import ArrayRule, Interval, shown
 
 Rows = Sequence[int]

@@ -4,11 +4,12 @@ A record that a script makes remembers which values it was given, since a defaul
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, fields
+from dataclasses import MISSING, Field, fields
 from functools import cache
 from typing import Any, Self
 
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.schema import Rule, Rules, refuse_unknown, shown, toml
 
 MOST_IN_LINE = 20  # arrays in an array

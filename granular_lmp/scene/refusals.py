@@ -4,7 +4,6 @@ Each line is a function that returns what is wrong, "" if nothing is. `refuse` r
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from math import sqrt
 from typing import Any, Literal
 
@@ -12,6 +11,7 @@ from granular_lmp.crystal.adhesion_laws import LATER
 from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL
 from granular_lmp.crystal.scale import DEEPEST
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.derived import Derived
 from granular_lmp.scene.places import place_troubles
 from granular_lmp.scene.sections import DISTANCE

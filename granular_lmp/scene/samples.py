@@ -6,7 +6,6 @@ the first sample it is 0, and after the last one it keeps the value of that.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from io import StringIO
 from itertools import islice
 from math import inf
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.files import LARGEST_TABLE, file_text
 from granular_lmp.scene.schema import Rule, shown
 

@@ -15,7 +15,7 @@ and a compressed chain are loose (`Scene.loose`): times are in t0 of the impact 
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
+from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -25,6 +25,7 @@ from granular_lmp.crystal.lattices import FREE
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene import validation, words
 from granular_lmp.scene.bodies import (
     DISORDER_RULES,

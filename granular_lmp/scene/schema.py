@@ -7,7 +7,7 @@ writing and the error messages.
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import Field, dataclass, field, replace
+from dataclasses import Field, field, replace
 from decimal import Decimal
 from math import inf, isfinite
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.not_there import elsewhere, not_supported
 
 AUTO = "auto"

@@ -7,7 +7,7 @@ if that differs. `granular_lmp.scene.scene` checks combinations of values.
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from math import ceil, floor, hypot, pi, sqrt
 from typing import Any
 
@@ -28,6 +28,7 @@ from granular_lmp.crystal.lattices import (
 from granular_lmp.crystal.modes import MODES, Physics
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.places import AtPlaces, Rows, Spheres, rows_rule, spheres_rule
 from granular_lmp.scene.records import Remembering
 from granular_lmp.scene.schema import AUTO, Bare, Interval, Rule, choice, count, flag, number, shown, switch
@@ -137,8 +138,8 @@ class ModeRule(Rule):
 
     def own_schema(self) -> dict[str, Any]:
         """Return the JSON Schema of a name."""
-        names = {"enum": list(self.words)}
-        return {"anyOf": [names, {"type": "string", "pattern": f"^{_BRANCH}$"}, {"type": "integer", "minimum": 1}]}
+        number = {"type": "integer", "minimum": 1, "maximum": 9999}
+        return {"anyOf": [{"enum": list(self.words)}, {"type": "string", "pattern": f"^{_BRANCH}$"}, number]}
 
     def value(self, value: Any, key: str) -> str:
         """Return `value` as a name, or raise SceneError if it is none."""

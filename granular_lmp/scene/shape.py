@@ -6,13 +6,13 @@ number. Between fixed ends the walls must be farther from the centre than the wa
 walls, but carries only phase advances of 2πk/rows and 2πk/columns.
 """
 
-from dataclasses import dataclass
 from math import ceil, floor
 from typing import Any, Literal
 
 from granular_lmp.crystal.lattice import FASTEST_IN_PLANE
 from granular_lmp.crystal.lattices import HELD, HEXAGONAL, PERIODIC, QUIET, Lattice, Shape
 from granular_lmp.crystal.wavevector import WaveVector, snapped
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.schema import AUTO
 
 # This is for lattices of one layer; `Lattice.fastest` is for any

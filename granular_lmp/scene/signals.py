@@ -5,9 +5,10 @@ a key of `granular_lmp.scene.sources.Source`. No field has a default, so that no
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import pi
 from typing import Protocol
+
+from granular_lmp.frozen import dataclass
 
 SAMPLES = "samples"  # the signal that has no name in a scene, but a table
 

@@ -17,7 +17,7 @@ nothing to say of spheres that are moved: it is cut off there, as it is at held 
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from math import inf, pi
 
 import ase
@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.lattices import HELD, Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene import samples
 from granular_lmp.scene.places import AtPlaces, check_counted, place_troubles, spheres_at
 from granular_lmp.scene.schema import choice, number, shown

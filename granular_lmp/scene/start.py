@@ -7,7 +7,7 @@ time of a run is a state; the shear of contacts that rub is not in it.
 
 import csv
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from io import StringIO
 from itertools import islice
 from math import isfinite, sqrt
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import SceneError, one_line
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.files import LARGEST_TABLE, file_text
 from granular_lmp.scene.places import AtPlaces, place_of, spheres_at
 from granular_lmp.scene.schema import Rule, count, flag, number, shown

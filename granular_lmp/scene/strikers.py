@@ -1,7 +1,6 @@
 """Strikers: spheres of the crystal that have a velocity at the beginning, beside that of a wave or of a state."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from math import cos, radians, sin, sqrt
 
 import ase
@@ -12,6 +11,7 @@ from granular_lmp.crystal.lattices import CHAIN, Shape
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.places import AtPlaces, check_counted, place_of, place_troubles, spheres_at
 from granular_lmp.scene.schema import number
 from granular_lmp.scene.sections import Absorb, Packing

@@ -12,7 +12,7 @@ started again, runs only what is missing; an interrupted run starts anew, becaus
 
 import json
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil
 from operator import attrgetter
 from pathlib import Path
@@ -23,6 +23,7 @@ from typing import Any
 from granular_lmp.accuracy.ladder import build
 from granular_lmp.accuracy.tolerance import run as run_scene
 from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted, ToleranceError, one_line
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import COST, replace_text, writable

@@ -4,7 +4,6 @@ The seconds are those of a short run of the same deck just now, in proportion. O
 cell of the same spheres and effects, for a few steps of it would take as long as many runs.
 """
 
-from dataclasses import dataclass
 from math import ceil, inf, isnan, nan, pi
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,6 +13,7 @@ from granular_lmp.accuracy.ladder import RUNGS as RUNS
 from granular_lmp.accuracy.ladder import build, planned_steps
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.errors import GranularError
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.checkpoints import minutes_between
 from granular_lmp.lammps.deck import written_text
 from granular_lmp.lammps.kernel import library

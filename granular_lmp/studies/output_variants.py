@@ -5,13 +5,14 @@ is edited so that LAMMPS writes more spheres or fewer digits, and the trajectory
 """
 
 import struct
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import centre
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import DUMP, read_snapshots
 from granular_lmp.runs.record import IN_SPACE, TRAJECTORY, Record, write_status

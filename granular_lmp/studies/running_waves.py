@@ -11,13 +11,12 @@ and X_n(Ω) = Σ_j a_j s_j λ_jⁿ is solved for the amplitudes of all waves of 
 of, evanescent ones too (`granular_lmp.crystal.row_waves`): exact for small amplitudes, whatever is beyond the rows.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.row_waves import RowWaves
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.runs.snapshots import Snapshots
 
 Floats = NDArray[np.float64]

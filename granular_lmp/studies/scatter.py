@@ -13,7 +13,7 @@ error, as is what comes back from behind, b_down.
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import astuple, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,7 @@ from granular_lmp.crystal.disorder import Disorder
 from granular_lmp.crystal.lattices import HEXAGONAL
 from granular_lmp.crystal.row_waves import Line, lattice_at, line_of, row_waves
 from granular_lmp.errors import CrystalError, SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.outputs import SCATTER, csv_text, replace_text, writable
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs.directory import absolute

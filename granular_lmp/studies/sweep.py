@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import prod
 from pathlib import Path
 from typing import Any, Self
@@ -23,6 +23,7 @@ from granular_lmp.accuracy.ladder import sphere_steps
 from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.card import HasCard
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.kernel.library import built
 from granular_lmp.lammps.outputs import SWEEP, csv_text, replace_text, writable
 from granular_lmp.runs.directory import absolute

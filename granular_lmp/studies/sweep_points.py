@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from itertools import product
 from math import prod
@@ -12,6 +12,7 @@ from typing import Any
 
 from granular_lmp.accuracy.ladder import planned_steps
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import dataclass
 from granular_lmp.problem import prepare
 from granular_lmp.scene.files import assignment
 from granular_lmp.scene.scene import Scene

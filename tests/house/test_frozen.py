@@ -1,0 +1,98 @@
+"""Records of the package behave like frozen dataclasses of the standard library, and all of them are ours."""
+
+import copy
+import dataclasses
+import pickle
+from dataclasses import FrozenInstanceError, field, fields, replace
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from granular_lmp import frozen
+from tests.house.test_independence import imports, sources
+
+
+def grain(decorator: Any, **options: bool) -> Any:
+    @decorator(frozen=True, **options)
+    class Grain:
+        """A sphere."""
+
+        radius: float
+        names: tuple[str, ...] = ()
+        marks: list[int] = field(default_factory=list, compare=False, repr=False)
+
+    return Grain
+
+
+OURS, THEIRS = grain(frozen.dataclass), grain(dataclasses.dataclass)
+KINDS = pytest.mark.parametrize("kind", [OURS, THEIRS], ids=["ours", "theirs"])
+
+
+@frozen.dataclass(frozen=True)
+class Alone:
+    """A record at the top of a module, where pickle finds it."""
+
+    radius: float
+
+
+@frozen.dataclass(frozen=True)
+class Coated(Alone):
+    """A record that has more fields than the one it is made of."""
+
+    coat: float = 0.0
+
+
+@KINDS
+def test_records_of_equal_values_are_equal_and_have_one_hash(kind: Any) -> None:
+    assert kind(1.0, marks=[1]) == kind(1.0, marks=[2])
+    assert hash(kind(1.0)) == hash(kind(1.0)) == hash((1.0, ()))
+    assert kind(1.0) != kind(2.0)
+    assert kind(1.0) != (1.0, (), [])
+
+
+def test_records_of_two_kinds_are_never_equal() -> None:
+    assert Alone(1.0) != Coated(1.0)
+    assert Coated(1.0) != Coated(1.0, 2.0)
+
+
+@KINDS
+def test_a_record_is_not_changed(kind: Any) -> None:
+    made = kind(1.0)
+    for name in ("radius", "names", "marks", "unknown"):
+        with pytest.raises(FrozenInstanceError, match=f"cannot assign to field '{name}'"):
+            setattr(made, name, 2.0)
+        with pytest.raises(FrozenInstanceError, match=f"cannot delete field '{name}'"):
+            delattr(made, name)
+    assert (made.radius, replace(made, radius=2.0).radius) == (1.0, 2.0)
+
+
+def test_a_record_shows_itself_and_its_arguments_as_that_of_the_standard_library() -> None:
+    assert repr(OURS(1.0, ("a",))) == repr(THEIRS(1.0, ("a",))) == "grain.<locals>.Grain(radius=1.0, names=('a',))"
+    assert str(signature(OURS)) == str(signature(THEIRS))
+    assert [item.name for item in fields(OURS)] == [item.name for item in fields(THEIRS)]
+
+
+@pytest.mark.parametrize("decorator", [frozen.dataclass, dataclasses.dataclass], ids=["ours", "theirs"])
+def test_without_comparison_a_record_equals_itself_alone(decorator: Any) -> None:
+    kind = grain(decorator, eq=False, repr=False)
+    made = kind(1.0)
+    assert made == made != kind(1.0)
+    assert hash(made) == object.__hash__(made)
+    assert repr(made) == object.__repr__(made)
+
+
+def test_a_record_is_copied_and_pickled() -> None:
+    made = Coated(1.0, 2.0)
+    assert copy.copy(made) == copy.deepcopy(made) == pickle.loads(pickle.dumps(made)) == made
+
+
+def test_a_record_that_is_not_frozen_is_refused() -> None:
+    with pytest.raises(TypeError, match="frozen"):
+        frozen.dataclass(frozen=False)
+
+
+@pytest.mark.parametrize("path", sources("granular_lmp"), ids=lambda path: path.name)
+def test_every_record_of_the_package_is_ours(path: Path) -> None:
+    assert path.name == "frozen.py" or "dataclasses.dataclass" not in imports(path.read_text())
