@@ -194,14 +194,28 @@ class Bonds:
         field = np.asarray(field)
         half = self._half(wavevector)
         here = field[..., self.first, :] / half
-        there = field[..., self.second, :] * np.where(self.second < 0, 0.0, half[..., 0])[..., None]
+        there = field[..., self.second, :] * (half * self._pairs)
         return self.deformed((there - here)[..., :3], (there + here)[..., 3:])
+
+    @cached_property
+    def _pairs(self) -> Floats:
+        """Return 1 for a contact of two spheres, 0 with a wall, (C, 1)."""
+        return np.where(self.second < 0, 0.0, 1.0)[:, None]
 
     def deformed(self, w: NDArray[Any], turned: NDArray[Any]) -> Strain:
         """Return the deformation of contacts by u_j − u_i and φ_i + φ_j, (..., C, 3) each."""
-        stretch = np.sum(self.normal * w, axis=-1)
-        sideways = w - stretch[..., None] * self.normal
-        return Strain(stretch, sideways, sideways - crossed(turned, self.normal), np.sum(self.normal * turned, axis=-1))
+        both = np.concatenate([w, turned], axis=-1)[..., None, :] @ self._measures
+        return Strain(both[..., 0, 0], both[..., 0, 1:4], both[..., 0, 4:7], both[..., 0, 7])
+
+    @cached_property
+    def _measures(self) -> NDArray[Any]:
+        """Return x, P w, s and Φ·n by u_j − u_i and φ_i + φ_j, (C, 6, 8)."""
+        n, units = self.normal[:, None], np.eye(3)
+        result = np.zeros((len(self.first), 6, 8), dtype=self.normal.dtype)
+        result[:, :3, 0] = result[:, 3:, 7] = self.normal
+        result[:, :3, 1:4] = result[:, :3, 4:7] = units - np.swapaxes(n, 1, 2) * n
+        result[:, 3:, 4:7] = -crossed(units, n)
+        return result
 
     @cached_property
     def couplings(self) -> Floats:

@@ -39,6 +39,8 @@ _ASKEW = np.array([0.37, 0.23, 0.41])  # a wave vector that no symmetry of a lat
 _MIRRORED = 1e-9  # share of D by which a mirror may miss
 _ONE = 1e-9  # share by which equal squared frequencies may differ
 _STILL = 1e-9  # a motion that is no larger, of the largest, is none
+# Of (along, across, u_z, φ) those that may lead a mode that moves in the plane, up, or only turns
+_LEADING = np.array([[1, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 1, 1, 1]])
 _SLOW = 1e-7  # frequencies below this share of the highest are those of a rigid motion, or unstable if squared < 0
 
 
@@ -147,25 +149,37 @@ class Crystal:
         share = np.sum(moved.conj() * (moved @ mirror.action.T), axis=-1).real / np.sum(np.abs(moved) ** 2, axis=-1)
         return np.asarray(np.where(np.abs(share) > 1 - _ONE_SIGN, np.sign(share), 0.0))
 
+    @cached_property
+    def _blocks(self) -> tuple[Floats, Floats, NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+        """Return D(0) (B, B, f, f) of f freedoms, and the blocks (2P, f, f) that take e^{ik·d} or its conjugate.
+
+        Blocks are by pairs of spheres. Then follow their places among contacts, where each pair begins, and the pairs.
+        """
+        chosen, i, j = list(self.freedoms), self.bonds.first, self.bonds.second
+        ends = -self.bonds.couplings[:, :, chosen][..., chosen]  # (C, 2, f, 2, f)
+        blocks = np.stack([ends[:, 0, :, 0], ends[:, 1, :, 1], ends[:, 0, :, 1], ends[:, 1, :, 0]], axis=1)
+        rows, columns = np.stack([i, j, i, j], axis=-1), np.stack([i, j, j, i], axis=-1)
+        there = (rows >= 0) & (columns >= 0)
+        still = np.zeros((len(self), len(self), *blocks.shape[2:]))
+        np.add.at(still, (rows[there], columns[there]), blocks[there])
+        rows, columns = rows[j >= 0, 2:].ravel(), columns[j >= 0, 2:].ravel()
+        order = np.lexsort((columns, rows))
+        _, begin = np.unique(rows[order] * len(self) + columns[order], return_index=True)
+        blocks = blocks[j >= 0, 2:].reshape(-1, *still.shape[2:])[order]
+        return still, blocks, order, begin, np.stack([rows[order][begin], columns[order][begin]])
+
     def stiffness(self, wavevector: ArrayLike) -> Complexes:
         """Return D(k) (..., F, F) of the F = B·freedoms that move; k (..., 3)."""
-        bonds, count = self.bonds, len(self)
+        still, blocks, order, begin, (rows, columns) = self._blocks
         # e^{ik·d} − 1, so that what translations share cancels before it is rounded
-        turns = np.expm1(1j * (padded(wavevector) @ bonds.apart.T))[..., None, None]
-        still = np.zeros((count, 6, count, 6))
-        matrix = np.zeros((*turns.shape[:-3], count, 6, count, 6), dtype=complex)
-        for contact, (i, j) in enumerate(zip(bonds.first, bonds.second, strict=True)):
-            forces = bonds.couplings[contact]
-            still[i, :, i] -= forces[0, :, 0]
-            if j >= 0:
-                still[j, :, j] -= forces[1, :, 1]
-                still[i, :, j] -= forces[0, :, 1]
-                still[j, :, i] -= forces[1, :, 0]
-                matrix[..., i, :, j, :] -= forces[0, :, 1] * turns[..., contact, :, :]
-                matrix[..., j, :, i, :] -= forces[1, :, 0] * turns[..., contact, :, :].conj()
-        chosen = list(self.freedoms)
-        matrix = (matrix + still)[..., chosen, :, :][..., chosen]
-        return cast(Complexes, matrix.reshape(*turns.shape[:-3], count * len(chosen), count * len(chosen)))
+        turns = np.expm1(1j * (padded(wavevector) @ self.bonds.apart[self.bonds.second >= 0].T))
+        matrix = np.zeros((*turns.shape[:-1], *still.shape), dtype=complex)
+        if len(blocks):
+            both = np.stack([turns, turns.conj()], axis=-1).reshape(*turns.shape[:-1], len(order))
+            matrix[..., rows, columns, :, :] = np.add.reduceat(both[..., order, None, None] * blocks, begin, axis=-3)
+        matrix += still
+        size = len(self) * len(self.freedoms)
+        return np.swapaxes(matrix, -3, -2).reshape(*turns.shape[:-1], size, size)
 
     def moving(self, vector: Array) -> Array:
         """Return the components (..., F) that move of (..., B, 6)."""
@@ -178,6 +192,11 @@ class Crystal:
         result[..., list(self.freedoms)] = vector.reshape(*vector.shape[:-1], len(self), -1)
         return result
 
+    @cached_property
+    def _root(self) -> Floats:
+        """Return the root of the mass (F,) of each freedom that moves."""
+        return np.sqrt(self.moving(self.mass))
+
     def modes(self, wavevector: ArrayLike) -> Modes:
         """Return all modes at wave vectors (..., 3) or (..., 2).
 
@@ -185,13 +204,23 @@ class Crystal:
         one is first. Raises ValueError where one is unstable: a compressed contact that buckles.
         """
         k = padded(wavevector)
-        root = np.sqrt(self.moving(self.mass))
+        squares, shapes, duals = self._solved(k)
+        scale = np.sqrt(np.sum(np.abs(shapes) ** 2, axis=(-2, -1)) / len(self)) * _phase(shapes, k)
+        shapes, duals = shapes / scale[..., None, None], duals * scale[..., None, None]
+        return Modes(np.sqrt(np.maximum(squares, 0.0)), shapes, duals)
+
+    def frequencies(self, wavevector: ArrayLike) -> Floats:
+        """Return those of `modes`, (..., J), in half of the time."""
+        return np.sqrt(np.maximum(self._solved(padded(wavevector))[0], 0.0))
+
+    def _solved(self, k: Floats) -> tuple[Floats, Complexes, Complexes]:
+        """Return squared frequencies, modes and duals at wave vectors (..., 3), of any size and phase."""
+        root = self._root
         matrix = self.stiffness(k) / (root[:, None] * root)
         if self.even:
             if parted := self.symmetry is not None and _across(k, self.symmetry.normal):
-                matrix = (
-                    matrix - self.highest**2 * self.symmetry.action
-                )  # even and odd ones, whatever their frequencies
+                # Even and odd ones, whatever their frequencies
+                matrix = matrix - self.highest**2 * self.symmetry.action
             _, vectors = np.linalg.eigh(0.5 * (matrix + np.swapaxes(matrix, -1, -2).conj()))
             inverse = np.swapaxes(vectors, -1, -2).conj()
         else:
@@ -212,9 +241,7 @@ class Crystal:
             squares = np.sort(values.real, axis=-1)
         if np.any(squares < -((_SLOW * self.highest) ** 2)):
             raise TheoryError(f"the crystal is unstable: a squared frequency is {squares.min():.3g}; compress it less")
-        scale = np.sqrt(np.sum(np.abs(shapes) ** 2, axis=(-2, -1)) / len(self)) * _phase(shapes, k)
-        shapes, duals = shapes / scale[..., None, None], duals * scale[..., None, None]
-        return Modes(np.sqrt(np.maximum(squares, 0.0)), shapes, duals)
+        return squares, shapes, duals
 
     def accelerations(self, forces: Complexes) -> Complexes:
         """Return M⁻¹F (..., B, 6), 0 where nothing moves."""
@@ -376,18 +403,16 @@ def _touching(
 
 def _phase(shapes: Complexes, wavevector: Floats) -> Complexes:
     """Return the phase (...) that the leading component of each mode (..., J, B, 6) is to lose."""
-    size = np.linalg.norm(wavevector, axis=-1, keepdims=True)
+    size = np.sqrt(np.sum(wavevector**2, axis=-1, keepdims=True))
     along = np.where(size > 0, wavevector / np.where(size > 0, size, 1.0), [0.0, 1.0, 0.0])
-    across = np.stack([-along[..., 1], along[..., 0], 0 * along[..., 0]], axis=-1)
-    frame = np.stack([along, across], axis=-2)[..., None, None, :, :]
-    ways = (frame @ shapes[..., :3, None])[..., 0]  # (..., J, B, 2)
-    kinds = (ways, shapes[..., 2:3], 1j * shapes[..., 3:])
-    inside, up, turns = (each.reshape(*each.shape[:-2], -1) for each in kinds)
-    size = np.abs(shapes).max(axis=(-2, -1))[..., None]
-    still, level = (np.abs(each).max(axis=-1, keepdims=True) < _STILL * size for each in (inside, up))
-    # As many columns as turns have: what is repeated is no larger
-    inside, up = (np.concatenate([each] * 3, axis=-1)[..., : turns.shape[-1]] for each in (inside, up))
-    parts = np.where(still, np.where(level, turns, up), inside)
-    large = np.abs(parts) > (1 - _ONE_SIGN) * np.abs(parts).max(axis=-1, keepdims=True)
-    leading = np.take_along_axis(parts, np.argmax(large, axis=-1)[..., None], axis=-1)[..., 0]
-    return leading / np.abs(leading)
+    frame = np.zeros((*along.shape[:-1], 3, 2))  # along k and across it, in the plane
+    frame[..., 0], frame[..., 0, 1], frame[..., 1, 1] = along, -along[..., 1], along[..., 0]
+    parts = np.concatenate([shapes[..., :3] @ frame[..., None, :, :], shapes[..., 2:3], 1j * shapes[..., 3:]], axis=-1)
+    size = np.abs(parts)
+    highest = size.max(axis=-2)
+    inside, least = highest[..., :2].max(axis=-1), _STILL * highest.max(axis=-1)
+    size *= _LEADING[np.where(inside >= least, 0, np.where(highest[..., 2] >= least, 1, 2))][..., None, :]
+    size, parts = (each.reshape(*each.shape[:-2], -1) for each in (size, parts))
+    first = np.argmax(size > (1 - _ONE_SIGN) * size.max(axis=-1, keepdims=True), axis=-1)
+    leading = np.take_along_axis(parts, first[..., None], axis=-1)[..., 0]
+    return np.asarray(leading / np.abs(leading))

@@ -30,9 +30,9 @@ from contourpy import contour_generator
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from granular_analysis.theory.bloch import branch_index, frame, real_modes
+from granular_analysis.theory.bloch import branch_index, frame, hexagonal
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.mixing import Pair, Tone, detunings, growth_rates
+from granular_analysis.theory.mixing import Pair, Tone, growth_rates
 from granular_analysis.theory.selection import forbidden
 from granular_lmp.crystal.sphere import Sphere
 
@@ -216,13 +216,21 @@ class _Guess(NamedTuple):
         )
         return Pair(first, second, self.sign, contact)
 
+    def frequencies(self, lengths: Floats, contact: Contact) -> tuple[Floats, Floats, Floats]:
+        """Return Ω1 (...), Ω2 (...) and |Ω1 ± Ω2| − Ω_j(k1 ± k2) (..., J) of waves of wave numbers (2, ...)."""
+        k1, k2 = (length[..., None] * direction for length, direction in zip(lengths, self.along, strict=True))
+        every = hexagonal(contact).frequencies(np.stack([k1, k2, k1 + self.sign * k2]))
+        first, second = every[0, ..., self.branches[0]], every[1, ..., self.branches[1]]
+        return first, second, np.abs(first + self.sign * second)[..., None] - every[2]
+
 
 def _guesses(contact: Contact, ratio: float, angles: tuple[float, float]) -> Iterator[_Guess]:
     """Yield where on a grid of wave numbers Ω2 = ratio·Ω1 and the waves along two directions resonate with a branch."""
     along = (frame(angles[0])[0], frame(angles[1])[0])
     lengths = [np.linspace(0.02, 1.0, POINTS) * _border(direction) for direction in along]
     first, second = (
-        real_modes(length[:, None] * direction, contact)[0] for length, direction in zip(lengths, along, strict=True)
+        hexagonal(contact).frequencies(length[:, None] * direction)
+        for length, direction in zip(lengths, along, strict=True)
     )
     # Equal frequencies make a difference that is static, and no wave
     signs: tuple[Literal[1, -1], ...] = (1, -1) if ratio != 1.0 else (1,)
@@ -231,9 +239,9 @@ def _guesses(contact: Contact, ratio: float, angles: tuple[float, float]) -> Ite
         for line in contour_generator(lengths[0], lengths[1], gap).lines(0.0):
             for sign in signs:
                 guess = _Guess(along, np.empty(3), (one, other), sign, 0)
-                pair = guess.pair(np.asarray(line).T, contact)
-                for step, target in np.argwhere(np.diff(np.signbit(detunings(pair)), axis=0)):
-                    start_at = np.array([*line[step], pair.tones[0][0][step]])
+                omega, _, gaps = guess.frequencies(np.asarray(line).T, contact)
+                for step, target in np.argwhere(np.diff(np.signbit(gaps), axis=0)):
+                    start_at = np.array([*line[step], omega[step]])
                     yield guess._replace(start=start_at, target=int(target))
 
 
@@ -244,10 +252,8 @@ def _root(guess: _Guess, ratio: float, contact_at: Callable[[float], Contact]) -
     """
 
     def residual(unknown: Floats) -> list[float]:
-        pair = guess.pair(unknown[:2], contact_at(float(unknown[2])))
-        (first, _), (second, _) = pair.tones
-        gap = detunings(pair)[guess.target]
-        return [float(first - unknown[2]), float(abs(second) - ratio * first), float(gap)]
+        first, second, gaps = guess.frequencies(unknown[:2], contact_at(float(unknown[2])))
+        return [float(each) for each in (first - unknown[2], second - ratio * first, gaps[guess.target])]
 
     found = root(residual, guess.start, tol=1e-13).x
     borders = np.array([_border(direction) for direction in guess.along])

@@ -12,21 +12,23 @@ When it breaks: where two branches have one frequency all along the line and no 
 their polarisation is arbitrary; a pair of crossings between two points of the grid is missed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from granular_analysis.theory.crystal import Crystal, padded
 from granular_analysis.theory.mirror import Mirror
-from granular_analysis.theory.second_order import Mixed, Wave, branch_of
+from granular_analysis.theory.roots import crossings
+from granular_analysis.theory.second_order import Mixed, Wave, branch_of, chosen
 from granular_analysis.theory.selection import mirrors, parity
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Integers = NDArray[np.intp]
 
 COUNT = 200  # wave numbers on a line
 _FLOPPY = 1e-6  # a branch below this share of the highest frequency all along has the frequency 0
@@ -87,28 +89,20 @@ def matches(crystal: Crystal, direction: ArrayLike, limit: float | None = None, 
     numbers = most * np.arange(1, count + 1) / count
     line = _Line(crystal, along)
     frequencies, doubled, forces = line.at(numbers)
-    found = []
-    loudest = forces.max()
-    moving = np.flatnonzero(frequencies.max(axis=0) > _FLOPPY * frequencies.max()).tolist()
-    for branch, target in product(moving, range(frequencies.shape[1])):
-        above = 2 * frequencies[:, branch] >= doubled[:, target]
-        found += [
-            line.resonance(branch, target, (numbers[n], numbers[n + 1]), loudest)
-            for n in np.flatnonzero(above[1:] != above[:-1])
-        ]
-        size = forces[:, branch, target]
-        low = np.flatnonzero((size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:]) & (size[2:] > _SILENT * loudest)) + 1
-        found += [
-            each
-            for n in low
-            if (each := line.antiresonance(branch, target, numbers[n - 1], numbers[n + 1], loudest)) is not None
-        ]
+    loudest = float(forces.max())
+    moving = (frequencies.max(axis=0) > _FLOPPY * frequencies.max())[:, None]
+    above = 2 * frequencies[:, :, None] >= doubled[:, None, :]
+    n, branch, target = np.nonzero((above[1:] != above[:-1]) & moving)
+    found = line.resonances(branch, target, numbers[n], numbers[n + 1], loudest) if len(n) else []
+    before, least, after = forces[:-2], forces[1:-1], forces[2:]
+    n, branch, target = np.nonzero((least < before) & (least <= after) & (after > _SILENT * loudest) & moving)
+    found += line.antiresonances(branch, target, numbers[n], numbers[n + 2], loudest) if len(n) else []
     return sorted(found, key=lambda each: each.wavenumber)
 
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """Wave vectors q·along of a crystal."""
+    """Wave vectors q·along of a crystal; pairs (N,) of a branch and its target are looked at side by side."""
 
     crystal: Crystal
     along: Floats
@@ -117,11 +111,8 @@ class _Line:
     def mirrors(self) -> list[Mirror]:
         return list(mirrors(self.crystal))
 
-    def wave(self, number: ArrayLike, branch: int) -> Wave:
-        return branch_of(self.crystal, np.multiply.outer(np.asarray(number, dtype=float), self.along), branch)
-
-    def doubled(self, number: ArrayLike, branch: int) -> Mixed:
-        one = self.wave(number, branch)
+    def doubled(self, number: ArrayLike, branch: ArrayLike) -> Mixed:
+        one = branch_of(self.crystal, np.multiply.outer(np.asarray(number, dtype=float), self.along), branch)
         return Mixed(self.crystal, one, one)
 
     def at(self, numbers: Floats) -> tuple[Floats, Floats, Floats]:
@@ -132,54 +123,66 @@ class _Line:
         pairs = Mixed(self.crystal, every, every)
         return modes.frequencies, pairs.targets.frequencies[:, 0], np.abs(pairs.steady)
 
-    def resonance(self, branch: int, target: int, between: tuple[float, float], loudest: float) -> Match:
-        """Return the resonance between two wave numbers where the detuning has different signs."""
+    def resonances(self, branch: Integers, target: Integers, low: Floats, high: Floats, loudest: float) -> list[Match]:
+        """Return the resonances of pairs between two wave numbers where the detuning has different signs."""
+        each = np.arange(len(branch)), target
 
-        def gap(number: float) -> float:
-            pair = self.doubled(number, branch)
-            return float(pair.frequency - pair.targets.frequencies[target])
+        def gap(number: Floats) -> Floats:
+            k = np.multiply.outer([1.0, 2.0], np.multiply.outer(number, self.along))
+            waves, targets = self.crystal.frequencies(k)
+            return np.asarray(2 * waves[each[0], branch] - targets[each])
 
-        number = float(brentq(gap, *between, xtol=1e-15 * between[1], rtol=1e-14))
-        pair = self.doubled(number, branch)
-        size = np.abs(pair.steady)
-        rate, reason = float(0.5 * size[target] / (2 * pair.targets.frequencies[target])), ""
-        if size[target] < _SILENT * loudest:
-            rate, reason = 0.0, self.selection(pair, target)
-        return Match("resonance", number, branch, target, float(pair.first.frequency), rate, reason)
+        number = crossings(gap, low, high)
+        pairs = self.doubled(number, branch)
+        size = np.abs(pairs.steady[each])
+        rate = np.where(size < _SILENT * loudest, 0.0, 0.5 * size / (2 * pairs.targets.frequencies[each]))
+        found = _listed("resonance", number, branch, target, pairs.first.frequency, rate)
+        return [one if one.rate else replace(one, forbidden=self.selection(one)) for one in found]
 
-    def antiresonance(self, branch: int, target: int, low: float, high: float, loudest: float) -> Match | None:
-        """Return the wave number between two where a branch gets no force, None if it gets some everywhere."""
-
+    def antiresonances(
+        self, branch: Integers, target: Integers, low: Floats, high: Floats, loudest: float
+    ) -> list[Match]:
+        """Return the wave numbers between two where pairs have no force, for those of which it changes its sign."""
+        turns = self.followed(self.doubled(low, branch), branch, target, high)[0].real <= 0
+        if not turns.any():
+            return []
+        (branch, target), (low, high) = (branch[turns], target[turns]), (low[turns], high[turns])
         start = self.doubled(low, branch)
+        number = crossings(lambda x: self.followed(start, branch, target, x)[0].real, low, high)
+        share, like = self.followed(start, branch, target, number)
+        left = np.abs(share * start.steady[np.arange(len(target)), target])
+        frequency = self.doubled(number, branch).first.frequency
+        found = _listed("antiresonance", number, branch, target, frequency, np.zeros(len(number)))
+        # Others are another branch beyond a crossing, or a force whose phase turns
+        return [found[n] for n in np.flatnonzero((like >= 0.5) & (left <= _SILENT * loudest))]
 
-        def followed(number: float) -> tuple[complex, float]:
-            """The force in the phases of the modes at `low`, where it is real, and how like the modes are to those."""
-            pair = self.doubled(number, branch)
-            wave = np.vdot(start.first.shape, pair.first.shape) / len(self.crystal)
-            answer = np.vdot(start.targets.shapes[target], pair.targets.shapes[target]) / len(self.crystal)
-            force = pair.steady[target] * wave.conj() ** 2 * answer / start.steady[target]
-            return complex(force), float(min(abs(wave), abs(answer)))
+    def followed(self, start: Mixed, branch: Integers, target: Integers, number: Floats) -> tuple[Complexes, Floats]:
+        """Return the force over that at the start, in the phases of the modes there, and how like these the modes are.
 
-        def force(number: float) -> float:
-            return followed(number)[0].real
+        The first is real, unless the phase of the force turns.
+        """
+        each, pairs = (np.arange(len(target)), target), self.doubled(number, branch)
+        wave = np.sum(start.first.shape.conj() * pairs.first.shape, axis=(-2, -1)) / len(self.crystal)
+        answers = start.targets.shapes[each].conj() * pairs.targets.shapes[each]
+        answer = np.sum(answers, axis=(-2, -1)) / len(self.crystal)
+        share = pairs.steady[each] * wave.conj() ** 2 * answer / start.steady[each]
+        return np.asarray(share), np.minimum(np.abs(wave), np.abs(answer))
 
-        if force(high) > 0:
-            return None
-        number = float(brentq(force, low, high, xtol=1e-15 * high, rtol=1e-14))
-        left, like = followed(number)
-        if like < 0.5 or abs(left) * abs(start.steady[target]) > _SILENT * loudest:
-            return None  # another branch beyond a crossing, or a force whose phase turns
-        return Match("antiresonance", number, branch, target, float(self.wave(number, branch).frequency), 0.0)
-
-    def selection(self, pair: Mixed, target: int) -> str:
+    def selection(self, match: Match) -> str:
         """Return which mirror forbids that a wave drives a branch at 2k."""
-        answer = Wave(pair.wavevector, pair.targets.frequencies[target], pair.targets.shapes[target])
+        pair = self.doubled(match.wavenumber, match.branch)
+        answer = chosen(pair.targets, pair.wavevector, match.target)
         for mirror in self.mirrors:
             own, other = (int(parity(self.crystal, mirror, each)) for each in (pair.first, answer))
             if own and other == -1:
                 name = "even" if own > 0 else "odd"
                 return f"a mirror: {name} + {name} is even, and this branch is odd"
         return "vanishes, by no mirror along the wave"
+
+
+def _listed(kind: str, *columns: NDArray[Any]) -> list[Match]:
+    """Return matches of one kind, from the columns of their other attributes."""
+    return [Match(kind, *row) for row in zip(*(each.tolist() for each in columns), strict=True)]
 
 
 def _unit(direction: ArrayLike) -> Floats:

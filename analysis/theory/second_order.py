@@ -73,10 +73,12 @@ def branch_of(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike) -> Wav
 def chosen(modes: Modes, wavevector: ArrayLike, branch: ArrayLike) -> Wave:
     """Return the wave of a branch of the modes at wave vectors (..., 2 or 3); see `branch_of`."""
     k = padded(wavevector)
-    count = modes.frequencies.shape[-1]
-    index = np.broadcast_to(np.asarray(branch), k.shape[:-1])
-    if not np.isin(index, range(count)).all():
+    count, index = modes.frequencies.shape[-1], np.asarray(branch)
+    if not set(index.ravel().tolist()) <= set(range(count)):
         raise TheoryError(f"branch is {branch!r}; allowed: {', '.join(map(str, range(count)))} in ascending frequency")
+    if not index.ndim:
+        return Wave(k, modes.frequencies[..., index], modes.shapes[..., index, :, :])
+    index = np.broadcast_to(index, k.shape[:-1])
     frequency = np.take_along_axis(modes.frequencies, index[..., None], axis=-1)[..., 0]
     return Wave(k, frequency, np.take_along_axis(modes.shapes, index[..., None, None, None], axis=-3)[..., 0, :, :])
 
@@ -215,8 +217,10 @@ class Mixed:
     @cached_property
     def strains(self) -> tuple[Strain, Strain]:
         """Return the deformation of the contacts in both waves."""
-        first, second = (self.crystal.bonds.strain(each.shape, each.wavevector) for each in (self.first, self.second))
-        return first, second
+        first = self.crystal.bonds.strain(self.first.shape, self.first.wavevector)
+        if self.second is self.first:
+            return first, first
+        return first, self.crystal.bonds.strain(self.second.shape, self.second.wavevector)
 
     @cached_property
     def _ends(self) -> Quadratic:

@@ -30,6 +30,7 @@ high: at TR's resonance k2 runs 0.05 rows per τ, and 8 rows are within 2.5 % of
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -102,6 +103,7 @@ def free_wavenumber(frequency: float, contact: Contact) -> complex:
     return complex(2 * np.arcsin(ratio)) if ratio <= 1 else complex(np.pi, 2 * np.arccosh(ratio))
 
 
+@lru_cache(maxsize=16)
 def _speed(contact: Contact) -> float:
     """Return the frequency of L at ξ = π, where it is speed·sin(ξ/2)."""
     frequencies, shapes = real_modes(wavevector_of(np.pi, 90.0), contact)
