@@ -289,6 +289,24 @@ void chain(const Chain *c, const double *state, double *rate)
   }
 }
 
+/* Steps of chain_motion.py, whose parts have these halves, of chains that begin with their rates: (chains, 2, n) each */
+void marched(const Chain *c, double *state, double *rate, whole chains, const double *halves, whole parts, whole count)
+{
+  const whole n = c->spheres;
+  for (double *u = state, *pull = rate + n; u < state + 2 * n * chains; u += 2 * n, pull += 2 * n) {
+    double *v = u + n;
+    for (whole part = 0; part < parts * count; part++) {
+      const double half = halves[part % parts];
+      for (whole i = 0; i < n; i++) {
+        v[i] += half * pull[i];
+        u[i] += 2 * half * v[i];
+      }
+      chain(c, u, pull - n);
+      for (whole i = 0; i < n; i++) v[i] += half * pull[i];
+    }
+  }
+}
+
 /* Waves on the phase torus of K points, real or complex, as of lattice.py: a state has the rows p, q, φ, their rates,
    with `history` the shear of the contacts ahead, and with `works` the work of the shear law as of energy.py, (6 to 10,
    K) a wave. */

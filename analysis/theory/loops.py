@@ -57,8 +57,9 @@ def library() -> ctypes.CDLL | None:
     found.plane.argtypes = [size, *[pointer] * 6]
     found.chain.argtypes = found.torus.argtypes = found.torus_complex.argtypes = [pointer] * 3
     found.stepped.argtypes = [*[pointer] * 3, number, size]
+    found.marched.argtypes = [*[pointer] * 3, size, pointer, size, size]
     found.stages.argtypes = [*[size] * 4, *[pointer] * 5]
-    for name in ("weighted", "errors", "plane", "chain", "torus", "torus_complex", "stages", "stepped"):
+    for name in ("weighted", "errors", "plane", "chain", "torus", "torus_complex", "stages", "stepped", "marched"):
         getattr(found, name).restype = None
     return found
 
@@ -123,6 +124,13 @@ class Slope:
         loop, rate = library(), np.empty_like(state)
         assert loop is not None
         loop.stepped(ctypes.addressof(self.data), address(state), address(rate), step, count)
+
+    def marched(self, state: Floats, rate: Floats, halves: Floats, count: int) -> None:
+        """Make steps in the states (..., 2, n) of chains, whose rates are those of now; see `chain_motion.march`."""
+        loop, chains = library(), state.size // (2 * state.shape[-1])
+        assert loop is not None
+        places = map(address, (state, rate))
+        loop.marched(ctypes.addressof(self.data), *places, chains, address(halves), len(halves), count)
 
 
 def weighted(weights: Floats, rows: Floats, out: Floats) -> None:

@@ -15,6 +15,7 @@ from granular_analysis.theory import energy as energy_of_waves
 from granular_analysis.theory import lattice, loops, timestep
 from granular_analysis.theory.chain import acceleration, compressed
 from granular_analysis.theory.chain_loop import chain_slope
+from granular_analysis.theory.chain_motion import SIXTH, VERLET, Scheme, march
 from granular_analysis.theory.chain_motion import integrate as integrate_chain
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.lattice_loop import torus_slope
@@ -318,6 +319,16 @@ def test_a_chain_moves_as_by_numpy(force: float, monkeypatch: pytest.MonkeyPatch
     found = integrate_chain(chain, *asked, rtol=1e-11)
     monkeypatch.setattr(loops, "library", lambda: None)
     assert np.allclose(found, integrate_chain(chain, *asked, rtol=1e-11), rtol=0, atol=1e-11)
+
+
+@compiled
+@pytest.mark.parametrize("scheme", [VERLET, SIXTH], ids=["verlet", "sixth"])
+def test_chains_march_to_the_bits_of_numpy(scheme: Scheme, monkeypatch: pytest.MonkeyPatch) -> None:
+    chain = compressed(np.append(RNG.uniform(1, 2, 19), np.inf), np.append(0.0, RNG.uniform(1, 2, 20)), 0.1)
+    u, v = RNG.normal(size=(2, 3, 2, 20))
+    found = march(chain, u, v, 0.02, 40, scheme, every=10)
+    monkeypatch.setattr(loops, "library", lambda: None)
+    assert np.array_equal(found, march(chain, u, v, 0.02, 40, scheme, every=10))
 
 
 @compiled
