@@ -19,6 +19,7 @@ Standard errors are those of the jackknife over seeds, in which what seeds share
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -267,8 +268,7 @@ def resonance(shape: Mapping[float, Waves], amplitude: float) -> Resonance:
     place = perfect_resonance(contact)
     if place is None:
         raise ValueError("equal spheres of this contact have no resonance")
-    fine = np.linspace(0.5 * place, min(1.5 * place, 3.1), 1001)
-    template = CubicSpline(fine, [perfect_strength(float(each), contact, amplitude, tau) for each in fine])
+    template = _perfect_strengths(place, contact, amplitude, tuple(tau.tolist()))
 
     def fit(samples: Complexes) -> Floats:
         strengths = [strength(samples[:, i]) for i in range(len(xi))]
@@ -281,6 +281,13 @@ def resonance(shape: Mapping[float, Waves], amplitude: float) -> Resonance:
 
     values, errors = jackknife(fit, np.stack([each.amplitudes for each in waves], axis=1))
     return Resonance(*(Value(float(value), float(error)) for value, error in zip(values, errors, strict=True)))
+
+
+@lru_cache(maxsize=8)  # a figure has several resonances of one crystal, at the same times
+def _perfect_strengths(place: float, contact: Contact, amplitude: float, tau: tuple[float, ...]) -> CubicSpline:
+    """Return `perfect_strength` around a resonance, as a function of the wave number."""
+    fine = np.linspace(0.5 * place, min(1.5 * place, 3.1), 1001)
+    return CubicSpline(fine, [perfect_strength(float(each), contact, amplitude, np.array(tau)) for each in fine])
 
 
 def perfect_strength(wavenumber: float, contact: Contact, amplitude: float, tau: Floats) -> float:

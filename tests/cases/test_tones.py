@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from granular_analysis.cases.tones import case as tones
-from granular_analysis.measure.rows import amplitudes_at, rows_of
+from granular_analysis.measure.rows import Rows, amplitudes_at, rows_of
 from granular_analysis.theory.contact import Contact
 from granular_lmp import Record, Scene, run
 
@@ -25,6 +25,11 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
 
 
 @pytest.fixture(scope="module")
+def rows(record: Record) -> Rows:
+    return rows_of(record)
+
+
+@pytest.fixture(scope="module")
 def found(record: Record) -> tones.Tones:
     return tones.compare(record)
 
@@ -36,8 +41,11 @@ def test_sum_and_difference_of_two_sources_are_those_of_theory(found: tones.Tone
         assert line.error < 3e-3
 
 
-def test_an_amplitude_that_is_one_percent_off_is_seen(record: Record, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_amplitude_that_is_one_percent_off_is_seen(
+    record: Record, rows: Rows, monkeypatch: pytest.MonkeyPatch
+) -> None:
     amplitude = tones.forced_amplitude
+    monkeypatch.setattr(tones, "rows_of", lambda record: rows)
     monkeypatch.setattr(tones, "forced_amplitude", lambda pair: 1.01 * amplitude(pair))
     assert min(line.error for line in tones.compare(record).lines) > 7e-3
 
@@ -52,7 +60,7 @@ def test_a_run_to_a_tolerance_is_read_with_the_step_of_its_snapshots(
     assert tones.compare(tolerant).lines[0].theory == found.lines[0].theory
 
 
-def test_two_sources_make_nothing_that_symmetry_forbids(record: Record, tmp_path: Path) -> None:
+def test_two_sources_make_nothing_that_symmetry_forbids(record: Record, found: tones.Tones, tmp_path: Path) -> None:
     # A mirror turns the signs of both sources, and of q and φ: what is even in the signs, as all second order is,
     # vanishes there, and adds up in p
     turned = {"source.1.phase": np.pi, "source.2.phase": np.pi, "output.particles": 0.0}
@@ -61,7 +69,7 @@ def test_two_sources_make_nothing_that_symmetry_forbids(record: Record, tmp_path
     assert np.abs(p).max() > 1e-4
     # Rounding of positions, 1e-16 of 1e4 nm, over D0 = 0.0125 nm: 1e-10, grown over 6000 steps
     assert max(np.abs(q).max(), np.abs(phi).max()) < 1e-8
-    frequencies = sorted({line.frequency for line in tones.compare(record).lines})
+    frequencies = sorted({line.frequency for line in found.lines})
     late = record.tau > 360
     lines = {
         name: amplitudes_at(record.tau[late], each[late][:, None], frequencies)[1]
@@ -106,8 +114,8 @@ def test_a_run_without_snapshots_is_one_line(tmp_path: Path) -> None:
         tones.main([str(tmp_path / "run"), "-o", str(tmp_path / "tones.png")])
 
 
-def test_the_figure_is_drawn(record: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert rows_of(record).count == 101
+def test_the_figure_is_drawn(record: Record, rows: Rows, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rows.count == 101
     assert tones.main([str(record.folder), "-o", str(tmp_path / "tones.png")]) == 0
     assert "difference" in capsys.readouterr().out
     assert (tmp_path / "tones.png").stat().st_size > 10_000

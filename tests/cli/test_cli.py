@@ -327,6 +327,12 @@ def test_doctor_finds_lammps_and_passes_its_self_test(capsys: pytest.CaptureFixt
         assert word in out
 
 
+@pytest.fixture
+def fast_doctor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lets doctor find a kernel as fast as LAMMPS, without a run."""
+    monkeypatch.setattr("granular_lmp.doctor.speed", lambda scene, kernel=False: (1e6, 0.1))
+
+
 def test_doctor_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(shutil, "which", lambda *args, **kwargs: None)
     status, out, _ = cli(capsys, "doctor")
@@ -334,6 +340,7 @@ def test_doctor_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, capsys: py
     assert "FAILED       no program 'lmp'" in out
 
 
+@pytest.mark.usefixtures("fast_doctor")
 def test_doctor_warns_of_a_lammps_that_was_not_tested(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -344,6 +351,7 @@ def test_doctor_warns_of_a_lammps_that_was_not_tested(
     assert re.search(r"warning +LAMMPS \d{8} was not tested, 20240829 was", out)
 
 
+@pytest.mark.usefixtures("fast_doctor")
 def test_doctor_in_json_says_what_was_found(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = cli(capsys, "doctor", "--json")
     found = json.loads(out)
@@ -352,6 +360,7 @@ def test_doctor_in_json_says_what_was_found(capsys: pytest.CaptureFixture[str]) 
     assert abs(found["frequency_error"]) <= 1e-5
 
 
+@pytest.mark.usefixtures("fast_doctor")
 def test_a_self_test_with_a_wrong_frequency_fails(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
