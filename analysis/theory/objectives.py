@@ -110,15 +110,15 @@ class Gap:
         branch = self.branch + onward
 
         def frequency(number: float) -> float:
-            return sign * float(crystal.modes(number * unit).frequencies[branch])
+            return sign * float(crystal.frequencies(number * unit)[branch])
 
-        least = int(np.argmin(sign * crystal.modes(numbers[:, None] * unit).frequencies[:, branch]))
+        least = int(np.argmin(sign * crystal.frequencies(numbers[:, None] * unit)[:, branch]))
         number = float(numbers[least])
         if 0 < least < COUNT:
             around = numbers[least - 1], numbers[least + 1]
             number = float(minimize_scalar(frequency, bounds=around, method="bounded", options={"xatol": 1e-12}).x)
         at = Varied(self.place, values, number)
-        modes = at.modes()
+        modes = at.here
         modes.refuse_mixed(branch)
         edges = [
             np.imag(last_number(spot.crystal, spot.unit)) / size

@@ -19,7 +19,7 @@ When it breaks: where two branches of one frequency mix, which is refused; where
 changes, since the contacts are those of the spot itself.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -88,24 +88,43 @@ class Varied:
             moved = self.values.astype(complex)
             moved[number] += 1j * _STEP * max(abs(value), _STEP)
             spots.append(self.place(moved))
-        return [(each, self.wavenumber * each.unit) for each in spots] + [
-            (self.spot, (self.wavenumber + 1j * _STEP) * self.spot.unit)
-        ]
+        return [*((each, self.wavenumber * each.unit) for each in spots), self.onward]
+
+    @property
+    def onward(self) -> tuple[Spot, NDArray[Any]]:
+        """Return the spot and k, with a complex step in the wave number."""
+        return self.spot, (self.wavenumber + 1j * _STEP) * self.spot.unit
 
     @property
     def sizes(self) -> Floats:
         """Return the size of each complex step."""
         return _STEP * np.append(np.maximum(np.abs(self.values), _STEP), 1.0)
 
-    def modes(self, factor: int = 1) -> "Modes":
-        """Return the modes at the wave number, times a factor, with their derivatives."""
+    @cached_property
+    def here(self) -> "Modes":
+        """Return the modes at the wave number, with their derivatives."""
+        return self.modes(1, self.steps, self.sizes)
+
+    @cached_property
+    def there(self) -> "Modes":
+        """Return the modes at twice the wave number, with their derivatives."""
+        return self.modes(2, self.steps, self.sizes)
+
+    def detuning(self, branch: int, target: int) -> tuple[float, float]:
+        """Return 2ω_i(x) − ω_j(2x) and its derivative by the wave number."""
+        here, there = (self.modes(factor, [self.onward], self.sizes[-1:]) for factor in (1, 2))
+        slope = 2 * here.rates[0, branch] - there.rates[0, target]
+        return float(2 * here.frequencies[branch] - there.frequencies[target]), float(slope)
+
+    def modes(self, factor: int, steps: Sequence[tuple[Spot, NDArray[Any]]], sizes: Floats) -> "Modes":
+        """Return the modes at the wave number, times a factor, with their derivatives by steps of these sizes."""
         spot, k = self.spot, factor * self.wavenumber * self.spot.unit
         crystal = spot.crystal
         found = crystal.modes(k)
         units = crystal.whole(np.eye(len(crystal.moving(crystal.mass)))).real
         none = np.zeros_like(units)
         changes = []
-        for (moved, at), size in zip(self.steps, self.sizes, strict=True):
+        for (moved, at), size in zip(steps, sizes, strict=True):
             forces = [part.imag / size for part in _linear(moved.crystal, factor * at, (units, none))]
             stiffness = -(forces[0] + 1j * forces[1])  # dD of each unit vector, (F, B, 6)
             heavier = moved.crystal.mass.imag / size
@@ -120,7 +139,7 @@ class Varied:
         That is its rate 2π/ω times the length of the spot; a wave of the branch drives the target.
         """
         crystal, k = self.spot.crystal, self.wavenumber * self.spot.unit
-        here, there = self.modes(), self.modes(2)
+        here, there = self.here, self.there
         wave, frequency = here.shapes[branch], here.frequencies[branch]
         force = Mixed(crystal, *(Wave(k, frequency, wave),) * 2).forces.running
         accelerations = crystal.accelerations(force)
@@ -225,19 +244,17 @@ def resonance(place: Place, values: ArrayLike, branch: int, target: int, near: f
     numbers, x = np.asarray(values, dtype=float), near
     for _ in range(_TURNS):
         at = Varied(place, numbers, x)
-        here, there = at.modes(), at.modes(2)
-        gap = 2 * here.frequencies[branch] - there.frequencies[target]
-        slopes = 2 * here.rates[:, branch] - there.rates[:, target]
-        step = -gap / slopes[-1]
+        gap, slope = at.detuning(branch, target)
+        step = -gap / slope
         if not abs(step) < 0.2 * near:
             break
         if abs(step) < 1e-13 * near:
+            rates, growth = at.here.rates[:, branch], at.growth(branch, target)
+            slopes = 2 * rates - at.there.rates[:, target]
             moves = -slopes[:-1] / slopes[-1]
-            growth = at.growth(branch, target)
-            rates = here.rates[:, branch]
             return Resonance(
                 Value(float(x), moves),
-                Value(float(here.frequencies[branch]), rates[:-1] + rates[-1] * moves),
+                Value(float(at.here.frequencies[branch]), rates[:-1] + rates[-1] * moves),
                 Value(growth.value, growth.gradient[:-1] + growth.gradient[-1] * moves),
             )
         x += step

@@ -128,7 +128,7 @@ def test_a_spot_has_the_growth_that_the_search_over_wave_numbers_finds() -> None
 
 
 def test_branches_that_mix_are_refused() -> None:
-    modes = Varied(layers("inclusion.1.density"), np.array([4400.0]), 0.5).modes()
+    modes = Varied(layers("inclusion.1.density"), np.array([4400.0]), 0.5).here
     same = replace(modes, frequencies=np.array([1.0, 1.0, 2.0, 3.0, 4.0, 5.0]))
     mixing = replace(same, changes=np.ones((2, 6, 6), dtype=complex))
     mixing.shape_changes(2)
