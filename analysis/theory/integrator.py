@@ -6,6 +6,10 @@ machine of four cores `granular_analysis.compare` of one run then took 41 s of p
 thread.
 
 Large states are summed by the loops of `granular_analysis.theory.loops` where these are there.
+
+**Places and speeds.** Where a state begins with places, whose slopes are the speeds behind them, sums of slopes of
+places are sums of those of speeds: Σ_i w_i v_i = (Σ_i w_i) v + h Σ_j (w A)_j v'_j, with the coefficients A of the
+stages. A slope that is `Fused` makes its steps so, and keeps no slopes of places.
 """
 
 import json
@@ -13,7 +17,7 @@ from collections.abc import Callable
 from functools import cache
 from math import hypot
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +27,7 @@ from granular_analysis.theory import loops
 Array = NDArray[Any]  # floats or complex numbers
 Floats = NDArray[np.float64]
 Derivative = Callable[[Array], Array]
-# Writes the slope at a time and a state into the last argument
-Slope = Callable[[float, Array, Array], None] | loops.Slope
+Plain = Callable[[float, Array, Array], None]  # writes the slope at a time and a state into the last argument
 
 SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # the change from one step to the next, as in SciPy
 
@@ -61,39 +64,89 @@ def terms() -> Array:
     return np.stack([rise, first - rise, 2 * rise - first - last, *table.dense])
 
 
+def of_places(weights: Array, length: float) -> Array:
+    """Return the weights of speeds and of their slopes, (R, 1 + S), that those of slopes of places (R, S) stand for."""
+    count = weights.shape[1]
+    rows = length * weights @ tableau().stages[:count, :count]
+    return np.concatenate([weights.sum(axis=1, keepdims=True), rows], axis=1)
+
+
+@runtime_checkable
+class Fused(Protocol):
+    """A slope that fills the stages of a step by itself, but for the slopes of the places that a state begins with."""
+
+    places: int
+
+    def __call__(self, time: float, state: Array, out: Array) -> None:
+        """Write the slope at a time and a state into `out`."""
+
+    def stages(
+        self, step: "Step", first: int, last: int, length: float, tolerance: tuple[float, Floats | float] | None
+    ) -> tuple[float, float] | None:
+        """Fill the slopes of a step as `Step.stages`, and return its errors, 0 without a tolerance; or refuse: None."""
+
+
+Slope = Plain | loops.Slope | Fused
+
+
 class Step:
-    """A state and the slopes of its step, one array, so that a stage is one sum over the rows before it."""
+    """A state and the slopes of its step, one array, so that a stage is one sum over the rows before it.
+
+    Attributes
+    ----------
+    stack : (17, …) where the step begins, and the slopes; `numbers` (17, n) are the same.
+    after, trial : where the step ended, and where the last slope was taken.
+    ended : whether the step is over, so that `after` and its slope have yet to become the first of the next.
+    lean : whether slopes of places are not there, as a `Fused` slope leaves them.
+    """
 
     def __init__(self, slope: Slope, time: float, start: Array) -> None:
         self.slope, self.time = slope, time
         self.stack = np.empty((1 + ROWS, *start.shape), dtype=start.dtype)
         self.numbers = _real(self.stack)
-        self.trial, self.after = np.empty((2, *start.shape), dtype=start.dtype)
+        self.trial, self.after = np.empty_like(start), np.empty_like(start)
         self.begin, self.slopes = self.stack[0], self.stack[1:]
         self.begin[...] = start
+        self.ended = self.lean = False
         slope(time, self.begin, self.slopes[0])
 
-    def stages(self, first: int, last: int, length: float) -> None:
-        """Fill the slopes from the first to the last of a step; `trial` is left where the last was taken."""
+    def stages(
+        self, first: int, last: int, length: float, tolerance: tuple[float, Floats | float] | None = None
+    ) -> tuple[float, float] | None:
+        """Fill the slopes from the first to the last of a step; `trial` is left where the last was taken.
+
+        Returns the errors of the step if a tolerance is given and the slope is `Fused`.
+        """
+        if isinstance(self.slope, Fused):
+            errors = self.slope.stages(self, first, last, length, tolerance)
+            if errors is not None:
+                return errors
+        self._begin()
         weights = np.empty((ROWS, 1 + ROWS))
         weights[:, 0], weights[:, 1:] = 1.0, length * tableau().stages
+        if self.lean and isinstance(self.slope, Fused):
+            slopes, speeds = self.slopes[:, : self.slope.places], self.numbers[:, self.slope.places :]
+            for row, slope in enumerate(slopes[:first]):
+                loops.weighted(weights[row, : row + 1], speeds[:, : len(slope)], slope)
+            self.lean = False
         if isinstance(self.slope, loops.Slope):
             self.slope.stages(first, last, weights, self.stack, self.trial)
-            return
+            return None
         times = (self.time + length * tableau().times).tolist()
         place = _real(self.trial[None])[0]
         for row in range(first, last + 1):
             loops.weighted(weights[row, : row + 1], self.numbers, place)
             self.slope(times[row], self.trial, self.slopes[row])
+        return None
 
-    def try_out(self, length: float) -> None:
-        """Make the step: its slopes, and the state `after` it."""
-        self.stages(1, STAGES, length)
-        self.after[...] = self.trial
+    def try_out(self, length: float, rtol: float, atol: Floats | float) -> float:
+        """Make the step: its slopes, and the state `after` it.
 
-    def error(self, rtol: float, atol: Floats | float) -> float:
-        """Return the error per unit of τ over the tolerance, from the embedded formulas of orders 5 and 3."""
-        fifth, third = loops.errors(tableau().errors, self.slopes, self.begin, self.after, rtol, atol)
+        Returns the error per unit of τ over the tolerance, from the embedded formulas of orders 5 and 3.
+        """
+        errors = self.stages(1, STAGES, length, (rtol, atol))
+        self.after, self.trial = self.trial, self.after
+        fifth, third = errors or loops.errors(tableau().errors, self.slopes, self.begin, self.after, rtol, atol)
         both = hypot(fifth, 0.1 * third)
         return fifth**2 / both if both else 0.0
 
@@ -105,13 +158,21 @@ class Step:
         weights = np.empty((len(places), 1 + ROWS))
         weights[:, 0], weights[:, 1:] = 1.0, length * (np.cumprod(factors, axis=1) @ terms())
         states = np.empty((len(places), *self.begin.shape), dtype=self.begin.dtype)
-        for each, state in zip(weights, _real(states), strict=True):
-            loops.weighted(each, self.numbers, state)
+        cut = self.slope.places if self.lean and isinstance(self.slope, Fused) else 0
+        for each, speeds, state in zip(weights, of_places(weights[:, 1:], length), _real(states), strict=True):
+            loops.weighted(each, self.numbers[:, cut:], state[cut:])
+            if cut:
+                loops.weighted(speeds, self.numbers[:, cut : 2 * cut], state[:cut])
+                state[:cut] += self.numbers[0, :cut]
         return states
 
     def advance(self, time: float) -> None:
-        """Begin the next step where this one ended."""
-        self.time, self.begin[...], self.slopes[0] = time, self.after, self.slopes[STAGES]
+        """Let the next step begin where this one ended."""
+        self.time, self.ended = time, True
+
+    def _begin(self) -> None:
+        if self.ended:
+            self.begin[...], self.slopes[0], self.ended = self.after, self.slopes[STAGES], False
 
 
 class Solver:
@@ -158,8 +219,7 @@ class Solver:
                 raise RuntimeError(
                     f"the step has fallen to {step:.1e} at tau = {self.time:.6g}: the state is not smooth there"
                 )
-            self.now.try_out(step)
-            error = step * self.now.error(self.rtol, self.atol)
+            error = step * self.now.try_out(step, self.rtol, self.atol)
             if error < 1:
                 break
             rejected, step = True, step * max(LEAST, SAFETY * error ** (-1 / 8))

@@ -7,12 +7,13 @@
 #include <complex.h>
 #include <math.h>
 #include <pthread.h>
+#include <sched.h>
 #include <stddef.h>
 
 typedef ptrdiff_t whole; /* intp of NumPy */
 enum { LANES = 64 }; /* numbers that stay in the nearest cache together */
 enum { FEW = 16 };   /* fewer contacts in a row are gathered one by one */
-enum { PART = 16384, MOST_THREADS = 64 }; /* numbers of a part */
+enum { PART = 16384, CHUNK = 256, MOST_ROWS = 17, MOST_THREADS = 64 }; /* numbers of a part, rows of a step */
 
 /* The widest vectors of the processor at hand; without fused products all of them give the same bits */
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
@@ -50,6 +51,42 @@ static void share(whole threads, whole parts, void (*part)(const void *, whole),
   while (made > 0) pthread_join(others[--made], NULL);
 }
 
+/* out = base + sum of weights[r] * table[r], for rows of numbers that are `stride` apart; no base is 0, and a weight of 0
+   takes no time. */
+INLINE void summed(whole count, whole rows, const double *weights, const double *table, whole stride, const double *base,
+                   double *restrict out)
+{
+  const double *row[MOST_ROWS + 3];
+  double weight[MOST_ROWS + 3];
+  whole used = 0;
+  for (whole each = 0; each < rows; each++)
+    if (weights[each] != 0) {
+      weight[used] = weights[each];
+      row[used++] = table + each * stride;
+    }
+  if (!base && used == 0)
+    for (whole i = 0; i < count; i++) out[i] = 0;
+  for (whole r = 0; r < used; r += 4) {
+    const double *from = r > 0 ? out : base, *a = row[r], *b = row[r + 1], *c = row[r + 2], *d = row[r + 3];
+    const double A = weight[r], B = weight[r + 1], C = weight[r + 2], D = weight[r + 3];
+#define SUM(terms)                                                            \
+  if (from)                                                                    \
+    for (whole i = 0; i < count; i++) out[i] = from[i] + terms;                \
+  else                                                                         \
+    for (whole i = 0; i < count; i++) out[i] = terms
+    if (used - r == 1) {
+      SUM(A * a[i]);
+    } else if (used - r == 2) {
+      SUM(A * a[i] + B * b[i]);
+    } else if (used - r == 3) {
+      SUM(A * a[i] + B * b[i] + C * c[i]);
+    } else {
+      SUM(A * a[i] + B * b[i] + C * c[i] + D * d[i]);
+    }
+#undef SUM
+  }
+}
+
 typedef struct {
   whole n, rows;
   const double *weights, *table;
@@ -61,57 +98,45 @@ VECTORS static void weighted_part(const void *data, whole part)
 {
   const Weighted *w = data;
   const whole last = (part + 1) * PART < w->n ? (part + 1) * PART : w->n;
-  for (whole from = part * PART; from < last; from += 8 * LANES) {
-    const whole count = last - from < 8 * LANES ? last - from : 8 * LANES;
-    double sum[8 * LANES] = {0};
-    for (whole r = 0; r < w->rows; r++)
-      if (w->weights[r] != 0)
-        for (whole i = 0; i < count; i++) sum[i] += w->weights[r] * w->table[r * w->stride + from + i];
-    for (whole i = 0; i < count; i++) w->out[from + i] = sum[i];
-  }
+  for (whole from = part * PART; from < last; from += CHUNK)
+    summed(last - from < CHUNK ? last - from : CHUNK, w->rows, w->weights, w->table + from, w->stride, NULL, w->out + from);
 }
 
-/* out = sum of weights[r] * table[r], for rows of n numbers that are `stride` apart; a weight of 0 takes no time. */
+/* The sums of n numbers of up to MOST_ROWS rows */
 void weighted(whole threads, whole n, whole rows, const double *weights, const double *table, whole stride, double *out)
 {
   const Weighted data = {n, rows, weights, table, stride, out};
   share(threads, (n + PART - 1) / PART, weighted_part, &data);
 }
 
+/* Tolerances of a step: one for each number, or one for all */
 typedef struct {
-  whole n, rows;
-  const double *weights, *slopes, *begin, *after, *atol;
+  const double *begin, *after, *atol;
   whole each;
-  double rtol, *squares;
-} Errors;
+  double rtol;
+} Tolerance;
 
-VECTORS static void errors_part(const void *data, whole part)
+/* total[e] += (Σ_r weights[e][r] slopes[r] / (atol + rtol max(|begin|, |after|)))², e = 0, 1, of the numbers from `at`;
+   the slopes of the first are at `slopes`. */
+INLINE void erred(const Tolerance *e, whole at, whole number, whole rows, const double *weights, const double *slopes,
+                  whole stride, double total[2][LANES])
 {
-  const Errors *e = data;
-  const whole last = (part + 1) * PART < e->n ? (part + 1) * PART : e->n;
-  double total[2][LANES] = {{0}};
-  for (whole from = part * PART; from < last; from += LANES) {
-    const whole count = last - from < LANES ? last - from : LANES;
-    double scale[LANES], sum[2][LANES] = {{0}};
+  for (whole done = 0; done < number; done += LANES) {
+    const whole count = number - done < LANES ? number - done : LANES, from = at + done;
+    double sum[2][LANES];
+    for (int k = 0; k < 2; k++) summed(count, rows, weights + k * rows, slopes + done, stride, NULL, sum[k]);
     for (whole i = 0; i < count; i++) {
       const double a = fabs(e->begin[from + i]), b = fabs(e->after[from + i]);
-      scale[i] = (e->each ? e->atol[from + i] : e->atol[0]) + e->rtol * (a > b ? a : b);
-    }
-    for (whole r = 0; r < e->rows; r++) {
-      const double one = e->weights[r], two = e->weights[e->rows + r], *slope = e->slopes + r * e->n + from;
-      if (one != 0 || two != 0)
-        for (whole i = 0; i < count; i++) {
-          sum[0][i] += one * slope[i];
-          sum[1][i] += two * slope[i];
-        }
-    }
-    for (whole i = 0; i < count; i++) {
-      const double one = sum[0][i] / scale[i], two = sum[1][i] / scale[i];
+      const double scale = (e->each ? e->atol[from + i] : e->atol[0]) + e->rtol * (a > b ? a : b);
+      const double one = sum[0][i] / scale, two = sum[1][i] / scale;
       total[0][i] += one * one;
       total[1][i] += two * two;
     }
   }
-  double *squares = e->squares + 2 * part;
+}
+
+INLINE void folded(double total[2][LANES], double *squares)
+{
   squares[0] = squares[1] = 0;
   for (whole i = 0; i < LANES; i++) {
     squares[0] += total[0][i];
@@ -119,33 +144,105 @@ VECTORS static void errors_part(const void *data, whole part)
   }
 }
 
-/* squares[part][e] = sum over the numbers of a part of
-   (Σ_r weights[e][r] slopes[r] / (atol + rtol max(|begin|, |after|)))², e = 0, 1; with a tolerance for each number, or
-   one for all. */
-void errors(whole threads, whole n, whole rows, const double *weights, const double *slopes, const double *begin,
-            const double *after, const double *atol, whole each, double rtol, double *squares)
+typedef struct {
+  whole n, rows;
+  const double *weights, *slopes;
+  Tolerance tolerance;
+  double *squares;
+} Errors;
+
+VECTORS static void errors_part(const void *data, whole part)
 {
-  const Errors data = {n, rows, weights, slopes, begin, after, atol, each, rtol, squares};
+  const Errors *e = data;
+  const whole from = part * PART, count = from + PART < e->n ? PART : e->n - from;
+  double total[2][LANES] = {{0}};
+  erred(&e->tolerance, from, count, e->rows, e->weights, e->slopes + from, e->n, total);
+  folded(total, e->squares + 2 * part);
+}
+
+/* squares[part][e] = the squares above of the numbers of a part */
+void errors(whole threads, whole n, whole rows, const double *weights, const double *slopes, const Tolerance *tolerance,
+            double *squares)
+{
+  const Errors data = {n, rows, weights, slopes, *tolerance, squares};
   share(threads, (n + PART - 1) / PART, errors_part, &data);
 }
 
-/* Pairs of `network_state.Pairs` in the plane. They come by blocks of `width` first spheres: of each those that stay in
-   the block, then those that leave it; at last those on walls, which are at rest. `starts` says where each begins.
+/* Pairs of `network_state.Pairs` in the plane. They come by blocks of `width` first spheres, and of a block by those of
+   the second spheres: a bundle is pairs from one block to another, to itself, or to walls, which are at rest. `own` says
+   which bundles are of the first spheres of each block, and `met`, from `others` on, which others meet the block.
 
    Of numbers that are the same for all pairs, `same`, there are LANES. `outside` (3, M) holds the loads on second
-   spheres of other blocks, until all blocks are done. */
+   spheres of other blocks, until these take them, and `done` how many tasks each block has done. */
 enum { X, Y, LENGTH, OVERLAP, HERTZ, SHEAR, ADHESION, NUMBERS };
 enum { PLACE_X, PLACE_Y, SPEED_X, SPEED_Y, SPIN, RADIUS, ENDS };
 typedef struct {
+  whole first, second, from, end;
+} Bundle;
+typedef struct {
   whole spheres, pairs, blocks, width;
   double friction;
-  const whole *starts;
-  const int *first, *second;
+  const Bundle *bundles;
+  const whole *own, *others, *met;
+  const int *first, *second, *run;
   const double *numbers[NUMBERS];
   whole same[NUMBERS];
   const double *radius;
   double *outside;
+  int *done;
 } Pairs;
+
+/* Each block has tasks in turn, and takes the next when its neighbours have done as many: an odd task needs those that
+   its own pairs lead to, an even one those whose pairs meet it. A thread goes from block to block, and after each goes
+   back as far as blocks have become ready, so that a step of many stages reads its numbers from memory once.
+
+   What a task computes does not depend on who does it, nor when. */
+enum { BUSY = 1 << 30 };
+typedef struct {
+  const Pairs *pairs;
+  int tasks, *done; /* of each block, with BUSY while the next is under way */
+  void (*task)(const void *, whole, whole);
+  const void *data;
+  whole threads, finished;
+} Sweep;
+
+static int advanced(Sweep *s, whole block)
+{
+  const Pairs *p = s->pairs;
+  int done = __atomic_load_n(s->done + block, __ATOMIC_ACQUIRE);
+  if (done >= s->tasks) return 0; /* or BUSY */
+  const whole *list = done % 2 ? p->own : p->others;
+  for (whole k = list[block]; k < list[block + 1]; k++) {
+    const whole other = done % 2 ? p->bundles[k].second : p->bundles[p->met[k]].first;
+    if (other < p->blocks && (__atomic_load_n(s->done + other, __ATOMIC_ACQUIRE) & ~BUSY) < done) return 0;
+  }
+  if (!__atomic_compare_exchange_n(s->done + block, &done, done | BUSY, 0, __ATOMIC_ACQUIRE, __ATOMIC_RELAXED)) return 0;
+  s->task(s->data, block, done);
+  __atomic_store_n(s->done + block, done + 1, __ATOMIC_RELEASE);
+  if (done + 1 == s->tasks) __atomic_fetch_add(&s->finished, 1, __ATOMIC_RELEASE);
+  return 1;
+}
+
+static void swept(const void *data, whole part)
+{
+  Sweep *s = (Sweep *)data;
+  const whole blocks = s->pairs->blocks;
+  whole idle = 0;
+  for (whole at = part * blocks / s->threads; __atomic_load_n(&s->finished, __ATOMIC_ACQUIRE) < blocks; at++) {
+    whole back = 0, tasks;
+    do
+      for (tasks = 0; advanced(s, (at + blocks - back) % blocks); tasks++) idle = 0;
+    while (tasks > 0 && ++back < blocks);
+    if (++idle > blocks) idle = sched_yield();
+  }
+}
+
+static void sweep(whole threads, const Pairs *p, int tasks, void (*task)(const void *, whole, whole), const void *data)
+{
+  Sweep s = {p, tasks, p->done, task, data, threads, 0};
+  for (whole block = 0; block < p->blocks; block++) s.done[block] = 0;
+  share(threads, threads, swept, &s);
+}
 
 typedef struct {
   const Pairs *pairs;
@@ -164,11 +261,11 @@ INLINE void acted(const Acting *a, whole from, whole end, Where where, double su
   const double *rows[ENDS] = {a->motion, a->motion + N, a->motion + 3 * N, a->motion + 4 * N, a->motion + 5 * N, p->radius};
   for (whole count; from < end; from += count) {
     const int *first = p->first + from, *second = p->second + from, i = first[0], j = second[0];
-    const whole left = end - from;
+    const whole left = end - from, along = p->run[from] < LANES ? p->run[from] : LANES;
     double gathered[2][ENDS][FEW], push[4][LANES];
     const double *here[ENDS], *there[ENDS], *number[NUMBERS];
     /* in a crystal the contacts of spheres i, i + 1, … with j, j + 1, … follow each other */
-    for (count = 1; count < left && count < LANES && first[count] == i + count && second[count] == j + count;) count++;
+    count = along < left ? along : left;
     const int run = where != WALL && (count >= FEW || count == left);
     if (!run) count = left < FEW ? left : FEW;
     for (int k = 0; k < ENDS; k++) {
@@ -228,42 +325,148 @@ INLINE void acted(const Acting *a, whole from, whole end, Where where, double su
   }
 }
 
-/* One block of spheres, or the walls behind the last */
-VECTORS static void block(const void *data, whole number)
+/* Loads on the spheres of a block by its own pairs */
+INLINE void pressed(const Acting *a, whole block)
 {
-  const Acting *a = data;
   const Pairs *p = a->pairs;
-  const whole N = p->spheres, from = number * p->width, end = from + p->width < N ? from + p->width : N;
-  const whole *starts = p->starts + 2 * number;
+  const whole N = p->spheres, from = block * p->width, end = from + p->width < N ? from + p->width : N;
   double sums[4][LANES] = {{0}};
-  if (number < p->blocks) {
-    for (int k = 0; k < 3; k++)
-      for (whole i = from; i < end; i++) a->load[k * N + i] = 0;
-    acted(a, starts[0], starts[1], INSIDE, sums);
-    acted(a, starts[1], starts[2], OUTSIDE, sums);
-  } else
-    acted(a, starts[0], p->pairs, WALL, sums);
-  for (int k = 0; k < 4; k++) {
-    a->sums[4 * number + k] = 0;
-    for (whole c = 0; c < LANES; c++) a->sums[4 * number + k] += sums[k][c];
+  for (int k = 0; k < 3; k++)
+    for (whole i = from; i < end; i++) a->load[k * N + i] = 0;
+  for (const Bundle *b = p->bundles + p->own[block]; b < p->bundles + p->own[block + 1]; b++) {
+    if (b->second == block)
+      acted(a, b->from, b->end, INSIDE, sums);
+    else if (b->second < p->blocks)
+      acted(a, b->from, b->end, OUTSIDE, sums);
+    else
+      acted(a, b->from, b->end, WALL, sums);
   }
+  for (int k = 0; k < 4; k++) {
+    a->sums[4 * block + k] = 0;
+    for (whole c = 0; c < LANES; c++) a->sums[4 * block + k] += sums[k][c];
+  }
+}
+
+/* Loads on the spheres of a block by the pairs that meet it */
+INLINE void received(const Acting *a, whole block)
+{
+  const Pairs *p = a->pairs;
+  for (whole met = p->others[block]; met < p->others[block + 1]; met++) {
+    const Bundle *b = p->bundles + p->met[met];
+    for (int k = 0; k < 3; k++)
+      for (whole c = b->from; c < b->end; c++) a->load[k * p->spheres + p->second[c]] += p->outside[k * p->pairs + c];
+  }
+}
+
+VECTORS static void evaluated(const void *data, whole block, whole task)
+{
+  if (task == 1) pressed(data, block);
+  if (task == 2) received(data, block);
 }
 
 /* Forces and torques (3, N) of pairs with the secant law, without dashpots, and the rates of slips.
 
-   motion: (6, N). slip, slip_rate: (M). sums (blocks + 1, 4): dW/dt of the ledger, the energies of normal and of shear
+   motion: (6, N). slip, slip_rate: (M). sums (blocks, 4): dW/dt of the ledger, the energies of normal and of shear
    forces, and how many contacts are open and have a slip, or are beyond the limit of friction, where the forces are
    others. */
 void plane(whole threads, const Pairs *p, const double *motion, const double *slip, double *load, double *slip_rate,
            double *sums)
 {
   const Acting data = {p, motion, slip, load, slip_rate, sums};
-  share(threads, p->blocks, block, &data);
-  for (whole number = 0; number < p->blocks; number++)
-    for (int k = 0; k < 3; k++)
-      for (whole c = p->starts[2 * number + 1]; c < p->starts[2 * number + 2]; c++)
-        load[k * p->spheres + p->second[c]] += p->outside[k * p->pairs + c];
-  block(&data, p->blocks);
+  sweep(threads, p, 3, evaluated, &data);
+}
+
+/* The stages first to last of a Runge-Kutta step of spheres, as `stages` below. A number of a state is a place, a
+   speed, or a slip: the slope of a place is a speed, so that the sum of the slopes of places is a sum of speeds' slopes
+   with other weights, `places`, and rows of the stack have none of places. Begins where `renewed` ended if not NULL. */
+typedef struct {
+  const Pairs *pairs;
+  whole first, last, n;
+  const double *weights, *places, *mobility, *drag;
+  double *stack, *trial;
+  const double *renewed;
+  Tolerance tolerance;
+  const double *errors, *errors_of_places;
+  double *sums, *squares;
+} Stages;
+
+INLINE whole size_of(const Pairs *p, whole block)
+{
+  const whole left = p->spheres - block * p->width;
+  return left < p->width ? left : p->width;
+}
+
+/* The state where a stage is taken */
+INLINE void tried(const Stages *s, whole block, whole row)
+{
+  const Pairs *p = s->pairs;
+  const whole N = p->spheres, first = block * p->width, size = size_of(p, block);
+  const double *weights = s->weights + row * MOST_ROWS, *places = s->places + row * MOST_ROWS;
+  for (int k = 0; k < 3; k++)
+    for (whole done = 0; done < size; done += CHUNK) {
+      const whole count = size - done < CHUNK ? size - done : CHUNK, x = k * N + first + done, v = x + 3 * N;
+      summed(count, row + 1, weights, s->stack + v, s->n, NULL, s->trial + v);
+      summed(count, row + 1, places, s->stack + v, s->n, s->stack + x, s->trial + x);
+    }
+  for (const Bundle *b = p->bundles + p->own[block]; b < p->bundles + p->own[block + 1]; b++)
+    for (whole from = b->from; from < b->end; from += CHUNK)
+      summed(b->end - from < CHUNK ? b->end - from : CHUNK, row + 1, weights, s->stack + 6 * N + from, s->n,
+             NULL, s->trial + 6 * N + from);
+}
+
+/* The state and the slope of the end of the last step become those of the begin */
+INLINE void renewed(const Stages *s, whole from, whole count, whole slopes)
+{
+  double *begin = s->stack + from, *slope = begin + s->n, *ended = begin + (s->last + 1) * s->n;
+  for (whole i = 0; i < count; i++) begin[i] = s->renewed[from + i];
+  if (slopes)
+    for (whole i = 0; i < count; i++) slope[i] = ended[i];
+}
+
+VECTORS static void staged(const void *data, whole block, whole task)
+{
+  const Stages *s = data;
+  const Pairs *p = s->pairs;
+  const whole N = p->spheres, n = s->n, row = s->first + (task - 1) / 2, first = block * p->width, size = size_of(p, block);
+  const Bundle *own = p->bundles + p->own[block], *end = p->bundles + p->own[block + 1];
+  if (task == 0) {
+    if (s->renewed) {
+      for (int k = 0; k < 6; k++) renewed(s, k * N + first, size, k >= 3);
+      for (const Bundle *b = own; b < end; b++) renewed(s, 6 * N + b->from, b->end - b->from, 1);
+    }
+    tried(s, block, s->first);
+    return;
+  }
+  double *slope = s->stack + (row + 1) * n, *load = slope + 3 * N;
+  const Acting acting = {p, s->trial, s->trial + 6 * N, load, slope + 6 * N, s->sums + 4 * p->blocks * (row - s->first)};
+  if (task % 2) {
+    pressed(&acting, block);
+    return;
+  }
+  received(&acting, block);
+  for (int k = 0; k < 3; k++)
+    for (whole i = k * N + first; i < k * N + first + size; i++) {
+      load[i] *= s->mobility[i];
+      if (s->drag) load[i] -= s->drag[i - k * N] * s->trial[3 * N + i];
+    }
+  if (row < s->last)
+    tried(s, block, row + 1);
+  else if (s->squares) {
+    double total[2][LANES] = {{0}};
+    for (int k = 0; k < 3; k++) {
+      const whole x = k * N + first, v = x + 3 * N;
+      erred(&s->tolerance, x, size, s->last + 2, s->errors_of_places, s->stack + v, n, total);
+      erred(&s->tolerance, v, size, s->last + 1, s->errors, s->stack + n + v, n, total);
+    }
+    for (const Bundle *b = own; b < end; b++)
+      erred(&s->tolerance, 6 * N + b->from, b->end - b->from, s->last + 1, s->errors, s->stack + n + 6 * N + b->from, n, total);
+    folded(total, s->squares + 2 * block);
+  }
+}
+
+void plane_stages(whole threads, const Stages *s)
+{
+  sweep(threads, s->pairs, 1 + 2 * (int)(s->last - s->first + 1), staged, s);
 }
 
 /* Spheres in a row of chain.py without dashpots: displacements and velocities in units of chain_motion.py. */

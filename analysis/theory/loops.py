@@ -53,13 +53,26 @@ def library() -> ctypes.CDLL | None:
         return None
     pointer, number, size = ctypes.c_void_p, ctypes.c_double, ctypes.c_ssize_t
     found.weighted.argtypes = [size, size, size, pointer, pointer, size, pointer]
-    found.errors.argtypes = [size, size, size, *[pointer] * 5, size, number, pointer]
+    found.errors.argtypes = [size, size, size, *[pointer] * 4]
     found.plane.argtypes = [size, *[pointer] * 6]
+    found.plane_stages.argtypes = [size, pointer]
     found.chain.argtypes = found.torus.argtypes = found.torus_complex.argtypes = [pointer] * 3
     found.stepped.argtypes = [*[pointer] * 3, number, size]
     found.marched.argtypes = [*[pointer] * 3, size, pointer, size, size]
     found.stages.argtypes = [*[size] * 4, *[pointer] * 5]
-    for name in ("weighted", "errors", "plane", "chain", "torus", "torus_complex", "stages", "stepped", "marched"):
+    names = (
+        "weighted",
+        "errors",
+        "plane",
+        "plane_stages",
+        "chain",
+        "torus",
+        "torus_complex",
+        "stages",
+        "stepped",
+        "marched",
+    )
+    for name in names:
         getattr(found, name).restype = None
     return found
 
@@ -103,6 +116,21 @@ def address(array: Array) -> int:
     return array.__array_interface__["data"][0]
 
 
+class Tolerance(ctypes.Structure):
+    """`Tolerance` of loops.c."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("begin", "after", "atol")),
+        ("each", ctypes.c_ssize_t),
+        ("rtol", ctypes.c_double),
+    ]
+
+
+def tolerance(begin: Array, after: Array, rtol: float, sizes: Floats) -> Tolerance:
+    """Return the tolerance of a step between two states; sizes () are of all numbers, or (n,) of each."""
+    return Tolerance(*map(address, (begin, after, sizes)), sizes.ndim, rtol)
+
+
 class Slope:
     """A slope that is one of the loops, and the data that it takes, whose arrays live as long."""
 
@@ -140,7 +168,7 @@ def weighted(weights: Floats, rows: Floats, out: Floats) -> None:
         np.einsum("i,ij->j", weights, rows[: len(weights)], out=out)
     else:
         sizes = threads(out.size), out.size, len(weights)
-        loop.weighted(*sizes, address(weights), address(rows), rows.shape[1], address(out))
+        loop.weighted(*sizes, address(weights), address(rows), rows.strides[0] // rows.itemsize, address(out))
 
 
 def errors(
@@ -154,8 +182,9 @@ def errors(
         both = np.einsum("ki,ij->kj", weights, rows).view(slopes.dtype).reshape(2, *begin.shape) / scale
         return norm(both[0]), norm(both[1])
     squares, sizes = np.empty((-(-begin.size // PART), 2)), np.asarray(atol, dtype=np.float64)
-    places = map(address, (weights, slopes, begin, after, sizes))
-    loop.errors(threads(begin.size), begin.size, weights.shape[1], *places, sizes.ndim, rtol, address(squares))
+    allowed = tolerance(begin, after, rtol, sizes)
+    places = address(weights), address(slopes), ctypes.addressof(allowed), address(squares)
+    loop.errors(threads(begin.size), begin.size, weights.shape[1], *places)
     fifth, third = squares.sum(axis=0) / begin.size
     return sqrt(fifth), sqrt(third)
 

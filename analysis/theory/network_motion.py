@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.errors import TheoryError
-from granular_analysis.theory.integrator import Solver
+from granular_analysis.theory.integrator import Solver, Step
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_closed import closed_pairs
 from granular_analysis.theory.network_ledger import energy, kinetic_energy, work_rate
@@ -231,12 +231,24 @@ class _Rates:
     evaluations : how many there were.
     closed : the pairs of a compiled loop, None where it does not hold them.
     plain : whether that loop held them at the last evaluation.
+    places : how many numbers of a state are places.
     """
 
     def __init__(self, network: Network, start: State) -> None:
         self.network, self.start = network, start
         self.closed = closed_pairs(network, start.pairs)
-        self.evaluations, self.plain = 0, False
+        self.evaluations, self.plain, self.places = 0, False, start.motion.size // 2
+
+    def stages(
+        self, step: Step, first: int, last: int, length: float, tolerance: tuple[float, Floats | float] | None
+    ) -> tuple[float, float] | None:
+        """Fill the slopes of a step by the compiled loop; None where it does not hold them."""
+        if self.closed is None or not self.plain or self.network.drives:
+            return None
+        errors = self.closed.stages(step, first, last, length, tolerance)
+        self.plain = errors is not None
+        self.evaluations += self.plain * (last - first + 1)
+        return errors
 
     def __call__(self, time: float, y: Floats, rate: Floats) -> None:
         network, start = self.network, self.start

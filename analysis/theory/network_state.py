@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 _FAR = 1e9  # a plane, in radii of the sphere on it
-BLOCK = 4096  # spheres whose numbers stay in a cache together
+BLOCK = 1024  # spheres: the numbers of their steps are in a cache together with those of a dozen other blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,11 +124,6 @@ class Contacts(NamedTuple):
     memory_rate: Floats
 
 
-def leaving(first: Integers, second: Integers) -> Bools:
-    """Return which pairs are of spheres in different blocks, (M,)."""
-    return np.asarray(first // BLOCK != second // BLOCK)
-
-
 def search(network: Network, displacement: Floats) -> Pairs:
     """Return all pairs with gaps below the margin, for spheres displaced by (d, N)."""
     from scipy.spatial import cKDTree  # slow to import, and only networks need it
@@ -142,7 +137,7 @@ def search(network: Network, displacement: Floats) -> Pairs:
     found = cKDTree(wrapped, boxsize=box).query_pairs(network.reach, output_type="ndarray")
     first, second = found.T
     # Block by block, and of a crystal the contacts of spheres i, i + 1, … with j, j + 1, … one after the other
-    order = np.lexsort((first, second - first, leaving(first, second), first // BLOCK))
+    order = np.lexsort((first, second - first, second // BLOCK, first // BLOCK))
     first, second = found[order].T.astype(np.intp)
 
     way = (displacement.T[second] - displacement.T[first]).T

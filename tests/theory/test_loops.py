@@ -10,6 +10,7 @@ from threading import Barrier
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from granular_analysis.theory import energy as energy_of_waves
 from granular_analysis.theory import lattice, loops, timestep
@@ -18,16 +19,18 @@ from granular_analysis.theory.chain_loop import chain_slope
 from granular_analysis.theory.chain_motion import SIXTH, VERLET, Scheme, march
 from granular_analysis.theory.chain_motion import integrate as integrate_chain
 from granular_analysis.theory.contact import Contact, Law
+from granular_analysis.theory.integrator import Step
 from granular_analysis.theory.lattice_loop import torus_slope
 from granular_analysis.theory.neighbours import ring_neighbours, torus_neighbours
 from granular_analysis.theory.network import Material, Network, Wall
 from granular_analysis.theory.network_closed import closed_pairs, refusal
 from granular_analysis.theory.network_ledger import energy, kinetic_energy, work_rate
-from granular_analysis.theory.network_motion import integrate
-from granular_analysis.theory.network_state import State, contacts, leaving, resultants, start
+from granular_analysis.theory.network_motion import _Rates, integrate
+from granular_analysis.theory.network_state import BLOCK, State, contacts, resultants, start
 from granular_analysis.theory.wave import Wave
 
 compiled = pytest.mark.skipif(loops.library() is None, reason="no C compiler")
+Floats = NDArray[np.float64]
 GLASS, STEEL = Material(1.0, 0.2, 2e-3), Material(3.0, 0.3, 1e-3)
 RNG = np.random.default_rng(5)
 
@@ -104,10 +107,14 @@ def test_contacts_that_slide_or_have_yet_to_forget_their_slip_are_left_to_numpy(
 
 
 @compiled
-@pytest.mark.parametrize(("friction", "end"), [(np.inf, 4.0), (0.5, 4.0)])
-def test_the_motion_is_that_of_numpy(friction: float, end: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    network = packing(friction=friction)
-    state, times = moving(network, 1e-4), np.linspace(0, end, 5)
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"friction": 0.5}, {"drag": np.linspace(0, 0.3, 60)}, {"held": np.arange(60) < 10}],
+    ids=["closed", "sliding", "drag", "held"],
+)
+def test_the_motion_is_that_of_numpy(changes: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> None:
+    network = packing(**changes)
+    state, times = moving(network, 1e-4), np.linspace(0, 4.0, 5)
     found = integrate(network, state, times, rtol=1e-9)
     monkeypatch.setattr(loops, "library", lambda: None)
     known = integrate(network, state, times, rtol=1e-9)
@@ -206,7 +213,7 @@ def test_any_number_of_threads_gives_the_same_bits() -> None:
 def test_forces_across_blocks_are_those_of_the_network(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(loops, "threads", lambda numbers: 3)
     network, state = sheet(150, 100)
-    assert np.any(leaving(state.pairs.first, state.pairs.second))
+    assert np.any(state.pairs.first // BLOCK != state.pairs.second // BLOCK)
     now = contacts(network, state.motion, state.pairs, state.shear)
     load, rate = np.empty((3, 15_000)), np.empty_like(state.shear)
     pairs = closed_pairs(network, state.pairs)
@@ -216,6 +223,36 @@ def test_forces_across_blocks_are_those_of_the_network(monkeypatch: pytest.Monke
     assert np.allclose(load, resultants(state.pairs, now, 15_000), rtol=0, atol=1e-14 * np.abs(now.repulsion).max())
     assert np.allclose(rate, now.memory_rate, rtol=0, atol=1e-14 * np.abs(rate).max())
     assert sums.work_rate == pytest.approx(work_rate(network, state.pairs, now), rel=1e-10)
+
+
+def one_step(network: Network, state: State, monkeypatch: pytest.MonkeyPatch, fused: bool) -> tuple[float, Floats]:
+    """Return the error of the second of two steps, and the states at its end and within."""
+    with monkeypatch.context() as patch:
+        if not fused:
+            patch.setattr(loops, "library", lambda: None)
+        start = np.concatenate([state.motion.ravel(), state.shear.ravel(), [0.0]])
+        step, atol = Step(_Rates(network, state), 0.0, start), np.full_like(start, 1e-9)
+        atol[-1] = np.inf  # the work does not rule the step
+        step.try_out(2.0, 1e-9, atol)
+        step.advance(2.0)
+        error = step.try_out(2.0, 1e-9, atol)
+        assert step.lean == fused
+        return error, np.concatenate([step.after[None], step.between(2.0, np.array([0.2, 0.7, 1.0]))])
+
+
+@compiled
+@pytest.mark.parametrize("order", ["rows", "random"])
+def test_a_fused_step_is_that_of_numpy(order: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    network, state = sheet(50, 80)
+    if order == "random":  # blocks meet all others
+        chosen = np.random.default_rng(3).permutation(4000)
+        network = replace(network, position=network.position[chosen])
+        state = start(network, *np.random.default_rng(7).normal(0, 1e-4, (2, 4000, 2)), 0.0, 1e-4)
+    (error, found), (known_error, known) = (one_step(network, state, monkeypatch, fused) for fused in (True, False))
+    assert error == pytest.approx(known_error, rel=1e-6)
+    for rows in np.split(np.arange(found.shape[1] - 1), [12_000, 24_000]):  # places, speeds, slips
+        assert np.allclose(found[:, rows], known[:, rows], rtol=0, atol=1e-13 * np.abs(known[:, rows]).max())
+    assert np.allclose(found[:, -1], known[:, -1], rtol=1e-9, atol=0)
 
 
 @compiled
