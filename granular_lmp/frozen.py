@@ -7,7 +7,7 @@ is written once, below, and does the same.
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import Field, FrozenInstanceError, fields
+from dataclasses import FrozenInstanceError, fields
 from functools import cache
 from reprlib import recursive_repr
 from typing import TYPE_CHECKING, Any
@@ -47,12 +47,12 @@ def _refuse_deletion(self: Any, name: str) -> None:
 
 
 @cache
-def _fields(kind: Any) -> tuple[Field[Any], ...]:
-    return fields(kind)
+def _compared(kind: Any) -> tuple[str, ...]:
+    return tuple(item.name for item in fields(kind) if item.compare)
 
 
 def _values(record: Any) -> tuple[Any, ...]:
-    return tuple([getattr(record, item.name) for item in _fields(record.__class__) if item.compare])
+    return tuple([getattr(record, name) for name in _compared(record.__class__)])
 
 
 def _equal(self: Any, other: object) -> Any:
@@ -65,5 +65,5 @@ def _hashed(self: Any) -> int:
 
 @recursive_repr()
 def _shown(self: Any) -> str:
-    shown = [f"{item.name}={getattr(self, item.name)!r}" for item in _fields(self.__class__) if item.repr]
+    shown = [f"{item.name}={getattr(self, item.name)!r}" for item in fields(self) if item.repr]
     return f"{self.__class__.__qualname__}({', '.join(shown)})"

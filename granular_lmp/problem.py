@@ -6,19 +6,17 @@
 from dataclasses import replace
 from functools import cached_property
 from math import hypot, inf, nextafter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.collisions import Collisions
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import centre, places
 from granular_lmp.crystal.modes import Mode, Physics, highest_frequency
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.stability import crude_bound, frequency_bound
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.effect import Chosen
 from granular_lmp.effects.selection import EFFECTS, remarks, select, warnings
@@ -35,6 +33,9 @@ from granular_lmp.scene.start import state_in
 from granular_lmp.scene.strikers import struck
 from granular_lmp.step_rules import COARSEST, StepRule, refuse_step
 from granular_lmp.units import AnyUnits
+
+if TYPE_CHECKING:
+    from granular_lmp.collisions import Collisions
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +107,10 @@ class Problem:
             raise SceneError(f"output: {error}") from error
 
     @cached_property
-    def collisions(self) -> Collisions:
+    def collisions(self) -> "Collisions":
         """Quantities in the units of an impact."""
+        from granular_lmp.collisions import Collisions  # kept out of start-up
+
         return Collisions(self.scene, self.crystal, self.materials, self.contacts, self.strikers, self.state)
 
     @cached_property
@@ -313,6 +316,8 @@ def largest_step(scene: Scene, enough: float = inf) -> float:
         top, kappa = highest_frequency(unit_contacts(scene), sphere, physics), sphere.stiffness_ratio
         drag = viscosity * 2 * (kappa + 3) / (min(kappa, 1.0) if physics.shear else 1.0)  # cλ/Ω²
         return _stable(scene, top, drag)
+    from granular_lmp.crystal.stability import crude_bound, frequency_bound  # kept out of start-up
+
     contacts = contacts_of(scene)
     for bound in (crude_bound, frequency_bound):
         top = bound(contacts, sphere, physics)

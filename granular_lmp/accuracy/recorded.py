@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,14 @@ from granular_lmp.lammps.binary_dump import BinarySnapshot, binary_snapshots, wr
 from granular_lmp.lammps.monitors import wall_columns
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, SNAPSHOTS
 from granular_lmp.runs.components import by_axis, components, rates
-from granular_lmp.runs.contact_forces import ContactForces
-from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from granular_lmp.runs.contact_forces import ContactForces
+    from granular_lmp.runs.monitors import MonitorRecord
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -111,7 +113,7 @@ def _moving_parts(
     return {f"{name}.{column}": values for column, values in parts.items()}
 
 
-def _aligned(pairs: Sequence[ContactForces], name: str) -> Iterator[Floats]:
+def _aligned(pairs: Sequence["ContactForces"], name: str) -> Iterator[Floats]:
     """Yield the forces of several runs, (T, C) each, on the contacts that touched in any of them."""
     every = sorted({pair for each in pairs for pair in each.pairs})
     place = {pair: column for column, pair in enumerate(every)}

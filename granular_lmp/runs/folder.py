@@ -108,9 +108,10 @@ def clear(folder: Path) -> None:
     for name, study in _STUDIES.items():
         if (folder / name).exists():
             raise RunFolderError(f"{folder}: holds {study} ({name}); choose another folder")
-    written = _own_names(folder)
     with writable(folder):
-        for inner in [*folder.iterdir()]:
+        inners = [*folder.iterdir()]
+        written = _own_names(folder) if inners else set()
+        for inner in inners:
             if inner.name in written:
                 inner.unlink()
             elif _is_part(inner) and inner.is_dir() and not inner.is_symlink():
@@ -121,9 +122,9 @@ def clear(folder: Path) -> None:
 
 def written_files(folder: Path) -> list[str]:
     """Return the names of the files of a finished run, and for each of its steps that of ``run.json`` there."""
-    names = {name for name in _own_names(folder) - _PASSING if (folder / name).is_file()}
-    parts = [part for part in folder.iterdir() if _is_part(part) and (part / STATUS).is_file()]
-    return sorted(names) + sorted(f"{part.name}/{STATUS}" for part in parts)
+    inners, own = [*folder.iterdir()], _own_names(folder) - _PASSING
+    names = sorted(inner.name for inner in inners if inner.name in own and inner.is_file())
+    return names + sorted(f"{part.name}/{STATUS}" for part in inners if _is_part(part) and (part / STATUS).is_file())
 
 
 def refuse_links(folder: Path) -> None:

@@ -15,19 +15,21 @@ between the two halves of the steady part.
 
 from collections.abc import Iterator
 from math import isclose, pi
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import ReadoutError
 from granular_lmp.runs.components import NAMES, components
-from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.at_rest import echo_at
 from granular_lmp.scene.linear import usual_frequency
 from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from granular_lmp.runs.monitors import MonitorRecord
 
 Floats = NDArray[np.float64]
 
@@ -94,7 +96,7 @@ def steady_part(scene: Scene, monitor: Monitor) -> tuple[float, float, float]:
     return frequency, begin, end
 
 
-def readout(record: MonitorRecord) -> dict[str, Any]:
+def readout(record: "MonitorRecord") -> dict[str, Any]:
     """Return what ``run.json`` says of a monitor of motion.
 
     Returns

@@ -30,9 +30,7 @@ from granular_lmp.runs.agreement import (
     refuse_other_trajectory,
 )
 from granular_lmp.runs.formats import is_one_column, scene_of
-from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.seal import refuse_changed
-from granular_lmp.runs.snapshots import Snapshots, dimensionless, force_on, step_of
 from granular_lmp.runs.status import STATUS as STATUS
 from granular_lmp.runs.status import read_status as read_status
 from granular_lmp.runs.status import write_status as write_status
@@ -41,6 +39,8 @@ from granular_lmp.scene.scene import Scene
 
 if TYPE_CHECKING:
     from granular_lmp.plot.signals import Picture
+    from granular_lmp.runs.monitors import MonitorRecord
+    from granular_lmp.runs.snapshots import Snapshots
 
 Floats = NDArray[np.float64]
 
@@ -184,6 +184,8 @@ class Record(HasCard):
         """Make the record of a run folder from its dump: of the centre sphere, or of the recorded spheres."""
         folder = Path(folder)
         if scene.wave is None:
+            from granular_lmp.runs.snapshots import dimensionless, force_on, step_of  # kept out of start-up
+
             table = read_dump(folder / (dump or SNAPSHOTS), None, *_sphere_columns(scene.space))
             steps = table["step"].tolist()
             if len(steps) < 2 and scene.time.tolerance is not None:
@@ -306,6 +308,8 @@ class Record(HasCard):
     @cached_property
     def _motion_of_centre(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Displacement, velocity, rotation and spin of the centre sphere from its dump."""
+        from granular_lmp.runs.snapshots import dimensionless  # kept out of start-up
+
         if self.folder is None or not (self.folder / DUMP).is_file():
             raise RunFolderError(f"{self!r}: holds no velocities; a [[monitor]] of the scene records them")
         table = {name: values[:, None] for name, values in read_centre(self.folder / DUMP).items()}
@@ -335,7 +339,7 @@ class Record(HasCard):
 
     # --- what else the folder holds ---
 
-    def snapshots(self) -> Snapshots:
+    def snapshots(self) -> "Snapshots":
         """Return the snapshots of all spheres.
 
         Raises
@@ -345,9 +349,11 @@ class Record(HasCard):
         """
         if self.folder is None:
             raise RunFolderError(f"{self!r}: is of no run folder, and so without snapshots")
+        from granular_lmp.runs.snapshots import Snapshots  # kept out of start-up
+
         return Snapshots.load(self.folder)
 
-    def monitor(self, name: str) -> MonitorRecord:
+    def monitor(self, name: str) -> "MonitorRecord":
         """Return what a monitor recorded, by its name in the scene.
 
         Raises
@@ -357,6 +363,8 @@ class Record(HasCard):
         """
         if self.folder is None:
             raise RunFolderError(f"{self!r}: is of no run folder, and so without monitors")
+        from granular_lmp.runs.monitors import MonitorRecord  # kept out of start-up
+
         return MonitorRecord.load(self.folder, name)
 
     # --- for other programs ---

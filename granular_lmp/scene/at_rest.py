@@ -12,13 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.adhesion_laws import AdhesionLaw, chosen
-from granular_lmp.crystal.chain_bands import cell_of
 from granular_lmp.crystal.contacts import Contacts, find_contacts, law_between
 from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
 from granular_lmp.crystal.lattices import CHAIN, HELD, PERIODIC, WALL, Shape, centre, packed
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import Pair
-from granular_lmp.crystal.touching import contacts_of_neighbours, touching
 from granular_lmp.crystal.walls import Face, Wall
 from granular_lmp.errors import CrystalError
 from granular_lmp.frozen import dataclass
@@ -166,6 +164,8 @@ def _require_balance(sphere: Sphere, force: Floats) -> None:
 
 def _touching(scene: Scene) -> CrystalAtRest:
     """Return spheres that just touch, are parted by gaps, or are pressed together in a chain."""
+    from granular_lmp.crystal.touching import contacts_of_neighbours, touching  # kept out of start-up
+
     packing, shape = scene.packing, scene.shape
     crystal, materials = touching(
         scene.material,
@@ -195,6 +195,8 @@ def chain_cell(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]] 
     """
     if scene.lattice != CHAIN or scene.perfect:
         return None
+    from granular_lmp.crystal.chain_bands import cell_of  # kept out of start-up
+
     contacts, sphere = contacts_of(scene), scene.sphere
     along = np.argsort(np.minimum(contacts.i, contacts.j), kind="stable")
     beside = (np.abs(contacts.i - contacts.j) == 1) & ~contacts.on_wall  # not the contact across a periodic face

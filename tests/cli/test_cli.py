@@ -64,7 +64,9 @@ def test_help_does_not_load_lammps_ase_or_numpy() -> None:
 def test_a_perfect_crystal_is_run_without_what_it_does_not_need(small_toml: Path, tmp_path: Path) -> None:
     """To import scipy takes as long as the run of a small scene, and the others together a third of our own modules."""
     unused = {"scipy", "matplotlib", "numpy.ma", "statistics", "difflib"}
-    unused |= {"granular_lmp.crystal.equilibrium", "granular_lmp.scene.collision", "granular_lmp.plot"}
+    ours = ("collisions", "plot", "scene.collision", *(f"runs.{name}" for name in ("snapshots", "monitors")))
+    ours += tuple(f"crystal.{name}" for name in ("equilibrium", "stability", "touching", "chain_bands"))
+    unused |= {f"granular_lmp.{name}" for name in ours}
     code = (
         "import sys\nfrom granular_lmp.cli import main\n"
         f"status = main(['run', {str(small_toml)!r}, '-o', {str(tmp_path / 'run')!r}])\n"
