@@ -102,7 +102,7 @@ KEYS = frozenset({"monitor"}).union(
     f"{section}.{key}"
     for section, keys in {
         "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density contact_force adhesion_law",
-        "packing": "lattice rows columns ends contact_force relax relax_friction",
+        "packing": "lattice rows columns ends contact_force relax relax_friction relax_by",
         "wave": "mode wavenumber amplitude phase form direction",
         "envelope": "length width offset ramp",
         "time": "duration timestep tolerance sample allow_echo",

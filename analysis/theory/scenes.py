@@ -38,7 +38,8 @@ CRYSTAL_KEYS = frozenset({"name", "inclusion", "pair", "monitor", "source", "dis
     f"{section}.{key}"
     for section, keys in {
         "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density adhesion_law",
-        "packing": "lattice rows columns ends contact_force relax relax_friction space layers depth orientation",
+        "packing": "lattice rows columns ends contact_force relax relax_friction relax_by space layers depth "
+        "orientation",
         "contact": "normal_stiffness shear_stiffness",
         "substrate": "youngs_modulus poisson_ratio work_of_adhesion normal_stiffness shear_stiffness sides density",
         "wave": "mode wavenumber frequency amplitude phase form direction",

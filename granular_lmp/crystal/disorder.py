@@ -26,6 +26,7 @@ from granular_lmp.frozen import dataclass
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 BOXES = ("box", "fixed")  # what holds unequal spheres as they come to rest
+WHOLE, AVALANCHES = WAYS = "whole", "avalanches"  # what the steps at the end of their way move at once
 CUT = 3.0  # deviates beyond it are drawn again
 _MATERIAL = ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
 # Streams of the generator: one for each thing that is drawn, so that none depends on another

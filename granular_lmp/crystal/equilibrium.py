@@ -9,7 +9,9 @@ of the crystal. Here it is:
    damped nearly critically. The box is heavy, with an inertia of 100 N (2R)², and damped so that it does not swing:
    it breathes slowly against the motion of the spheres, in a crystal of any size.
 2. *Balance.* Once the root mean square force is below `SETTLED`, damped Newton steps, each of which lowers the energy,
-   end at the rest (`granular_lmp.crystal.balance`).
+   end at the rest (`granular_lmp.crystal.balance`). Or, once it is below `ROUGHLY_SETTLED`, steps in which the
+   spheres around each contact that parts are let go again (`granular_lmp.crystal.avalanches`): large crystals take a
+   quarter of the time, and get other contacts.
 
 Spheres do not rub or turn on this way. With a coefficient of friction they are let go twice: first with shear springs
 that slide at Coulomb's limit (`granular_lmp.crystal.friction`), and again without, as above, from where they have
@@ -34,9 +36,10 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.avalanches import ROUGHLY_SETTLED, by_avalanches
 from granular_lmp.crystal.balance import BALANCED, Progress, balance
 from granular_lmp.crystal.contacts import Contacts, contacts_between
-from granular_lmp.crystal.disorder import BOXES, require_places
+from granular_lmp.crystal.disorder import AVALANCHES, BOXES, WAYS, WHOLE, require_places
 from granular_lmp.crystal.friction import require_friction
 from granular_lmp.crystal.let_go import DRAG, SETTLED, let_go
 from granular_lmp.crystal.potential import Pairs, Potential, State, displaced, potential_of
@@ -72,7 +75,7 @@ class Equilibrium:
     lifted : int
         Free spheres that touched a wall at their places, and do not at rest.
     steps : int
-        Newton steps.
+        Newton steps, or those by avalanches.
     protocol : str
         How the rest was reached, in words.
     """
@@ -127,6 +130,7 @@ def relax(
     box: str = "box",
     load: Floats | None = None,
     friction: float = 0.0,
+    by: str = WHOLE,
     faces: Sequence[Face] = (),
     space: bool = False,
     progress: Progress | None = None,
@@ -148,6 +152,8 @@ def relax(
         Coefficient μ of Coulomb friction, at least 0, of a first letting go with the shear springs of
         `granular_lmp.crystal.friction`; 0 leaves it out. The springs are released before the spheres come to rest, as
         LAMMPS starts every contact without shear: friction changes which contacts there are, and no force at rest.
+    by : "whole" or "avalanches"
+        Whether Newton steps of the whole crystal end at the rest, or steps that let the spheres of each avalanche go.
     faces : sequence of Face, optional
         Walls beside the crystal. Spheres that touch one at their places are let go where they touch it, whatever their
         radius: those of a layer lie on their substrate.
@@ -172,6 +178,8 @@ def relax(
     """
     if box not in BOXES:
         raise CrystalError(f"packing.relax = {box!r}: must be one of {', '.join(BOXES)}")
+    if by not in WAYS:
+        raise CrystalError(f"packing.relax_by = {by!r}: must be one of {', '.join(WAYS)}")
     require_places(crystal)
     breathes = box == "box"
     if load is None and breathes and materials[0].contact_force:
@@ -188,9 +196,10 @@ def relax(
     if potential.residual(state) > BALANCED:
         if friction:
             pairs, state = let_go(potential, pairs, state, progress, friction)
-        pairs, state = let_go(potential, pairs, state, progress)
-        pairs, state, steps = balance(potential, pairs, state, progress)
-    return _record(potential, pairs, state, steps, _in_words(steps, box, friction))
+        settled, balanced = (ROUGHLY_SETTLED, by_avalanches) if by == AVALANCHES else (SETTLED, balance)
+        pairs, state = let_go(potential, pairs, state, progress, settled=settled)
+        pairs, state, steps = balanced(potential, pairs, state, progress)
+    return _record(potential, pairs, state, steps, _in_words(steps, box, friction, by))
 
 
 def _record(potential: Potential, pairs: Pairs, state: State, steps: int, protocol: str) -> Equilibrium:
@@ -235,17 +244,19 @@ def _in_space(vectors: Floats) -> Floats:
     return in_space
 
 
-def _in_words(steps: int, box: str, friction: float) -> str:
+def _in_words(steps: int, box: str, friction: float, by: str) -> str:
     """Return the protocol as a sentence."""
     if not steps:
         return "at rest as it is"
-    settled = f"until the root mean square force is below {SETTLED:g} k1 Delta0"
+    settled, avalanches = "until the root mean square force is below {:g} k1 Delta0", by == AVALANCHES
     way = f"let go at the places in the lattice against a drag of {DRAG:g} sqrt(k1 m), "
     if friction:
         way += (
-            f"with rotation and shear springs that slide at a friction of {friction:g}, {settled}, then let go again "
+            f"with rotation and shear springs that slide at a friction of {friction:g}, {settled.format(SETTLED)}, "
+            "then let go again "
         )
     return way + (
-        f"without friction or rotation, {settled}, then {steps} damped Newton steps; the box "
-        + ("breathes" if box == "box" else "stays")
+        f"without friction or rotation, {settled.format(ROUGHLY_SETTLED if avalanches else SETTLED)}, then {steps} "
+        + ("steps that let the spheres of each avalanche go" if avalanches else "damped Newton steps")
+        + f"; the box {'breathes' if box == 'box' else 'stays'}"
     )

@@ -4,6 +4,8 @@ In units of the contact between two spheres of the first material every sphere h
 1, and with friction the moment of inertia Ĩ R² and a drag on its turning that slows it at the same rate.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +15,7 @@ from granular_lmp.crystal.potential import SKIN, Pairs, Potential, State
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 SETTLED = 1e-3  # k1 Δ0, root mean square: from here Newton steps find the rest that the spheres are settling to
 DRAG = 1.0  # √(k1 m)
 # N m (2R)², and √(k1/m) of that. A box of a hundredth of this inertia tears contacts by its swing (Z = 4.5 for 5.0 at
@@ -21,14 +24,21 @@ _BOX_INERTIA, _BOX_DRAG = 100.0, 0.3
 _LONGEST = 2000.0  # √(m/k1): spheres that still creep then are handed to the Newton steps
 _STEP = 1.4  # time step, times the highest frequency that the contacts of one sphere could have; stable below 2
 _CHECKED = 20  # steps between two looks at the forces, the stiffest contacts and the list of pairs
+_SHORT = 400  # steps, in which an avalanche ends
 
 
 def let_go(
-    potential: Potential, pairs: Pairs, state: State, progress: Progress | None = None, friction: float = 0.0
+    potential: Potential,
+    pairs: Pairs,
+    state: State,
+    progress: Progress | None = None,
+    friction: float = 0.0,
+    settled: float = SETTLED,
 ) -> tuple[Pairs, State]:
     """Return the state that spheres at rest come to as they move against a drag, until the mean force is small.
 
-    With `friction` contacts have shear springs and spheres turn; the springs are forgotten at the end.
+    `settled` is that force, root mean square in k1 Δ0. With `friction` contacts have shear springs and spheres turn;
+    the springs are forgotten at the end.
     """
     count, box = len(state.u), _BOX_INERTIA * potential.mass[-1]
     velocity, spin, rate = np.zeros_like(state.u), np.zeros(count), np.zeros_like(state.e)
@@ -42,14 +52,14 @@ def let_go(
                 progress(stage, step, potential.residual(state), potential.energy(state))
             on_box = stress / potential.neighbour / count
             mean_square = (np.sum(force**2) + np.sum(torque**2)) / count + np.sum(on_box**2)
-            if mean_square < SETTLED**2 or time > _LONGEST:
+            if mean_square < settled**2 or time > _LONGEST:
                 return pairs, state
             if potential.moved(searched, state) > SKIN / 4:
                 new = potential.pairs(state.u, state.e)
                 slip, pairs = shear.carried_over(pairs, new, slip), new
                 searched = state = potential.state(pairs, state.u, state.e)
             stiffness = shear.stiffest(pairs, state) if friction else pairs.contact_stiffness(state.overlap)
-            dt = _STEP / np.sqrt(2 * _stiffest_sphere(pairs, stiffness, len(potential.crystal)))
+            dt = _time_step(pairs, stiffness, len(potential.crystal))
         velocity = (velocity + dt * force) / (1 + DRAG * dt)
         rate = (rate + dt * stress / box) / (1 + _BOX_DRAG * dt)
         before, state = state, potential.state(pairs, state.u + dt * velocity, state.e + dt * rate)
@@ -60,6 +70,58 @@ def let_go(
             sideways, torque, on_box = shear.shear_forces(potential, pairs, slip, state)
             force, stress = force + sideways, stress + on_box
         time, step = time + dt, step + 1
+
+
+def let_go_near(potential: Potential, pairs: Pairs, state: State, moving: NDArray[np.bool_]) -> State:
+    """Return the state after some bodies (N,) have moved against the drag, from rest, while all others were held.
+
+    They move until no force on them is above `SETTLED`, or for `_SHORT` steps. That is too short for a sphere to reach
+    one that is not in the list of pairs.
+    """
+    which = np.flatnonzero(moving[pairs.i] | moving[pairs.j])
+    bodies = np.unique(np.concatenate([pairs.i[which], pairs.j[which], np.flatnonzero(moving)]))
+    near, part = _between(pairs, which, bodies), _held_apart(potential, bodies, moving)
+    now = part.state(near, state.u[bodies], state.e)
+    velocity = np.zeros_like(now.u)
+    for step in range(_SHORT):
+        if step % _CHECKED == 0:
+            if part.residual(now) < SETTLED:
+                break
+            dt = _time_step(near, near.contact_stiffness(now.overlap), len(part.crystal))
+        velocity = (velocity + dt * now.force) / (1 + DRAG * dt)
+        now = part.state(near, now.u + dt * velocity, now.e)
+    u = state.u.copy()
+    u[bodies] = now.u
+    return potential.state(pairs, u, state.e)
+
+
+def _between(pairs: Pairs, which: Integers, bodies: Integers) -> Pairs:
+    """Return some of the pairs, by ascending indices, whose bodies are counted as in the sorted list `bodies`."""
+    return Pairs(
+        i=np.searchsorted(bodies, pairs.i[which]),
+        j=np.searchsorted(bodies, pairs.j[which]),
+        vector=np.ascontiguousarray(pairs.vector[:, which]),
+        length=pairs.length[which],
+        overlap=pairs.overlap[which],
+        law=pairs.law.of(which),
+        bearing=pairs.bearing[which],
+        face=pairs.face[which[which >= pairs.between] - pairs.between],
+    )
+
+
+def _held_apart(potential: Potential, bodies: Integers, moving: NDArray[np.bool_]) -> Potential:
+    """Return the energy of some bodies in a box that stays, of which only those move that may, (N,)."""
+    return replace(
+        potential,
+        crystal=potential.crystal[bodies[bodies < len(potential.crystal)]],
+        free=(potential.free & moving)[bodies],
+        breathing=np.zeros_like(potential.breathing),
+    )
+
+
+def _time_step(pairs: Pairs, stiffness: Floats, count: int) -> float:
+    """Return the time step for `count` spheres, √(m/k1)."""
+    return float(_STEP / np.sqrt(2 * _stiffest_sphere(pairs, stiffness, count)))
 
 
 def _stiffest_sphere(pairs: Pairs, stiffness: Floats, count: int) -> float:

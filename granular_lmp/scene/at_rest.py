@@ -87,7 +87,8 @@ def crystal_of(scene: Scene, progress: "Progress | None" = None) -> CrystalAtRes
         return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene))
     packing, walls = scene.packing, (scene.wall, scene.rigid)
     imperfections = scene.disorder, scene.inclusion, scene.pair
-    key = scene.sphere, scene.shape, scene.space, *imperfections, *walls, packing.relax, packing.relax_friction
+    way = packing.relax, packing.relax_friction, packing.relax_by
+    key = scene.sphere, scene.shape, scene.space, *imperfections, *walls, *way
     if key not in _KEPT:
         _KEPT[key] = _relaxed(scene, progress)
         while len(_KEPT) > _MOST_KEPT:
@@ -257,6 +258,7 @@ def _relaxed(scene: Scene, progress: "Progress | None") -> CrystalAtRest:
         box=box,
         load=box_load(packed(sphere, shape), sphere, faces, scene.space) if pressed else None,
         friction=packing.relax_friction,
+        by=packing.relax_by,
         faces=faces,
         space=scene.space == 3,
         progress=progress,

@@ -45,7 +45,10 @@ NEEDS_REST: dict[str, str] = {
     "substrate": f"holds spheres that adhere to it; needs {_AT_REST}",
     "absorb": f"absorbs linear waves, and contacts without load have none; needs {_AT_REST}",
     "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
-    **dict.fromkeys(("packing.relax", "packing.relax_friction"), f"is the way to rest under load; needs {_AT_REST}"),
+    **dict.fromkeys(
+        ("packing.relax", "packing.relax_friction", "packing.relax_by"),
+        f"is the way to rest under load; needs {_AT_REST}",
+    ),
     "effects.adhesion": "must be left out beside [[striker]] or [start], as contacts of an impact do not adhere",
 }
 

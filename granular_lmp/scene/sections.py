@@ -11,7 +11,7 @@ from dataclasses import field, replace
 from math import ceil, floor, hypot, pi, sqrt
 from typing import Any
 
-from granular_lmp.crystal.disorder import BOXES
+from granular_lmp.crystal.disorder import BOXES, WAYS, WHOLE
 from granular_lmp.crystal.lattices import (
     CHAIN,
     FREE,
@@ -107,6 +107,11 @@ class Packing(Remembering):
     contact_force: float = number("N", "presses the contacts at rest together from outside", 0, 1e12, default=0.0)
     relax: str = choice("of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box")
     relax_friction: float = number("", "of unequal spheres while they come to rest; 0: none", 0, 1e4, default=0.0)
+    relax_by: str = choice(
+        "steps of the whole crystal at once, or avalanche by avalanche: large crystals faster, other contacts",
+        WAYS,
+        default=WHOLE,
+    )
     space: int | Auto = count(
         "dimensions in which spheres move; auto: 3 on a substrate and in a lattice in space, else 2", 2, 3, **_OR_AUTO
     )
