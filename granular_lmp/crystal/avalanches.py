@@ -6,8 +6,8 @@ follow it through many systems of equations of all spheres. Here a system says o
 the avalanche is left to those in it:
 
 1. *Yield.* (K + λ m) d = f is solved nearly, with old factors. Far from rest K leaves out that contacts which push
-   turn away, so that it is that of a stable crystal; factors always do, and have a λ above 1e-6 k1, for which
-   single precision is enough. Where K is not convex the crystal would buckle, and d goes on in that direction.
+   turn away, so that it is that of a stable crystal; factors always do, and have a λ of at least 1e-6 k1, for
+   which single precision is enough. Where K is not convex the crystal would buckle, and d goes on in that direction.
 2. *Share.* Of d the largest share 1, ½, ¼ … is taken with which the energy falls. When it is small, spheres that
    hardly anything holds would be flung far, and λ grows.
 3. *Let go.* Spheres that then bear a force above `_LOOSE`, and their neighbours within `_RINGS`, are let go from rest
@@ -32,7 +32,8 @@ from granular_lmp.crystal.tangent import Factors, Tangent, bounded, conjugate_gr
 Floats = NDArray[np.float64]
 # k1 Δ0, root mean square, at which these steps begin: they do the rest in less time than spheres that are let go longer
 ROUGHLY_SETTLED = 4e-3
-_SOFT, _SOFTEST = 1e-5, 1e-9  # Least λ far from rest and of factors, and near it, in k1
+# Least λ in k1 far from rest; of factors near it, which single precision still holds; and near it
+_SOFT, _FACTORED, _SOFTEST = 1e-5, 1e-6, 1e-9
 _STIFFER, _STIFFEST = 8.0, 1e12  # λ grows and falls by the first, and over its least value to the second at most
 _HALVINGS = 10  # of a step
 _FLUNG = 0.2  # A smaller share of a step says that λ is too small
@@ -63,7 +64,7 @@ def by_avalanches(
             break
         far = largest > FAR
         if far or factors is None:
-            stable = _tangent(potential, pairs, state, stiffer * _SOFT, 0.0)
+            stable = _tangent(potential, pairs, state, stiffer * (_SOFT if far else _FACTORED), 0.0)
         if factors is None:
             factors = Factors(stable, order, np.float32)
         tangent = stable if far else _tangent(potential, pairs, state, stiffer * _SOFTEST, -np.inf)

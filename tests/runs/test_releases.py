@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from granular_lmp import Record, Scene
 from granular_lmp.cli import main
 from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.errors import LammpsError, RunFolderError
+from granular_lmp.frozen import dataclass
 from granular_lmp.problem import prepare
 from granular_lmp.runs import formats
 from granular_lmp.runs.adopt import adopt
