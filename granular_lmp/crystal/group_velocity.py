@@ -51,13 +51,17 @@ def fronts(
     size = edge[:, None] * share
     found, shapes = bloch_modes(lattice, sphere, size[..., None] * along[:, None], physics)
     crossed = np.diff(np.sign(found - frequency), axis=1) != 0  # (directions, samples - 1, branches)
+    if not crossed.any():
+        return {}
+    place, at, branch = np.argwhere(crossed).T
+    below, above = (found[place, each, branch] - frequency for each in (at, at + 1))
+    length = size[place, at] + (size[place, at + 1] - size[place, at]) * below / (below - above)
+    k = length[:, None] * along[place]
+    nearby = k[:, None] + _STEP * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+    values = bloch_modes(lattice, sphere, nearby, physics)[0][np.arange(len(k)), :, branch]
+    velocities = (values[:, [0, 2]] - values[:, [1, 3]]) / (2 * _STEP)
     result: dict[str, list[NDArray[np.float64]]] = {}
-    for place, at, branch in np.argwhere(crossed):
-        below, above = found[place, at : at + 2, branch] - frequency
-        length = size[place, at] + (size[place, at + 1] - size[place, at]) * below / (below - above)
-        k = length * along[place]
-        nearby = k + _STEP * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
-        values = bloch_modes(lattice, sphere, nearby, physics)[0][:, branch]
-        velocity = np.array([values[0] - values[1], values[2] - values[3]]) / (2 * _STEP)
-        result.setdefault(branch_names(shapes[place, at], along[place])[branch], []).append(velocity)
+    for direction, sample, each, velocity in zip(place, at, branch, velocities, strict=True):
+        name = branch_names(shapes[direction, sample], along[direction])[each]
+        result.setdefault(name, []).append(velocity)
     return {name: np.array(result[name]) for name in MODES if name in result}

@@ -6,7 +6,7 @@ result, where it is monotonic, a sign change of Ω(ξ) − Ω is enclosed.
 """
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import pairwise
 from math import hypot, pi, ulp
 from typing import Any
@@ -90,6 +90,7 @@ def _band(
 ) -> tuple[list[float], list[float]]:
     """Return wave numbers in rad per row, ascending, extrema among them, and their frequencies in hertz."""
 
+    @cache  # the search for extrema asks for each point of the grid, too
     def at(wavenumber: float) -> float:
         return hertz_of(kind.vector(wavenumber, degrees), sphere, physics, mode, kind, wall)
 

@@ -127,6 +127,8 @@ RANDOM = {f"{family} {seed}": (family, seed) for seed, family in enumerate(FAMIL
 # Their contacts are those of scenes above, in crystals that take longer
 MORE = ["point_impact", "two_tones", "tr_burst_scattering", "struck_crystal", "refraction", "multilayer"]
 MORE += ["struck_sheet", "tr_pulse", "l_beam", "point_source", "monolayer_vertical", "monolayer_rocking", "hcp_c_axis"]
+MORE += ["JKR", "contacts that open and slide", "unequal radii and vacancies", "solitary_chain", "dimer_chain"]
+MORE += ["breather", "l_wave", "tr_resonant", "tr_antiresonant", "tr_periodic"]
 MORE += [name for name in RANDOM if not name.startswith("walled")]
 
 

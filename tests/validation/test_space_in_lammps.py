@@ -193,7 +193,7 @@ CASES = {
 MIDDLE = [f"layer on a substrate, branch {branch}" for branch in (2, 3, 4, 5)]
 
 
-@pytest.mark.parametrize("name", members(CASES, *MIDDLE))
+@pytest.mark.parametrize("name", members(CASES, "fcc along [111], T", *MIDDLE))
 def test_lammps_has_the_second_order_in_space(name: str) -> None:
     # Fourth order is some a² = 4e-4 of the second where no resonance is near
     assert left(CASES[name], 0.02) < 5e-4

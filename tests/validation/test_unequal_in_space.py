@@ -137,6 +137,7 @@ MORE = ("a layer", "a layer that lost contacts", "a layer of 1 % spheres", "a la
 MORE += ("a layer that is pressed together", "a larger sphere", "rows of steel on a substrate")
 MORE += ("fcc", "fcc under load", "hcp", "a film", "a layer with measured stiffnesses")
 MORE += ("a layer between held rows", "a layer between two plates", "a cover of steel", "fcc of JKR spheres")
+MORE += ("rows of steel in hcp",)
 
 
 @pytest.mark.parametrize("name", members(CASES, *MORE))
