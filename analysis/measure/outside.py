@@ -66,16 +66,18 @@ def outside(record: Record, network: Network, scales: Scales) -> dict[str, Any]:
 def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
     """Return the row and the column of each sphere at its place at rest, (N,) each, in the order of their numbers.
 
-    Spheres are numbered row by row. Where some are missing, their places say which: relative to a row that is whole.
+    Spheres are numbered row by row, those of a row column by column, with all layers of each. Where some are missing,
+    their places say which: relative to a row that is whole.
 
     Raises TheoryError where spheres are missing in a lattice of another stacking than `granular_analysis.theory.scenes`
     knows, or in all of its rows.
     """
     packing, count = scene.packing, len(position)
     columns = int(packing.columns)
-    row, column = np.divmod(np.arange(count), columns)
-    if count == int(packing.rows) * columns:
-        return row, column
+    if not (scene.disorder.vacancies or any(each.vacancy for each in scene.inclusion)):
+        layers = count // (int(packing.rows) * columns)
+        row, place = np.divmod(np.arange(count), columns * layers)
+        return row, place // layers
     known = [name for (name, _), each in LATTICES.items() if len(each.vectors) < 3 and len(each.basis) == 1]
     if packing.lattice not in known:
         raise TheoryError(f"packing.lattice = {packing.lattice!r}: rows with vacancies are known in {known} only")
@@ -105,8 +107,12 @@ def _own_frequency(scene: Scene) -> float:
 
 
 def _driven_row(scene: Scene, network: Network, scales: Scales) -> Drive:
-    """Return the motion of the first row: u = −q of a shear wave, v = p of a longitudinal one, a Gaussian in a beam."""
-    frequency, along, envelope = _own_frequency(scene), scene.wave.mode == "L", scene.envelope
+    """Return the motion of the first row: v = p of a wave that moves spheres along y rather than along x, else u = −q.
+
+    In a beam it is a Gaussian.
+    """
+    frequency, envelope, moved = _own_frequency(scene), scene.envelope, np.abs(Setting(scene).mode().shape[:, :2])
+    along = np.linalg.norm(moved[:, 1]) > np.linalg.norm(moved[:, 0])
     rows, columns = sites(scene, network.position)
     row, share = np.flatnonzero(rows == 0), np.ones(np.count_nonzero(rows == 0))
     if envelope.width:  # about the column of the centre, whose rows have one parity

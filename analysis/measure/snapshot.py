@@ -97,7 +97,8 @@ def first_snapshot(record: Record) -> FirstSnapshot:
 
     Raises RunFolderError for a run without snapshots (``output.particles``), OSError for a folder without `CENTRE`, and
     TheoryError for a first snapshot that is none of step 0, lacks a column, as without ``effects.tracking``, or a
-    sphere, or is no dump, and for what acts from outside and is not known (`granular_analysis.measure.outside`).
+    sphere, or is no dump, for a declared material that no sphere has, and for what acts from outside and is not known
+    (`granular_analysis.measure.outside`).
     """
     scene, path = record.scene, _snapshots(record)
     on, declared = switched(record), record.scene.effects
@@ -116,6 +117,7 @@ def first_snapshot(record: Record) -> FirstSnapshot:
         adhesion=scene.sphere.adhesion_law,  # type: ignore[arg-type]  # checked there
         turned=scene.wave is not None and scene.wave.form != "none",
     )
+    _refuse_replaced(record, network)
     network = replace(network, **outside(record, network, scales))
     state = loaded(network, state.motion)
     if scene.wave is None:
@@ -188,8 +190,21 @@ def _centre_of(folder: Path) -> Path:
 
 def _materials(record: Record, scales: Scales) -> list[Material]:
     """Return the materials of a run in units of its deck, each for all classes of stiffness."""
-    classes = CLASSES if record.scene.disorder.stiffness else 1
-    return [scales.material(kind) for kind in kinds_of(record.scene) for _ in range(classes)]
+    return [scales.material(kind) for kind in kinds_of(record.scene) for _ in range(_classes(record))]
+
+
+def _classes(record: Record) -> int:
+    return CLASSES if record.scene.disorder.stiffness else 1
+
+
+def _refuse_replaced(record: Record, network: Network) -> None:
+    """Raise TheoryError where a declared material has no sphere: a deck leaves it out, and does not say which."""
+    declared, there = len(kinds_of(record.scene)), 1 + network.kind.max() // _classes(record)
+    if there < declared:
+        raise TheoryError(
+            f"inclusion: {declared} materials are declared with that of the lattice, and spheres have {there}; must be "
+            "without inclusions whose spheres later ones replace"
+        )
 
 
 def read_network(

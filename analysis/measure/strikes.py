@@ -121,7 +121,8 @@ def hertz(scene: Scene) -> float:
 def scale_of_strike(scene: Scene) -> tuple[float, float]:
     """Return ℓ (m) and t0 = ℓ/v (s) of a scene without a wave.
 
-        ℓ = (m v²/A)^{2/5},   v the largest velocity at the start, of a surface Rω of a sphere that turns;
+        ℓ = (m v²/A)^{2/5},   v the largest velocity at the start, of a surface Rω of a sphere that turns; noise adds
+                              2√2 of its own to a state's, a bound of its largest velocity less the mean;
         v = √(A/m) ℓ^{5/4},   ℓ the largest displacement, where all spheres are let go from rest
 
     with A of two of the declared spheres.
@@ -129,6 +130,9 @@ def scale_of_strike(scene: Scene) -> tuple[float, float]:
     sphere, state = scene.sphere, np.reshape([each[2:] for each in scene.start.state], (-1, 5))
     A, mass = hertz(scene), 4 / 3 * np.pi * sphere.radius**3 * sphere.density
     struck = [each.velocity for each in scene.striker]
-    fastest = max([*struck, *np.hypot(*state[:, 2:4].T), *abs(sphere.radius * state[:, 4])], default=0.0)
+    begins = (
+        max([0.0, *np.hypot(*state[:, 2:4].T), *abs(sphere.radius * state[:, 4])]) + 2 * np.sqrt(2) * scene.start.noise
+    )
+    fastest = max([begins, *struck])
     length = float((mass * fastest**2 / A) ** 0.4) if fastest else float(np.hypot(*state[:, :2].T).max())
     return length, length / float(fastest or np.sqrt(A / mass) * length**1.25)

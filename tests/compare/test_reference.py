@@ -14,7 +14,7 @@ from granular_analysis.measure.reference import Reference
 from granular_analysis.theory import catalogue
 from granular_analysis.theory.choice import refuse_less, wave_of
 from granular_analysis.theory.errors import TheoryError
-from granular_lmp import Record, run
+from granular_lmp import Record, Scene, run
 from tests.stand_in import of_first_format
 from tests.validation.test_imperfect_in_lammps import OVERLAP_RATIO, SHEET, SIGNALS, extrapolated
 
@@ -56,6 +56,17 @@ def test_compare_takes_the_network_of_an_imperfect_run_and_says_so(
     assert (imperfect.folder / "compare.png").is_file()
     wrong = compare.compare(imperfect.with_signals(q=1.01 * imperfect.q)).error["q"]
     assert wrong == pytest.approx(0.01, rel=1e-2)
+
+
+def test_the_network_refuses_materials_that_no_sphere_has(tmp_path: Path) -> None:
+    stiff, soft, others = (
+        {"rows": rows, "youngs_modulus": E} for rows, E in (([2, 3], 9e10), ([2, 3], 6e10), ([5, 5], 8e10))
+    )
+    record = run(SMALL.with_values({"inclusion": [soft, others]}), tmp_path / "run")
+    assert max(compare.compare(record, "network").error.values()) < 1e-3  # the time step leaves less
+    replaced = run(SMALL.with_values({"inclusion": [stiff, soft, others]}), tmp_path / "replaced")
+    with pytest.raises(TheoryError, match="inclusion: 4 materials are declared .*, and spheres have 3"):
+        compare.compare(replaced, "network")
 
 
 def test_the_figure_draws_what_was_compared(imperfect: Record) -> None:
@@ -124,6 +135,32 @@ def test_the_network_holds_a_run(case: str, tmp_path: Path) -> None:
     pair = extrapolated(scene, tmp_path)
     result = compare.compare(pair.record, "network")
     assert all(error is None or error < SIGNALS for error in result.error.values())
+
+
+DRIVEN = {
+    "packing.ends": "fixed",
+    "packing.rows": 13,
+    "wave.form": "driven",
+    "envelope.ramp": 5.0,
+    "time.allow_echo": True,
+}
+SHAKEN = {"source": [{"rows": [4, 4], "motion": "x", "amplitude": 0.1, "ramp": 2.0}]}
+FEW = {"packing.rows": 5, "packing.columns": 5, "striker.1.spheres": [[0, 2]]}
+MOVED = {
+    "along y by the branch of a film": ("multilayer", DRIVEN | {"packing.layers": 2}),
+    "along x by the branch of a layer": ("monolayer_rocking", DRIVEN | {"wave.mode": "H1"}),
+    "a row of all layers": ("fcc_transverse", SHAKEN),
+    "noise beside a striker": ("point_impact", FEW | {"start.noise": 0.5}),
+    "noise alone": ("solitary_chain", {"packing.rows": 5, "striker": [], "start.noise": 0.5}),
+}
+
+
+@pytest.mark.parametrize("case", MOVED)
+def test_the_network_has_what_moves_the_run_in_its_units(case: str, tmp_path: Path) -> None:
+    name, changes = MOVED[case]
+    record = run(Scene.load(name).with_values(changes | {"time.duration": 6.0}), tmp_path / "run")
+    errors = [error for error in compare.compare(record, "network").error.values() if error is not None]
+    assert 0 < max(errors) < 0.02  # the time step leaves that of a motion that has just begun
 
 
 def test_the_incremental_law_is_held_and_is_not_the_secant_one(tmp_path: Path) -> None:
