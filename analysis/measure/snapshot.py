@@ -199,7 +199,8 @@ def _classes(record: Record) -> int:
 
 def _refuse_replaced(record: Record, network: Network) -> None:
     """Raise TheoryError where a declared material has no sphere: a deck leaves it out, and does not say which."""
-    declared, there = len(kinds_of(record.scene)), 1 + network.kind.max() // _classes(record)
+    declared, last = len(kinds_of(record.scene)), 0 if network.kind is None else int(network.kind.max())
+    there = 1 + last // _classes(record)
     if there < declared:
         raise TheoryError(
             f"inclusion: {declared} materials are declared with that of the lattice, and spheres have {there}; must be "

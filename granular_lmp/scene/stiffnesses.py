@@ -17,7 +17,8 @@ _ROUNDS = 60  # each round reduces the error of a scale by a third at least
 def measured(sphere: Sphere, contact: Contact) -> Sphere:
     """Return the sphere whose contact at rest has the measured stiffnesses: moduli and work of adhesion scaled.
 
-    Young's modulus and the work of adhesion are scaled alike, which scales f_N at every overlap; Poisson's ratio,
+    Young's modulus and the work of adhesion are scaled alike, which scales f_N at every overlap, and leave the shear
+    force as it is if its stiffness is not measured. A load has another overlap then. Poisson's ratio,
     κ = g/k = 2(1−ν)/(2−ν), is then a number that need not be that of a material.
 
     Raises
@@ -28,9 +29,10 @@ def measured(sphere: Sphere, contact: Contact) -> Sphere:
     if contact == Contact() or not sphere.static_overlap:  # the check of the sphere says what presses no contact
         return sphere
     normal = sphere.normal_stiffness if contact.normal_stiffness is None else contact.normal_stiffness
-    shear = sphere.shear_stiffness if contact.shear_stiffness is None else contact.shear_stiffness
     found = sphere
     for _ in range(_ROUNDS):
+        given = float(sphere.contact_law.shear_stiffness(found.static_overlap))  # under a load the overlap changes
+        shear = given if contact.shear_stiffness is None else contact.shear_stiffness
         kappa = shear / normal / float(found.contact_law.excess(found.static_overlap))
         if not kappa < 4 / 3:
             below = f"below 4/3 of the normal stiffness, {normal!r} N/m"

@@ -138,6 +138,15 @@ def test_runs_meet_the_network(scene: Scene, tmp_path: Path) -> None:
     assert max(network_errors(replace(record, scene=wrong))) > 3 * max(errors)
 
 
+def test_a_measured_normal_stiffness_leaves_the_shear_force_also_under_a_load(tmp_path: Path) -> None:
+    pressed = BASE.with_values({"sphere.work_of_adhesion": 0.0, "packing.contact_force": 1e-7, "time.duration": 8.0})
+    scene = pressed.with_values({"contact.normal_stiffness": 700.0})
+    assert scene.sphere.normal_stiffness == pytest.approx(700.0, rel=1e-12)
+    deeper = np.sqrt(scene.sphere.static_overlap / pressed.sphere.static_overlap)
+    assert scene.sphere.shear_stiffness == pytest.approx(deeper * pressed.sphere.shear_stiffness, rel=1e-12)
+    assert max(network_errors(run(scene, tmp_path / "run"))) < 1e-3  # the time step leaves less
+
+
 def network_errors(record: Record) -> list[float]:
     """Return the errors of a record beside its network, in D0."""
     return [each for each in compare(record, "network").error.values() if each is not None]
