@@ -44,6 +44,10 @@ def refuse(case: Case) -> str:
         return ""
     if case.contacts.on_wall.any():
         return f'effects.parting = "{DISTANCE}": must be "load" beside walls and substrates, whose contacts LAMMPS has'
+    if resisted := [name for name in ("rolling", "twisting") if case.on[name]]:
+        return (
+            f'effects.parting = "{DISTANCE}": must be "load" with effects.{resisted[0]}, which the kernel does not know'
+        )
     if not case.scene.perfect:
         return f'effects.parting = "{DISTANCE}": is not built for unequal or missing spheres; must be "load"'
     return ""

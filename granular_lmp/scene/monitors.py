@@ -167,10 +167,10 @@ def placed_monitors(
             raise SceneError(f"monitor {each.name}: {error}") from error
         around = chosen[:0]
         if each.with_contacts:
-            if torques := [name for name, there in on.items() if there and name not in _HELD]:
+            if unknown := [name for name, there in on.items() if there and name not in _HELD]:
                 raise SceneError(
-                    f'monitor {each.name}: what = "{each.what}": must be "motion" with effects.{torques[0]}, whose '
-                    "torque the record of contacts does not hold"
+                    f'monitor {each.name}: what = "{each.what}": must be "motion" with the effect {unknown[0]}, '
+                    "of which the record of contacts may lack forces or torques"
                 )
             if contacts is not None and _far(contacts, crystal, shape):
                 raise SceneError(

@@ -14,7 +14,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.derived import Derived
 from granular_lmp.scene.places import place_troubles
-from granular_lmp.scene.sections import DISTANCE
+from granular_lmp.scene.sections import DISTANCE, RESCALED
 from granular_lmp.scene.strikers import leads, striker_troubles
 from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
 
@@ -178,6 +178,15 @@ def late_parting_beside_walls(scene: Derived) -> str:
     return f'effects.parting = "{DISTANCE}": must be "load" beside walls, whose contacts LAMMPS has'
 
 
+@_line("not built")
+def late_parting_of_a_law_that_the_kernel_lacks(scene: Derived) -> str:
+    if scene.effects.parting != DISTANCE or scene.effects.shear_law != RESCALED:
+        return ""
+    return (
+        f'effects.shear_law = "{RESCALED}": must be another with effects.parting = "{DISTANCE}", as the kernel lacks it'
+    )
+
+
 @_line("physics")
 def friction_in_a_chain(scene: Derived) -> str:
     if scene.lattice != CHAIN or not scene.effects.friction:
@@ -272,6 +281,17 @@ def sphere_that_meets_nothing(scene: Derived) -> str:
     return (
         f'packing.first = "{packing.first}": must be "wall", or packing.last, where packing.rows = 1: a single sphere '
         "meets nothing else"
+    )
+
+
+@_line("physics")
+def parts_of_cells(scene: Derived) -> str:
+    columns, cell = scene.shape.columns, scene.lattice.column_period
+    if scene.packing.sides != PERIODIC or columns % cell == 0:
+        return ""
+    return (
+        f"packing.columns = {columns}: must be a multiple of {cell}, the spheres of a cell, with packing.lattice = "
+        f'"{scene.lattice.name}" and packing.sides = "{PERIODIC}"'
     )
 
 

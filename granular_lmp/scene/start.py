@@ -196,7 +196,10 @@ def _declared(
     motion = np.zeros((len(crystal), 9))
     row, column = np.array(start.places).T
     ascending = np.lexsort((column, row))  # as the spheres of a crystal
-    motion[spheres_at((), start.places, crystal, "sphere that moves")] = start.motion[ascending]
+    try:
+        motion[spheres_at((), start.places, crystal, "sphere that moves")] = start.motion[ascending]
+    except SceneError as error:
+        raise SceneError(f"start.state: {error}") from error
     own, everything = np.isin(np.arange(len(crystal)), np.concatenate([np.empty(0), *struck])), [*range(9)]
     chain = crystal.info["lattice_name"] == CHAIN.name
     refuse_motion(motion, everything, crystal, crystal.arrays["fixed"], "of a held row, which does not move")

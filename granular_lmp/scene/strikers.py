@@ -149,7 +149,7 @@ def struck(strikers: Sequence[Striker], crystal: ase.Atoms) -> tuple[NDArray[np.
             raise SceneError(f"striker {number_}: {error}") from error
         free = chosen[~crystal.arrays["fixed"][chosen]]
         if len(free) < len(chosen) and not (striker.rows and len(free)):  # spheres of rows stay where sides hold them
-            raise SceneError(f"striker {number_}: is at a face that is held, which does not move")
+            raise SceneError(f"striker {number_}: {striker.places}: is at a face that is held, which does not move")
         chosen = free
         if twice := taken & {*chosen.tolist()}:
             raise SceneError(

@@ -622,6 +622,7 @@ def test_bodies_that_part_late_lose_the_energy_of_the_closed_form(share: float, 
     [
         ({}, 'effects.parting = "distance": only the kernel has it; run it with kernel=True'),
         ({"sphere.adhesion_law": "dmt"}, 'needs sphere.adhesion_law = "jkr"'),
+        ({"effects.rolling_stiffness": 1.0, "effects.rolling_friction": 0.1}, "effects.rolling, which the kernel"),
         ({"disorder.radius": 1e-5}, "is not built for unequal or missing spheres"),
         (
             {"packing.ends": "fixed", "packing.first": "wall", "packing.rows": 95, "time.duration": 5.0},

@@ -158,6 +158,25 @@ def test_what_has_no_meaning_is_refused_by_name(scene: ImpactScene, key: str, va
 
 
 @pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (
+            {"packing.lattice": "honeycomb", "packing.columns": 61, "packing.sides": "periodic"},
+            "packing.columns = 61: must be a multiple of 2, the spheres of a cell",
+        ),
+        (
+            {"sphere.adhesion_law": "jkr", "effects.parting": "distance", "effects.shear_law": "rescaled"},
+            'effects.shear_law = "rescaled": must be another with effects.parting = "distance"',
+        ),
+    ],
+)
+def test_what_does_not_go_together_is_refused_by_name(values: dict[str, Any], message: str) -> None:
+    touching = {"sphere.work_of_adhesion": 0.1, "start.touching": True, "effects.friction": 0.1}
+    with pytest.raises(SceneError, match=re.escape(message)):
+        SHEET.with_values(touching | values)
+
+
+@pytest.mark.parametrize(
     ("table", "message"),
     [
         ("envelope", "envelope: is of the scene of a wave"),
@@ -194,7 +213,7 @@ def test_a_striker_has_a_velocity_and_a_file_a_striker() -> None:
 
 
 def test_strikers_that_cannot_move_are_refused() -> None:
-    with pytest.raises(SceneError, match="striker 1: is at a face that is held"):
+    with pytest.raises(SceneError, match=r"striker 1: rows = \[0, 0\]: is at a face that is held"):
         prepare(CHAIN_SCENE.with_values({"packing.first": "held"}))
     both = {"striker": [{"rows": [0, 1], "velocity": 1.0}, {"rows": [1, 1], "velocity": 2.0}]}
     with pytest.raises(SceneError, match=re.escape("striker 2: sphere [1, 0]: is in another striker too")):
