@@ -217,6 +217,15 @@ class Bonds:
         result[:, 3:, 4:7] = -crossed(units, n)
         return result
 
+    def _about(self, vector: NDArray[Any]) -> NDArray[Any]:
+        """Return the normals × vectors (..., C, 3)."""
+        return np.asarray(np.einsum("...ci,cij->...cj", vector, self._turning))
+
+    @cached_property
+    def _turning(self) -> NDArray[Any]:
+        """Return the normals × unit vectors, (C, 3, 3)."""
+        return crossed(self.normal[:, None], np.eye(3))
+
     @cached_property
     def couplings(self) -> Floats:
         """Return the force at one end of each contact by the motion of one end, (C, 2, 6, 2, 6)."""
@@ -252,7 +261,7 @@ class Bonds:
         sheared = law.shear[:, None] * strain.slip
         force = (law.stiffness * strain.stretch)[..., None] * n + sheared
         force = force - (law.push * self.curving)[:, None] * strain.sideways
-        return self.at_ends(force, self.arms[..., None] * crossed(n, sheared)[..., None, :])
+        return self.at_ends(force, self.arms[..., None] * self._about(sheared)[..., None, :])
 
     def energy(self, strain: Strain) -> Floats:
         """Return Σ f′|x|² − (f/ℓ)|P w|² + k|s|² (...), which is U†D U, without the cancellation of that product."""
@@ -274,7 +283,7 @@ class Bonds:
         """Return −½k([x, ν] + [Φ·n, n × ν]) and k′[x, s], (..., C, 3) each."""
         x, y = (each.stretch[..., None] for each in (one, other))
         nu, mu = (each.sideways * self.curving[:, None] for each in (one, other))
-        turned = crossed(self.normal, one.twist[..., None] * mu + other.twist[..., None] * nu)
+        turned = self._about(one.twist[..., None] * mu + other.twist[..., None] * nu)
         together = -0.25 * self.law.shear[:, None] * (x * mu + y * nu + turned)
         return together, 0.5 * self.law.shear_growth[:, None] * (x * other.slip + y * one.slip)
 
@@ -305,9 +314,9 @@ class Bonds:
             slid = slid + law.shear_growth * np.sum(one.slip * other.slip, axis=-1)
         force = (0.5 * (rolled - pressed - slid))[..., None] * n + tangent
         force = force + (0.5 * bending)[:, None] * (x * other.sideways + y * one.sideways)
-        twisting = crossed(n, tangent) + 0.5 * k * (crossed(nu, other.slip) + crossed(mu, one.slip))
+        twisting = self._about(tangent) + 0.5 * k * (crossed(nu, other.slip) + crossed(mu, one.slip))
         couples = self.arms[..., None] * twisting[..., None, :]
-        sheared = crossed(n, 0.5 * k * (x * other.slip + y * one.slip))
+        sheared = self._about(0.5 * k * (x * other.slip + y * one.slip))
         return self.at_ends(force, couples + self.widening[..., None] * sheared[..., None, :])
 
     def winding(self, one: Strain, other: Strain, rate: ArrayLike) -> Complexes:
@@ -318,7 +327,7 @@ class Bonds:
         law = self.law
         x, y = (each.stretch[..., None] for each in (one, other))
         nu, mu = (each.sideways * self.curving[:, None] for each in (one, other))
-        apart = x * mu - y * nu + crossed(self.normal, one.twist[..., None] * mu - other.twist[..., None] * nu)
+        apart = x * mu - y * nu + self._about(one.twist[..., None] * mu - other.twist[..., None] * nu)
         growth = 2 * self._gathered * law.shear_growth[:, None]
         wound = law.shear[:, None] * apart + growth * (one.slip * y - other.slip * x)
         return self._sheared(-np.asarray(rate) * wound)
@@ -333,15 +342,16 @@ class Bonds:
         x, y, z = (each.stretch[..., None] for each in (one, two, three))
         sheared = self.law.shear_curvature[:, None] * (x * y * three.slip + x * z * two.slip + y * z * one.slip) / 6
         force = self.law.third[:, None] * x * y * z * self.normal / 6 + sheared
-        return self.at_ends(force, self.arms[..., None] * crossed(self.normal, sheared)[..., None, :])
+        return self.at_ends(force, self.arms[..., None] * self._about(sheared)[..., None, :])
 
     def _sheared(self, tangent: NDArray[Any]) -> Complexes:
-        return self.at_ends(tangent, self.arms[..., None] * crossed(self.normal, tangent)[..., None, :])
+        return self.at_ends(tangent, self.arms[..., None] * self._about(tangent)[..., None, :])
 
     def at_ends(self, force: NDArray[Any], couples: NDArray[Any]) -> Complexes:
         """Return both ends of a force on the first sphere (..., C, 3) and couples (..., C, 2, 3)."""
-        forces = np.stack([force, -force], axis=-2)
-        return np.concatenate([forces, np.broadcast_to(couples, forces.shape)], axis=-1)
+        result = np.empty((*force.shape[:-1], 2, 6), dtype=np.result_type(force, couples))
+        result[..., 0, :3], result[..., 1, :3], result[..., 3:] = force, -force, couples
+        return result
 
     def _half(self, wavevector: ArrayLike) -> NDArray[Any]:
         """Return e^{ik·apart/2} (..., C, 1), a real 1 at k = 0, by which large cells are multiplied faster."""

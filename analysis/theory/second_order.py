@@ -230,13 +230,13 @@ class Mixed:
     @cached_property
     def forces(self) -> Quadratic:
         """Return F, F₀ and F_w (..., B, 6) on the spheres."""
-        bonds = self.crystal.bonds
-        return Quadratic(*(bonds.gather(each, self.wavevector, len(self.crystal)) for each in self._ends))
+        ends = np.stack(np.broadcast_arrays(*self._ends))
+        return Quadratic(*self.crystal.bonds.gather(ends, self.wavevector, len(self.crystal)))
 
     @cached_property
     def shares(self) -> Quadratic:
         """Return what each mode at K has of the forces, over its mass: (..., J) of F, F₀ and F_w."""
-        return Quadratic(*map(self._running.share, self.forces))
+        return Quadratic(*self._running.share(np.stack(self.forces)))
 
     @cached_property
     def winds(self) -> NDArray[np.bool_]:
