@@ -1,7 +1,7 @@
 """Unknown physics is refused: every effect, form and key is declared by a theory, or refused by name."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, make_dataclass, replace
+from dataclasses import field, fields, make_dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -35,6 +35,7 @@ from granular_lmp.effects import selection as package_effects
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.selection import EFFECTS
+from granular_lmp.frozen import dataclass
 from granular_lmp.scene.sections import FORMS, MODES, SHEAR_LAWS
 from tests.conftest import PAPER
 from tests.stand_in import Changed
@@ -157,7 +158,7 @@ def grown(section: str, key: str, default: Any, value: Any) -> Any:
     """The paper's scene whose section has one key more."""
     before = getattr(PAPER, section)
     kind = make_dataclass(
-        type(before).__name__, [(key, Any, field(default=default))], bases=(type(before),), frozen=True
+        type(before).__name__, [(key, Any, field(default=default))], bases=(type(before),), eq=False, repr=False
     )
     values = {known.name: getattr(before, known.name) for known in fields(before)}  # without what it has cached
     return replace(PAPER, **{section: kind(**values, **{key: value})})
@@ -192,7 +193,7 @@ def test_an_effect_that_is_switched_off_is_not_there() -> None:
 def test_a_section_that_no_theory_knows_is_refused_unless_it_is_at_its_default(
     default: Any, value: Any, said: str
 ) -> None:
-    kind = make_dataclass("Grown", [("coating", Any, field(default=default))], bases=(Scene,), frozen=True, repr=False)
+    kind = make_dataclass("Grown", [("coating", Any, field(default=default))], bases=(Scene,), eq=False, repr=False)
     values = {known.name: getattr(PAPER, known.name) for known in fields(Scene)}
     assert outcome(record_of(kind(**values)))[0]
     assert outcome(record_of(kind(**values, coating=value))) == (False, f"no theory here holds {said}")
