@@ -253,7 +253,7 @@ typedef struct {
 typedef enum { INSIDE, OUTSIDE, WALL } Where;
 
 /* Forces, torques and the rates of slips of some pairs; forces on second spheres outside are left in `outside`. */
-INLINE void acted(const Acting *a, whole from, whole end, Where where, double sums[4][LANES])
+INLINE void acted(const Acting *a, whole from, whole end, Where where, int energies, double sums[4][LANES])
 {
   const Pairs *p = a->pairs;
   const whole N = p->spheres;
@@ -303,8 +303,10 @@ INLINE void acted(const Acting *a, whole from, whole end, Where where, double su
       rate[c] = (nx * ry - ny * rx - R[c] * here_spin - Q[c] * there_spin) * closed;
       /* an open contact has no energy, and something to divide by */
       sums[0][c] -= (nx * rx + ny * ry) * energy / (4 * overlap + (1 - closed)) + arm * S * (here_spin + there_spin);
-      sums[1][c] += (0.4 * A[c] * overlap * root - F[c]) * overlap;
-      sums[2][c] += energy / 2;
+      if (energies) {
+        sums[1][c] += (0.4 * A[c] * overlap * root - F[c]) * overlap;
+        sums[2][c] += energy / 2;
+      }
       const double open = slid[c] != 0 ? 1 - closed : 0.0;
       sums[3][c] += open + (fabs(S) > mu * (P + 2 * F[c] * closed) ? 1.0 : 0.0);
     }
@@ -326,7 +328,7 @@ INLINE void acted(const Acting *a, whole from, whole end, Where where, double su
 }
 
 /* Loads on the spheres of a block by its own pairs */
-INLINE void pressed(const Acting *a, whole block)
+INLINE void pressed(const Acting *a, whole block, int energies)
 {
   const Pairs *p = a->pairs;
   const whole N = p->spheres, from = block * p->width, end = from + p->width < N ? from + p->width : N;
@@ -335,11 +337,11 @@ INLINE void pressed(const Acting *a, whole block)
     for (whole i = from; i < end; i++) a->load[k * N + i] = 0;
   for (const Bundle *b = p->bundles + p->own[block]; b < p->bundles + p->own[block + 1]; b++) {
     if (b->second == block)
-      acted(a, b->from, b->end, INSIDE, sums);
+      acted(a, b->from, b->end, INSIDE, energies, sums);
     else if (b->second < p->blocks)
-      acted(a, b->from, b->end, OUTSIDE, sums);
+      acted(a, b->from, b->end, OUTSIDE, energies, sums);
     else
-      acted(a, b->from, b->end, WALL, sums);
+      acted(a, b->from, b->end, WALL, energies, sums);
   }
   for (int k = 0; k < 4; k++) {
     a->sums[4 * block + k] = 0;
@@ -353,14 +355,20 @@ INLINE void received(const Acting *a, whole block)
   const Pairs *p = a->pairs;
   for (whole met = p->others[block]; met < p->others[block + 1]; met++) {
     const Bundle *b = p->bundles + p->met[met];
-    for (int k = 0; k < 3; k++)
-      for (whole c = b->from; c < b->end; c++) a->load[k * p->spheres + p->second[c]] += p->outside[k * p->pairs + c];
+    for (whole from = b->from, count; from < b->end; from += count) {
+      count = b->end - from < p->run[from] ? b->end - from : p->run[from];
+      for (int k = 0; k < 3; k++) {
+        double *restrict load = a->load + k * p->spheres + p->second[from];
+        const double *outside = p->outside + k * p->pairs + from;
+        for (whole c = 0; c < count; c++) load[c] += outside[c];
+      }
+    }
   }
 }
 
 VECTORS static void evaluated(const void *data, whole block, whole task)
 {
-  if (task == 1) pressed(data, block);
+  if (task == 1) pressed(data, block, 1);
   if (task == 2) received(data, block);
 }
 
@@ -440,7 +448,7 @@ VECTORS static void staged(const void *data, whole block, whole task)
   double *slope = s->stack + (row + 1) * n, *load = slope + 3 * N;
   const Acting acting = {p, s->trial, s->trial + 6 * N, load, slope + 6 * N, s->sums + 4 * p->blocks * (row - s->first)};
   if (task % 2) {
-    pressed(&acting, block);
+    pressed(&acting, block, 0);
     return;
   }
   received(&acting, block);

@@ -29,7 +29,7 @@ from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_closed import closed_pairs
 from granular_analysis.theory.network_ledger import energy, kinetic_energy, work_rate
 from granular_analysis.theory.network_outside import imposed, pushes
-from granular_analysis.theory.network_state import State, contacts, forces, present, resultants, searched_again, settled
+from granular_analysis.theory.network_state import State, contacts, present, resultants, searched_again, settled
 from granular_analysis.theory.network_tangents import dot
 
 Floats = NDArray[np.float64]
@@ -102,7 +102,7 @@ def scales(network: Network, state: State) -> tuple[float, float]:
     motion, pairs = state.motion, state.pairs
     now = present(network, state)
     inverse_mass = np.append(network.mobility[0], np.zeros(len(network.walls)))
-    pull = np.abs(forces(network, state)) * network.mobility
+    pull = np.abs(resultants(pairs, now, len(network.position))) * network.mobility
     arms = _arms(network)
     length, speed, acceleration = (float(np.max(np.abs(each) * arms)) for each in (*np.split(motion, 2), pull))
     stiffness = 1.5 * pairs.A * now.radius  # A Hertz contact of that radius is stiffer than one that adheres
@@ -156,14 +156,16 @@ def integrate(
     # A collision lasts three times the depth over the speed. Spheres in free flight give no error to shorten a step by.
     longest_step = min(longest_step, 2 * length / speed, *(each.longest for each in network.drives))
     samples: list[tuple[Floats, float, float]] = []
-    initial_energy = energy(network, state).total
+    rates = _Rates(network, state)
+    initial_energy = rates.energy(state)
     if times[0] == 0:
         samples.append((state.motion[:, chosen], initial_energy, 0.0))
     time, work = 0.0, 0.0
     step: float | None = None
     steps = evaluations = 0
     while time < times[-1]:
-        rates = _Rates(network, state)
+        if rates.start is not state:
+            rates = _Rates(network, state)
         atol = rtol * _sizes(network, state, length, speed)
         solver = Solver(rates, time, _packed(state, work), times[-1], rtol, atol, longest_step, step)
         tidy = True
@@ -172,7 +174,7 @@ def integrate(
             reached = _at(network, state, solver.time, solver.state)
             if _farthest(reached) > network.margin / 2:
                 # Contacts may have been missed: back to before the step, with other pairs and a shorter step
-                state = searched_again(network, _at(network, state, solver.before, solver.earlier))
+                state = searched_again(network, _at(network, state, solver.before, solver.earlier.copy()))
                 time, work, step = solver.before, solver.earlier[-1], solver.length / 2
                 break
             after, tidy = rates.settled(reached)
@@ -193,10 +195,10 @@ def _packed(state: State, work: float) -> Floats:
 
 
 def _at(network: Network, state: State, time: float, y: Floats) -> State:
-    """Return the motion and shear of a packed state, with the pairs of a state and those that had begun then."""
+    """Return the motion and shear in a packed state, with the pairs of a state and those that had begun then."""
     cut = state.motion.size
-    motion = imposed(network.drives, time, y[:cut].reshape(state.motion.shape).copy())
-    return replace(state, motion=motion, shear=y[cut:-1].reshape(state.shear.shape).copy())
+    motion = imposed(network.drives, time, y[:cut].reshape(state.motion.shape))
+    return replace(state, motion=motion, shear=y[cut:-1].reshape(state.shear.shape))
 
 
 def _arms(network: Network) -> Floats:
