@@ -160,7 +160,7 @@ class Problem:
         contacts = None if self.scene.perfect and not self.scene.loose else self.contacts
         return placed_monitors(self.scene.monitor, self.crystal, self.scene.shape, contacts, self.on)
 
-    @property
+    @cached_property
     def on(self) -> dict[str, bool]:
         """True or false for each effect by name; false for those that are none of such scenes."""
         return dict.fromkeys((each.name for each in EFFECTS), False) | {each.name: each.on for each in self.effects}

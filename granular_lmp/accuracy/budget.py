@@ -13,6 +13,7 @@ of `granular_analysis.measure.budget`.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from math import ceil, hypot, log2, sqrt
 from typing import Any
 
@@ -110,14 +111,14 @@ def _harmonic_error(scene: Scene, p: Floats, linear: bool) -> Callable[[float], 
     """
     tau: Floats = scene.time.sample * np.arange(len(p), dtype=float)
     exact = oscillator_of(scene)
-    shapes, without = exact.shapes(tau), p - late_shear(scene, oscillator_of(scene, scene.time.step), tau)
+    shapes, without = exact.shapes(tau), p - late_shear(scene, replace(exact, step=scene.time.step), tau)
     factors = np.zeros(shapes.shape[1]) if linear else np.linalg.lstsq(shapes, without)[0]
     size = float(np.linalg.norm(without))
     if not linear and np.linalg.norm(without - shapes @ factors) > _OTHER * size:
         return None
 
     def error(step: float) -> float:
-        stepped = oscillator_of(scene, step)
+        stepped = replace(exact, step=step)
         changed = (stepped.shapes(tau) - shapes) @ factors + late_shear(scene, stepped, tau)
         return float(np.linalg.norm(changed)) / size
 
