@@ -139,7 +139,8 @@ def _between(tag: str, how: Reading) -> list[str]:
     name, longest, weakest = between(tag, how)[2:], read("extreme", tag, 1), read("weakest", tag)
     if how.lengths:
         return [
-            f"variable     {name} equal (2*v_R-{longest})/v_Delta0  # the smallest, in Delta0, of contacts that touch"
+            f"variable     {name} equal ($(2*v_R:%.17g)-{longest})/$(v_Delta0:%.17g)"
+            "  # the smallest, in Delta0, of contacts that touch"
         ]
     least, holding = f"{weakest}+{how.adhesive_force!r}", repr(how.formulas.holding_force)
     if not how.dashpots:

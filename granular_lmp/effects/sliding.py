@@ -45,7 +45,7 @@ def measured(problem: Prepared) -> list[str]:
 def mu_line(scene: Scene) -> str:
     """Return the line of the friction by which slips are judged: that of the spheres, if the scene gives one."""
     friction = scene.effects.friction
-    return f"variable     mu equal {'v_friction' if friction == AUTO else repr(friction)}"
+    return f"variable     mu equal {'$(v_friction:%.17g)' if friction == AUTO else repr(friction)}"
 
 
 def slip_lines(tag: str, how: Reading) -> list[str]:
@@ -87,8 +87,8 @@ def sliding_force(tag: str, how: Reading) -> str:
     """
     if how.whole:
         force = read("weakest", tag)
-        return f"(v_mu*(1e-9*{how.formulas.holding_force!r}+({force}>0)*{force}))"
-    return f"(v_mu*({how.adhesive_force!r}+{how.formulas.above_pull_off(between(tag, how))}))"
+        return f"($(v_mu:%.17g)*(1e-9*{how.formulas.holding_force!r}+({force}>0)*{force}))"
+    return f"($(v_mu:%.17g)*({how.adhesive_force!r}+{how.formulas.above_pull_off(between(tag, how))}))"
 
 
 def called_for(case: Case) -> Finding:

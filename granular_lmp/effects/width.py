@@ -23,7 +23,7 @@ def spread(problem: Prepared) -> list[str]:
         f"group        row id {identifiers(row)}",
         f"compute      most  row reduce max {' '.join(f'c_u[{part}]' for part in parts)}",
         f"compute      least row reduce min {' '.join(f'c_u[{part}]' for part in parts)}",
-        f"variable     spread equal ({apart})/v_D0  # in the centre row",
+        f"variable     spread equal ({apart})/$(v_D0:%.17g)  # in the centre row",
     ]
 
 
@@ -39,7 +39,7 @@ def sideways(problem: Prepared) -> list[str]:
     """Return the lines of the largest distance of a sphere from the line of the chain."""
     return [
         "compute      aside inside reduce maxabs c_u[1]",
-        "variable     sideways equal c_aside/v_D0  # in D0",
+        "variable     sideways equal c_aside/$(v_D0:%.17g)  # in D0",
     ]
 
 

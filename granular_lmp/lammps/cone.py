@@ -28,22 +28,26 @@ def inside_lines(problem: Problem) -> list[str]:
     if not watches_part(scene):
         return ["group        inside union all  # the spheres that what is recorded depends on"]
     where = "the centre or a monitor" if scene.monitor else "the centre"
+    least, lost = 1.5 * _row(problem), (_farthest_row(scene) - 2.5) * _row(problem)
     return [
         f"# spheres from where a signal still reaches {where} before the end: outside, a guard would judge walls",
-        f"variable     reach equal {_row(problem)!r}*(1.5+{_farthest_row(scene) - 2.5}"
-        "*(1-v_tau/(v_duration+(v_duration==0))))",
-        f"variable     near atom {_within(problem, 'v_reach')}",
+        *_away(problem),
+        f"variable     reach equal {least + lost!r}-$({lost!r}*v_step/(v_t0*(v_duration+(v_duration==0))):%.17g)*step",
+        "variable     near atom v_reach>f_away",
         f"group        inside dynamic all var near every {_interval(scene)}",
     ]
 
 
 def around_lines(problem: Problem) -> list[str]:
-    """Return the lines for the group `around`: the spheres of the cone and within `MARGIN` rows of it; [] for all."""
+    """Return the lines for the group `around`: the spheres of the cone and within `MARGIN` rows of it; [] for all.
+
+    The group is renewed whenever the cone has lost as many rows. Until then it holds more spheres than it must.
+    """
     if not watches_part(problem.scene):
         return []
     return [
-        f"variable     beside atom {_within(problem, f'(v_reach+{MARGIN * _row(problem)!r})')}",
-        f"group        around dynamic all var beside every {_interval(problem.scene)}",
+        f"variable     beside atom v_reach+{MARGIN * _row(problem)!r}>f_away",
+        f"group        around dynamic all var beside every {MARGIN * _interval(problem.scene)}",
     ]
 
 
@@ -53,18 +57,19 @@ def _row(problem: Problem) -> float:
     return problem.units.number(scene.lattice.row_distance(scene.sphere.lattice_constant), length=1)
 
 
-def _within(problem: Problem, reach: str) -> str:
-    """Return the formula that is true of the spheres within a reach of the centre, or of the rows of a monitor."""
+def _away(problem: Problem) -> list[str]:
+    """Return the lines that keep how far each sphere is from the centre or the nearest rows of a monitor."""
     scene, row = problem.scene, _row(problem)
-    near = [f"{reach}^2>x*x+y*y"]
-    for monitor in scene.monitor:
+    lines = ["variable     away0 atom sqrt(x*x+y*y)"]
+    for number, monitor in enumerate(scene.monitor):
         low, high = ((each - scene.shape.centre_row) * row for each in monitor.span)
         apart = f"abs(y-({(low + high) / 2!r}))"
         if scene.shape.along_y:  # the shorter way may be across the faces
             half = scene.shape.rows * row / 2
             apart = f"({half!r}-abs({half!r}-{apart}))"
-        near.append(f"{reach}>{apart}-{(high - low) / 2!r}")
-    return "||".join(near)
+        own, least = f"({apart}-{(high - low) / 2!r})", f"v_away{number}"
+        lines.append(f"variable     away{number + 1} atom ternary({own}<{least},{own},{least})")
+    return [*lines, f"fix          away all store/state 0 v_away{len(scene.monitor)}"]
 
 
 def _farthest_row(scene: Scene) -> int:

@@ -6,9 +6,12 @@ fastest. In a time t no sphere moves, and none turns at its surface, by more tha
 
     G (v t + a t²/2)
 
-In the linear lattice G is the sum over the responses of all spheres to one that is pushed. Up to a quarter of the
-period of the branches that carry displacements it is at most 1.4 in a chain or a square lattice, 1.6 in a hexagonal and
-2.1 in an fcc crystal; `GROWTH` stands for all. The next look is due when this reaches the smallest distance s by which
+In a linear crystal G is the sum over the responses of all spheres to one that is pushed. Up to a quarter of the period
+of the branches that carry displacements it is at most 1.58 in a plane (hexagonal; chain 1.25, square 1.43) and 2.16 in
+space (fcc), and in crystals of unequal masses, radii and materials, with vacancies, 1.61 and 2.15 (300 random ones,
+whose time is that of the stiffest contact and the lightest sphere); `GROWTH` stands for all. It is the G of stiffnesses
+at rest: a wave that presses contacts far beyond is outside. The next look is due when the distance reaches the smallest
+s by which
 
     s = (δ − δ_open)/2                  the contact that touches least may be pulled, or the nearest spheres approach
     s = (1 − r) S/(3g + (3/2 + r) S/δ)  the bound r of slip may grow to 1
@@ -36,7 +39,7 @@ from granular_lmp.lammps.cone import around_lines
 from granular_lmp.problem import Problem
 
 FEWEST = 4  # looks in a period of the fastest motion that matters
-GROWTH = 2.2
+GROWTH = {2: 1.7, 3: 2.2}  # by dimensions in which spheres move
 STIFFER = 1.5  # times the shear stiffness at rest: that of a contact pressed to 2.25 Δ0
 _SMALL = 1e-30  # so that no formula divides by 0
 
@@ -60,24 +63,20 @@ def lines(problem: Problem, fastest: float) -> list[str]:
 def _bound(problem: Problem, free: list[str]) -> list[str]:
     """Return the lines of v_looks: the time to the next look over the shortest one, 1 + v_longest at most."""
     columns = " ".join(f"c_u[{part}]" for part in range(1, len(axes(problem)) + 1))
-    names = [f"free{number}" for number in range(len(free) + 1)]
-    smallest = "c_free[1]"
-    for number in range(2, len(names) + 1):
-        smallest = f"ternary({smallest}>c_free[{number}],c_free[{number}],{smallest})"
+    free, parts, growth = [*free, "$(v_Delta0:%.17g)"], range(len(free) + 1), GROWTH[problem.scene.space]
     return [
-        f"# the next look is due when a sphere may have moved, or turned, by v_room: at most {GROWTH}(v t + a t^2/2)",
+        f"# the next look is due when a sphere may have moved, or turned, by v_room: at most {growth}(v t + a t^2/2)",
         *_rates(problem),
         *(_farthest(columns, len(axes(problem))) if any("v_farthest" in each for each in free) else []),
-        "# computes keep numbers, the same of all spheres, that formulas read more than once",
-        *(f"variable     {name} atom {each}" for name, each in zip(names, [*free, "v_Delta0"], strict=True)),
-        f"compute      free mobile reduce max {' '.join(f'v_{name}' for name in names)}",
-        f"variable     smallest equal {smallest}",
-        "variable     room atom (v_smallest>0)*v_smallest",
-        "compute      room mobile reduce max v_room",
-        f"variable     due equal c_room/({GROWTH!r}*v_swift+sqrt({GROWTH / 2!r}*v_gain*c_room)+{_SMALL!r})/(v_look*dt)",
-        "variable     pause atom 1+floor((v_due+v_longest-abs(v_due-v_longest))/2)",
-        "compute      pause mobile reduce max v_pause",
-        "variable     looks equal ternary(c_pause>1,c_pause,1)  # also where spheres blew up",
+        *_kept(problem),
+        *(f"variable     part{part} vector [{','.join(str(int(part == other)) for other in parts)}]" for part in parts),
+        f"variable     free vector {'+'.join(f'v_part{part}*{each}' for part, each in enumerate(free))}",
+        "variable     room equal (min(v_free)>0)*min(v_free)",
+        f"variable     grows equal {growth!r}*v_swift",
+        f"variable     due vector v_one*2*v_room/(v_grows+sqrt(v_grows^2+{2 * growth!r}*v_gain*v_room)+{_SMALL!r})"
+        "/$(v_look*v_step:%.17g)",
+        "variable     looks equal 1+floor(ternary(v_due[1]>$(v_longest),$(v_longest),ternary(v_due[1]>0,v_due[1],0)))"
+        "  # 1 also where spheres blew up",
     ]
 
 
@@ -133,17 +132,28 @@ def _driven(problem: Problem) -> str:
 
 def _free(problem: Problem) -> list[str]:
     """Return the formulas of the distances by which no sphere may move before the next look."""
-    scene, how, length, free = problem.scene, Reading.of(problem), f"{_softest(problem)!r}*v_Delta0", []
+    scene, length, free = problem.scene, f"$({_softest(problem)!r}*v_Delta0:%.17g)", []
     if OPEN.title in problem.left_out:
-        free.append(f"(v_overlap-{nearly_open(scene):.4f})*{length}/2")
+        free.append(f"(v_touch[1]-{nearly_open(scene):.4f})*{length}/2")
         if gap := nearest_gap(problem):
-            free.append(f"{problem.units.number(gap, length=1)!r}/2-v_farthest")
+            free.append(f"({problem.units.number(gap, length=1)!r}/2-v_farthest)")
     if SLIP.title in problem.left_out:
         stiffness = problem.units.number(float(problem.contacts.shear_stiffness.max()), mass=1, time=-2)
-        bears, touch = sliding_force("", how), f"v_overlap*{length}"
-        harder = f"{2 * STIFFER!r}*{stiffness!r}*{touch}+(1.5+v_slip)*{bears}+{_SMALL!r}"
-        free.append(f"({SLIP.limit_in(scene)!r}-v_slip)*{bears}*{touch}/({harder})")
+        harder = f"{2 * STIFFER!r}*{stiffness!r}*v_touch[1]*{length}+(1.5+v_rubs[1])*v_bears[1]+{_SMALL!r}"
+        free.append(f"({SLIP.limit_in(scene)!r}-v_rubs[1])*v_bears[1]*v_touch[1]*{length}/({harder})")
     return free
+
+
+def _kept(problem: Problem) -> list[str]:
+    """Return the lines of what the bound reads more than once: LAMMPS computes a vector once a step."""
+    kept = {"touch": "v_overlap"}
+    if SLIP.title in problem.left_out:
+        kept |= {"rubs": "v_slip", "bears": sliding_force("", Reading.of(problem))}
+    return [
+        "# formulas that are read more than once, as vectors, which LAMMPS computes once a step",
+        "variable     one vector [1]",
+        *(f"variable     {name} vector v_one*{formula}" for name, formula in kept.items()),
+    ]
 
 
 def _softest(problem: Problem) -> float:
