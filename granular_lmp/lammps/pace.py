@@ -7,18 +7,20 @@ fastest. In a time t no sphere moves, and none turns at its surface, by more tha
     G (v t + a t²/2)
 
 In a linear crystal G is the sum over the responses of all spheres to one that is pushed. Up to a quarter of the period
-of the branches that carry displacements it is at most 1.58 in a plane (hexagonal; chain 1.25, square 1.43) and 2.16 in
+of the branches that carry displacements it is at most 1.60 in a plane (hexagonal; chain 1.24, square 1.45) and 2.16 in
 space (fcc), and in crystals of unequal masses, radii and materials, with vacancies, 1.61 and 2.15 (300 random ones,
 whose time is that of the stiffest contact and the lightest sphere); `GROWTH` stands for all. It is the G of stiffnesses
 at rest: a wave that presses contacts far beyond is outside. The next look is due when the distance reaches the smallest
 s by which
 
-    s = (δ − δ_open)/2                  the contact that touches least may be pulled, or the nearest spheres approach
+    s = x²/2(x + 0.3), x = δ − δ_open   the contact that touches least may be pulled by 2s < x
+    s = d/2                             the nearest spheres, a gap d apart, may approach
     s = (1 − r) S/(3g + (3/2 + r) S/δ)  the bound r of slip may grow to 1
 
 with the smallest overlap δ, the stiffness g in shear and the smallest sliding force S. In the latter the hardest
 sheared contact gains 3gs of shear and a share s/δ of stiffness, while the one that touches least loses up to 3sS/2δ of
-what it bears.
+what it bears. Near to opening 2s is a small part of x: there it matters how small the overlap became, which only looks
+tell.
 
 Looks are at least `FEWEST` in a period of the fastest motion, and at most `granular_lmp.effects.guard.LOOKS`. Where
 dashpots act, or LAMMPS counts contacts at fixed steps, all looks are at the shortest distance.
@@ -41,6 +43,7 @@ from granular_lmp.problem import Problem
 FEWEST = 4  # looks in a period of the fastest motion that matters
 GROWTH = {2: 1.7, 3: 2.2}  # by dimensions in which spheres move
 STIFFER = 1.5  # times the shear stiffness at rest: that of a contact pressed to 2.25 Δ0
+RESOLVED = 0.3  # Δ0: contacts that keep less are looked at more often than the bound asks for
 _SMALL = 1e-30  # so that no formula divides by 0
 
 
@@ -134,7 +137,8 @@ def _free(problem: Problem) -> list[str]:
     """Return the formulas of the distances by which no sphere may move before the next look."""
     scene, length, free = problem.scene, f"$({_softest(problem)!r}*v_Delta0:%.17g)", []
     if OPEN.title in problem.left_out:
-        free.append(f"(v_touch[1]-{nearly_open(scene):.4f})*{length}/2")
+        left = f"(v_touch[1]-{nearly_open(scene):.4f})"
+        free.append(f"{left}*abs({left})/(abs({left})+{RESOLVED})*{length}/2")
         if gap := nearest_gap(problem):
             free.append(f"({problem.units.number(gap, length=1)!r}/2-v_farthest)")
     if SLIP.title in problem.left_out:
