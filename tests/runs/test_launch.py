@@ -368,6 +368,7 @@ def test_a_rank_alone_starts_without_a_network_and_leaves_the_environment_as_it_
     alone = installation.environment(1)
     assert alone["UCX_TLS"] == "self"
     assert alone["UCX_MEM_MMAP_HOOK_MODE"] == "none"
+    assert alone["UCX_MODULES"] == "self"
     assert alone["HWLOC_SYNTHETIC"] == "core:1 pu:1"
     assert installation.environment(2) == {**os.environ}  # ranks that talk need the network
     before = {**os.environ}
