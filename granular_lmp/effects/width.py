@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.lattices import places
+from granular_lmp.crystal.lattices import centre, offsets, places
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
@@ -13,10 +13,12 @@ from granular_lmp.scene.scene import Scene
 def spread(problem: Prepared) -> list[str]:
     """Return the lines of the distance by which spheres of the centre row have moved apart.
 
-    Of several spheres a cell they are those at the place of the centre sphere.
+    Of several spheres a cell they are those at the place of the centre sphere, of layers that are shifted along y those
+    at its height.
     """
-    crystal = problem.crystal
+    crystal, (_, along_y) = problem.crystal, offsets(problem.crystal)
     alike = (crystal.arrays["row"] == problem.scene.shape.centre_row) & (places(crystal) == 0)
+    alike &= np.isclose(along_y, along_y[centre(crystal)])
     row, parts = 1 + np.flatnonzero(alike), range(1, problem.scene.space + 1)
     apart = "+".join(f"c_most[{part}]-c_least[{part}]" for part in parts)
     return [

@@ -234,8 +234,12 @@ class Derived(Document):
 
     @property
     def layered(self) -> bool:
-        """True if the spheres of a row are equal and none is at a side: a plane wave along y moves them alike."""
-        alike = not self._random and all(each.whole_rows for each in self.inclusion)
+        """True if the spheres of a row are equal and none is at a side: a plane wave along y moves them alike.
+
+        In a film they are those of each layer; without faces along z a row has those of all layers.
+        """
+        layers_alike = not (self.shape.along_z and any(each.layers for each in self.inclusion))
+        alike = not self._random and all(each.whole_rows for each in self.inclusion) and layers_alike
         return not self.lattice.sheet or self.shape.along_x and alike
 
     @property

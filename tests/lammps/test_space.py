@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from granular_analysis.compare import compare
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.crystal.lattices import centre, places
@@ -132,6 +133,27 @@ def test_a_wave_in_a_crystal_of_many_layers_or_laws_keeps_its_shape(
     # The second order in the amplitude, and Verlet's velocity
     bound = scene.wave.amplitude + (turning * scene.time.step) ** 2 / 7
     measured(off(motion(record), expected, size=bound))
+
+
+@pytest.mark.parametrize(
+    ("changes", "width"),
+    [
+        ({"packing.orientation": "[110]"}, False),
+        ({"packing.orientation": "[110]", "wave.mode": "L"}, False),
+        ({"inclusion": [{"layers": [1, 1], "density": 3000.0}]}, True),
+        ({"inclusion": [{"layers": [1, 1], "density": 3000.0}], "wave.mode": "L"}, True),
+    ],
+    ids=["layers in between", "L with layers in between", "another layer", "L with another layer"],
+)
+def test_a_row_of_several_layers_moves_alike_where_it_lies_at_one_height_and_is_equal(
+    changes: dict[str, Any], width: bool, tmp_path: Path
+) -> None:
+    record = run(Scene.load("fcc_transverse").with_values(changes | {"time.duration": 5.0}), tmp_path / "run")
+    assert record.info["effects"]["width"]["on"] is width
+    assert record.info["effects"]["rotation"]["on"]  # which is counted with branches, and where spheres differ
+    assert all(guard["quiet"] for guard in record.info["guards"].values())
+    errors = [error for error in compare(record, "network").error.values() if error is not None]
+    assert max(errors) < 2e-3  # the time step leaves less
 
 
 @pytest.mark.parametrize("name", ["p", "q", "phi"])
