@@ -232,7 +232,11 @@ def _source_of(scene: Scene) -> Source:
         raise SceneError("inclusion = []: must be at least one table [[inclusion]], as nothing scatters without it")
     if shape.lattice != HEXAGONAL:
         raise SceneError(f'packing.lattice = "{shape.lattice.name}": must be "hexagonal" for scattering')
-    if scene.wave.form != "none" or len(scene.source) != 1:
+    if scene.wave.form != "none":
+        raise SceneError(
+            f'wave.form = "{scene.wave.form}": must be "none" for scattering, whose [[source]] makes the wave'
+        )
+    if len(scene.source) != 1:
         raise SceneError(f"source = {len(scene.source)}: must be one table [[source]] for scattering")
     for item in fields(Disorder):
         value = getattr(scene.disorder, item.name)

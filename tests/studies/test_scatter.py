@@ -168,6 +168,10 @@ def test_the_command_does_the_same(tmp_path: Path, capsys: pytest.CaptureFixture
     ("changes", "message"),
     [
         ({"inclusion": []}, r"inclusion = \[\]: must be at least one table \[\[inclusion\]\], as nothing scatters"),
+        (
+            {"wave.form": "running", "absorb.rows": 0, "time.allow_echo": True},
+            r'wave\.form = "running": must be "none" for scattering',
+        ),
         ({"source": [BURST, BURST | {"rows": [30, 30]}]}, "source = 2: must be one table"),
         ({"disorder.density": 0.1}, r"disorder\.density = 0\.1: must be 0 for scattering"),
         ({"absorb.rows": 0, "time.allow_echo": True}, r"absorb\.rows = 0: must be \"auto\" or a number"),
