@@ -123,7 +123,7 @@ def traits_of(record: Record) -> frozenset[str]:
     try:
         contact = contact_of(record)
     except ValueError as error:
-        return others_of(record) | {str(error)}
+        return others_of(record) | {f"a contact whose {error}"}
     return others_of(record) | catalogue.contact_traits(contact, along_y=direction_of(record) == ALONG_Y)
 
 
