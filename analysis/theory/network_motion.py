@@ -7,8 +7,8 @@ contact that is open forgets its slip, one that slides keeps the slip of its lim
 enough for new contacts, the step is taken back and the pairs are searched again.
 
 Good values: rtol from 1e-6 (a figure) to 1e-11 (a witness). An evaluation of all forces takes 0.1 µs of processor time
-per contact, and 0.02 µs in the compiled loop (`granular_analysis.theory.network_closed`). A wave in a crystal needs 7
-(rtol 1e-6), 16 (1e-9) or 27 (1e-11) in a unit of time t0: with the loop half to 2 µs per sphere and t0.
+per contact, and 0.01 µs in the compiled loop (`granular_analysis.theory.network_closed`). A wave in a crystal needs 7
+(rtol 1e-6), 16 (1e-9) or 27 (1e-11) in a unit of time t0: with the loop a quarter to 1 µs per sphere and t0.
 
 Breaks where much happens at once in a large network: the adhesive force jumps when a contact opens or closes, and every
 jump costs all spheres some thirty evaluations. 1e4 spheres of unequal radii (3e-4) that are let go out of equilibrium
