@@ -22,9 +22,8 @@ from granular_lmp.errors import LammpsMissingError
 REQUIRED_PACKAGES = ("GRANULAR", "DIPOLE")
 PACKAGE_IN_SPACE = "BPM"  # what the decks of spheres in space need beside
 # UCX, the transport of the wheel's MPI, patches memory functions of the process when it is loaded, which takes 40 ms of
-# waiting, and looks for networks when MPI starts, 10 ms. A rank alone sends nothing and needs neither; nor does it need
-# what hwloc reads about the caches and devices of the machine, from a hundred files
-_ALONE = {"UCX_MEM_MMAP_HOOK_MODE": "none", "UCX_TLS": "self", "UCX_MODULES": "self", "HWLOC_SYNTHETIC": "core:1 pu:1"}
+# waiting, and looks for networks when MPI starts, 10 ms. A rank alone sends nothing and needs neither
+_ALONE = {"UCX_MEM_MMAP_HOOK_MODE": "none", "UCX_TLS": "self"}
 _STARTED_BY_MPI = ("PMI_", "PMIX_", "OMPI_")  # what mpiexec and batch systems say to the ranks that they start
 _SHARED_MEMORY = Path("/dev/shm")
 _YOUNG = 60.0  # s; MPI starts in far less
