@@ -369,6 +369,7 @@ def test_a_rank_alone_starts_without_a_network_and_leaves_the_environment_as_it_
     assert alone["UCX_TLS"] == "self"
     assert alone["UCX_MEM_MMAP_HOOK_MODE"] == "none"
     assert installation.environment(2) == {**os.environ}  # ranks that talk need the network
+    installation.lammps_module()  # whose first import adds the folder of its MPI library
     before = {**os.environ}
     installation.lammps_module.cache_clear()
     installation.lammps_module()
