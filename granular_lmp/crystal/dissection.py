@@ -53,14 +53,14 @@ def _upper_half(positions: Floats, part: Integers) -> NDArray[np.bool_]:
     return rank[longest, np.arange(len(part))] >= count[part] // 2
 
 
-def factorised(matrix: Any, order: Integers, precision: type[np.floating] = np.float64) -> Any:
+def factorised(matrix: Any, order: Integers) -> Any:
     """Return a function that solves a symmetric sparse system of D freedoms a sphere, (DN, DN), for (DN, K) sides."""
     from scipy.sparse.linalg import splu  # slow to import, and only crystals at rest need it
 
     freedoms = matrix.shape[0] // len(order)
     rows = np.ravel(freedoms * order[:, None] + np.arange(freedoms))
     factors = splu(
-        matrix[rows][:, rows].tocsc().astype(precision, copy=False),
+        matrix[rows][:, rows].tocsc(),
         permc_spec="NATURAL",
         diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
@@ -68,7 +68,7 @@ def factorised(matrix: Any, order: Integers, precision: type[np.floating] = np.f
 
     def solve(right: Floats) -> Floats:
         solution = np.empty_like(right)
-        solution[rows] = factors.solve(right[rows].astype(precision, copy=False))
+        solution[rows] = factors.solve(right[rows])
         return solution
 
     return solve

@@ -58,17 +58,16 @@ class Tangent:
 class Factors:
     """The inverse of a `Tangent`: the strains, which couple to every sphere, are eliminated last.
 
-    Without an order it is that of a stiffer one, by the blocks of single spheres. Single precision halves the memory of
-    factors, for a λ of at least 1e-6 k1.
+    Without an order it is that of a stiffer one, by the blocks of single spheres.
     """
 
-    def __init__(self, tangent: Tangent, order: Integers | None, precision: type[np.floating] = np.float64) -> None:
+    def __init__(self, tangent: Tangent, order: Integers | None) -> None:
         import scipy.sparse as sparse  # slow to import, and only crystals at rest need it
 
         self._by_both, self._axes = tangent.by_both, len(tangent.by_e)
         added = tangent.added * tangent.mass
         by_u = tangent.by_u.tocsr() + sparse.diags(added[: -self._axes], format="csr")
-        self._solve = blockwise(by_u, self._axes) if order is None else factorised(by_u, order, precision)
+        self._solve = blockwise(by_u, self._axes) if order is None else factorised(by_u, order)
         self.iterations = _ITERATIONS if order is not None else _BLOCKWISE
         self._answer = self._solve(tangent.by_both)
         self._schur = tangent.by_e - tangent.by_both.T @ self._answer + np.diag(added[-self._axes :])
