@@ -104,7 +104,7 @@ class Step:
         self.slope, self.time = slope, time
         self.stack = np.empty((1 + ROWS, *start.shape), dtype=start.dtype)
         self.numbers = _real(self.stack)
-        self.trial, self.after = np.empty_like(start), np.empty_like(start)
+        self.trial, self.after = np.empty_like(start, order="C"), np.empty_like(start, order="C")  # `_real` takes views
         self.begin, self.slopes = self.stack[0], self.stack[1:]
         self.begin[...] = start
         self.ended = self.lean = False

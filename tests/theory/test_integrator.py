@@ -42,6 +42,13 @@ def test_the_error_falls_with_the_tolerance() -> None:
     assert error(1e-9) < error(1e-6) / 100  # a thousand, give or take ten
 
 
+def test_a_state_may_lie_in_memory_by_columns() -> None:
+    start = np.array([[1.0, 0.5, 0.2], [0.0, 0.3, -1.0]])
+    spring = (lambda state: np.stack([state[1], -state[0]]), np.array([1.0, 2.0]), 1e-9, 1e-9, 1.0)
+    by_rows, by_columns = (dop853(spring[0], each, *spring[1:]) for each in (start, np.asfortranarray(start)))
+    assert np.array_equal(by_rows, by_columns)
+
+
 def test_a_step_is_no_longer_than_allowed() -> None:
     seen = []
 
