@@ -46,7 +46,12 @@ class Fronts:
             for name, velocity in fronts(lattice, scene.sphere, frequency, physics).items():
                 closed = np.vstack([velocity, velocity[:1]])
                 for place in source.spheres:
-                    start = snapshots.rest[(row == place[0]) & (column == place[1])][0]
+                    start = next(iter(snapshots.rest[(row == place[0]) & (column == place[1])]), None)
+                    if start is None:
+                        raise ViewError(
+                            f"--fronts: the source on sphere {list(place)} of {scene.name} is not among the recorded "
+                            "spheres; must be one of output.rows or output.spheres, or leave both out"
+                        )
                     style = {"color": "black", "linestyle": BRANCH_STYLES[name]["linestyle"], "linewidth": 0.9}
                     label = None if name in labelled else f"{name}, $\\Omega$ = {frequency:.3g}"
                     labelled.add(name)

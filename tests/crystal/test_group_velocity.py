@@ -122,6 +122,15 @@ def test_lines_stand_where_the_group_velocity_says(ring: Path) -> None:
     assert not line.get_visible()
 
 
+def test_a_front_of_a_source_that_is_not_recorded_is_refused(tmp_path: Path) -> None:
+    source = {"spheres": [[6, 3]], "force": "y", "signal": "burst", "frequency": 1.0}
+    packing = {"lattice": "hexagonal", "rows": 13, "columns": 7}
+    tables = {"packing": packing, "time": {"duration": 2.0}, "source": [source], "output": {"spheres": [[3, 3]]}}
+    run(Scene.from_dict({"sphere": RING.to_dict()["sphere"], **tables}), tmp_path / "run")
+    with pytest.raises(ViewError, match=r"the source on sphere \[6, 3\] of .* is not among the recorded spheres"):
+        view(tmp_path / "run", tmp_path / "picture.png", fronts=True)
+
+
 def test_waves_without_fronts_are_refused(ring: Path, tmp_path: Path) -> None:
     tone = {"source.1.signal": "tone", "source.1.cycles": 5.0, "source.1.ramp": 5.0}
     short = RING.with_values({"time.duration": 5.0})
