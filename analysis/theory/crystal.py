@@ -176,7 +176,11 @@ class Crystal:
         matrix = np.zeros((*turns.shape[:-1], *still.shape), dtype=complex)
         if len(blocks):
             both = np.stack([turns, turns.conj()], axis=-1).reshape(*turns.shape[:-1], len(order))
-            matrix[..., rows, columns, :, :] = np.add.reduceat(both[..., order, None, None] * blocks, begin, axis=-3)
+            phased = both[..., order, None, None] * blocks
+            # One after the other, so that what a contact and its reverse cancel leaves no rounding
+            matrix[..., rows, columns, :, :] = np.stack(
+                [sum(np.moveaxis(each, -3, 0)) for each in np.split(phased, begin[1:], axis=-3)], axis=-3
+            )
         matrix += still
         size = len(self) * len(self.freedoms)
         return np.swapaxes(matrix, -3, -2).reshape(*turns.shape[:-1], size, size)
