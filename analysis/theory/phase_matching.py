@@ -12,6 +12,7 @@ When it breaks: where two branches have one frequency all along the line and no 
 their polarisation is arbitrary; a pair of crossings between two points of the grid is missed.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -19,10 +20,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize.elementwise import find_root
 
 from granular_analysis.theory.crystal import Crystal, padded
 from granular_analysis.theory.mirror import Mirror
-from granular_analysis.theory.roots import crossings
 from granular_analysis.theory.second_order import Mixed, Wave, branch_of, chosen
 from granular_analysis.theory.selection import mirrors, parity
 
@@ -125,15 +126,14 @@ class _Line:
 
     def resonances(self, branch: Integers, target: Integers, low: Floats, high: Floats, loudest: float) -> list[Match]:
         """Return the resonances of pairs between two wave numbers where the detuning has different signs."""
-        each = np.arange(len(branch)), target
 
-        def gap(number: Floats) -> Floats:
-            k = np.multiply.outer([1.0, 2.0], np.multiply.outer(number, self.along))
+        def gap(number: Floats, branch: Integers, target: Integers) -> Floats:
+            k, each = np.multiply.outer([1.0, 2.0], np.multiply.outer(number, self.along)), np.arange(len(number))
             waves, targets = self.crystal.frequencies(k)
-            return np.asarray(2 * waves[each[0], branch] - targets[each])
+            return np.asarray(2 * waves[each, branch] - targets[each, target])
 
-        number = crossings(gap, low, high)
-        pairs = self.doubled(number, branch)
+        number = _crossings(gap, low, high, branch, target)
+        pairs, each = self.doubled(number, branch), (np.arange(len(branch)), target)
         size = np.abs(pairs.steady[each])
         rate = np.where(size < _SILENT * loudest, 0.0, 0.5 * size / (2 * pairs.targets.frequencies[each]))
         found = _listed("resonance", number, branch, target, pairs.first.frequency, rate)
@@ -143,29 +143,35 @@ class _Line:
         self, branch: Integers, target: Integers, low: Floats, high: Floats, loudest: float
     ) -> list[Match]:
         """Return the wave numbers between two where pairs have no force, for those of which it changes its sign."""
-        turns = self.followed(self.doubled(low, branch), branch, target, high)[0].real <= 0
-        if not turns.any():
-            return []
-        (branch, target), (low, high) = (branch[turns], target[turns]), (low[turns], high[turns])
         start = self.doubled(low, branch)
-        number = crossings(lambda x: self.followed(start, branch, target, x)[0].real, low, high)
-        share, like = self.followed(start, branch, target, number)
-        left = np.abs(share * start.steady[np.arange(len(target)), target])
+        turns = np.flatnonzero(self.followed(high, start, np.arange(len(low)), branch, target)[0].real <= 0)
+        if not len(turns):
+            return []
+        branch, target, low, high = branch[turns], target[turns], low[turns], high[turns]
+
+        def force(number: Floats, begun: Integers, branch: Integers, target: Integers) -> Floats:
+            return np.asarray(self.followed(number, start, begun, branch, target)[0].real)
+
+        number = _crossings(force, low, high, turns, branch, target)
+        share, like = self.followed(number, start, turns, branch, target)
+        left = np.abs(share * start.steady[turns, target])
         frequency = self.doubled(number, branch).first.frequency
         found = _listed("antiresonance", number, branch, target, frequency, np.zeros(len(number)))
         # Others are another branch beyond a crossing, or a force whose phase turns
         return [found[n] for n in np.flatnonzero((like >= 0.5) & (left <= _SILENT * loudest))]
 
-    def followed(self, start: Mixed, branch: Integers, target: Integers, number: Floats) -> tuple[Complexes, Floats]:
+    def followed(
+        self, number: Floats, start: Mixed, begun: Integers, branch: Integers, target: Integers
+    ) -> tuple[Complexes, Floats]:
         """Return the force over that at the start, in the phases of the modes there, and how like these the modes are.
 
-        The first is real, unless the phase of the force turns.
+        The first is real, unless the phase of the force turns. `begun` are the places of the pairs in the start.
         """
-        each, pairs = (np.arange(len(target)), target), self.doubled(number, branch)
-        wave = np.sum(start.first.shape.conj() * pairs.first.shape, axis=(-2, -1)) / len(self.crystal)
-        answers = start.targets.shapes[each].conj() * pairs.targets.shapes[each]
+        now, then, pairs = (np.arange(len(target)), target), (begun, target), self.doubled(number, branch)
+        wave = np.sum(start.first.shape[begun].conj() * pairs.first.shape, axis=(-2, -1)) / len(self.crystal)
+        answers = start.targets.shapes[then].conj() * pairs.targets.shapes[now]
         answer = np.sum(answers, axis=(-2, -1)) / len(self.crystal)
-        share = pairs.steady[each] * wave.conj() ** 2 * answer / start.steady[each]
+        share = pairs.steady[now] * wave.conj() ** 2 * answer / start.steady[then]
         return np.asarray(share), np.minimum(np.abs(wave), np.abs(answer))
 
     def selection(self, match: Match) -> str:
@@ -178,6 +184,11 @@ class _Line:
                 name = "even" if own > 0 else "odd"
                 return f"a mirror: {name} + {name} is even, and this branch is odd"
         return "vanishes, by no mirror along the wave"
+
+
+def _crossings(function: Callable[..., Floats], low: Floats, high: Floats, *pairs: Integers) -> Floats:
+    """Return where functions of a number and what says which pair it is cross 0, each between two numbers, (N,)."""
+    return np.asarray(find_root(function, (low, high), args=pairs, tolerances={"xatol": 0.0, "xrtol": 1e-14}).x)
 
 
 def _listed(kind: str, *columns: NDArray[Any]) -> list[Match]:

@@ -237,8 +237,8 @@ CUBE = np.array([[0, 0, 0], [0, C / 2, C / 2], [C / 2, 0, C / 2], [C / 2, C / 2,
     reason="the extrapolation leaves a part in 1e6, the integrator's 1e-11 is 1e-8 of a²",
     mutant=Mutant(
         "analysis/theory/bonds.py",
-        "turned = crossed(self.normal, one.twist[..., None] * mu + other.twist[..., None] * nu)",
-        "turned = crossed(self.normal, one.twist[..., None] * mu - other.twist[..., None] * nu)",
+        "turned = self._about(one.twist[..., None] * mu + other.twist[..., None] * nu)",
+        "turned = self._about(one.twist[..., None] * mu - other.twist[..., None] * nu)",
     ),
 )
 def test_exact_crystals_in_space(vectors, basis, cycles, repeats, walls, branch, along, measured: Measure) -> None:
