@@ -339,7 +339,7 @@ def test_a_run_that_the_executor_refuses_fails_and_the_others_go_on(small: Scene
 
 
 def interrupt(step: int, steps: int) -> None:
-    if 0 < step < steps:
+    if steps / 10 < step < steps:  # later than the one step that loads the shear springs, which leaves no checkpoint
         raise KeyboardInterrupt
 
 
