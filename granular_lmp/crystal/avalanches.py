@@ -35,9 +35,9 @@ Floats = NDArray[np.float64]
 ROUGHLY_SETTLED = 4e-3
 _SOFT, _SOFTEST = 1e-5, 1e-9  # Least λ far from rest and near it, k1
 _STIFFER, _STIFFEST = 8.0, 1e12  # λ grows and falls by the first, and over its least value to the second at most
-_HALVINGS = 10  # of a step
+_HALVINGS = 10  # A step is halved at most as often
 _FLUNG = 0.2  # A smaller share of a step says that λ is too small
-_SHARE_LEFT = 0.1  # of the force, which conjugate gradients may leave; near the rest its root
+_SHARE_LEFT = 0.1  # Conjugate gradients may leave this share of the force; near the rest its root
 _BUCKLED = 0.5  # Δ0: how far a crystal is pushed in the direction in which it would buckle
 _LOOSE, _RINGS = 1e-2, 3  # Force k1 Δ0 of spheres that are let go, and how far their neighbours are
 
