@@ -3,26 +3,29 @@
 A wave of branch i with the wave vector k drives branch j at 2k. Along a line of wave vectors k = q e
 
     resonance       2ω_i(k) = ω_j(2k): the harmonic is a free wave, and grows in proportion to time
-    antiresonance   the force on branch j vanishes between two waves that have one
+    antiresonance   the force on branch j changes its sign
 
 A mirror of the crystal that contains e makes modes even or odd. The square of either is even: an odd branch at 2k gets
-nothing, at any wave number, and its resonances are *forbidden*.
+nothing, at any wave number: its resonances are *forbidden*, and it has no antiresonance. From one wave number to the
+next a branch continues as the mode most like it, so that branches of two symmetries pass through each other.
 
 When it breaks: where two branches have one frequency all along the line and no mirror z → −z tells them apart, so that
-their polarisation is arbitrary; a pair of crossings between two points of the grid is missed.
+their polarisation is arbitrary; a pair of zeros between two points of the grid is missed, and so are zeros between
+branches that repel each other within less than a tenth of a step, which count as passing through each other. A detuning
+that touches 0 and does not cross it, as some do at the edge of the zone, is no resonance.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize.elementwise import find_root
 
-from granular_analysis.theory.crystal import Crystal, padded
+from granular_analysis.theory.crystal import Crystal, Modes, padded
 from granular_analysis.theory.mirror import Mirror
 from granular_analysis.theory.second_order import Mixed, Wave, branch_of, chosen
 from granular_analysis.theory.selection import mirrors, parity
@@ -34,6 +37,9 @@ Integers = NDArray[np.intp]
 COUNT = 200  # wave numbers on a line
 _FLOPPY = 1e-6  # a branch below this share of the highest frequency all along has the frequency 0
 _SILENT = 1e-9  # share of the largest force on any branch that is rounding, or a zero that was found
+_TOUCHING = 1e-12  # a detuning below this share of the highest frequency is 0
+_ALIKE = 0.99  # overlap of modes that one wave number and the next resolve, where branches repel each other
+_HALVINGS = 4  # of a step of the grid where they do not
 _FACING = 1e-9  # share of a reciprocal vector that is rounding
 _REACH = 3  # reciprocal vectors up to this many of each
 
@@ -89,16 +95,90 @@ def matches(crystal: Crystal, direction: ArrayLike, limit: float | None = None, 
     most = zone_edge(crystal, along) if limit is None else limit
     numbers = most * np.arange(1, count + 1) / count
     line = _Line(crystal, along)
-    frequencies, doubled, forces = line.at(numbers)
-    loudest = float(forces.max())
+    numbers, grid = line.grid(numbers)
+    frequencies, loudest = grid.waves.frequencies, float(np.abs(grid.force).max())
     moving = (frequencies.max(axis=0) > _FLOPPY * frequencies.max())[:, None]
-    above = 2 * frequencies[:, :, None] >= doubled[:, None, :]
-    n, branch, target = np.nonzero((above[1:] != above[:-1]) & moving)
-    found = line.resonances(branch, target, numbers[n], numbers[n + 1], loudest) if len(n) else []
-    before, least, after = forces[:-2], forces[1:-1], forces[2:]
-    n, branch, target = np.nonzero((least < before) & (least <= after) & (after > _SILENT * loudest) & moving)
-    found += line.antiresonances(branch, target, numbers[n], numbers[n + 2], loudest) if len(n) else []
-    return sorted(found, key=lambda each: each.wavenumber)
+    gap = 2 * frequencies[:, :, None] - grid.targets.frequencies[:, None, :]
+    found = []
+    for step, turns in enumerate(_turns(gap, gap[1:], gap[2:], _TOUCHING * frequencies.max()), 1):
+        n, branch, target = np.nonzero(turns & moving)
+        found += line.resonances(branch, target, numbers[n], numbers[n + step], loudest) if len(n) else []
+    for step, turns in enumerate(_turns(grid.force, grid.after(1), grid.after(2), _SILENT * loudest), 1):
+        n, branch, target = np.nonzero(turns & moving)
+        start = grid.chosen(n, branch, target)
+        found += line.antiresonances(start, numbers[n], numbers[n + step], loudest) if len(n) else []
+    # Branches of one frequency have theirs at the same numbers, but for rounding
+    return sorted(found, key=lambda each: (round(each.wavenumber / most, 9), each.kind, each.branch, each.target))
+
+
+class _Forces(NamedTuple):
+    """Modes at k (N, I) and at 2k (N, J), and the force of each wave on each branch at 2k (N, I, J)."""
+
+    waves: Modes
+    targets: Modes
+    force: Complexes
+
+    def chosen(self, n: Integers, branch: Integers, target: Integers) -> "_Forces":
+        """Return pairs (M,) of a branch and its target as (M, 1), (M, 1) and (M, 1, 1)."""
+        waves, targets = (
+            Modes._make(each[n, which, None] for each in modes)
+            for modes, which in ((self.waves, branch), (self.targets, target))
+        )
+        return _Forces(waves, targets, self.force[n, branch, target, None, None])
+
+    def unlike(self) -> NDArray[np.bool_]:
+        """Return from which wave numbers to the next a wave or a target has no mode like itself, (N − 1,)."""
+        return np.logical_or(
+            *(
+                np.any(np.abs(_likest(each.duals[:-1], each.shapes[1:])[0]) < _ALIKE, axis=-1)
+                for each in (self.waves, self.targets)
+            )
+        )
+
+    def inserted(self, place: Integers, more: "_Forces") -> "_Forces":
+        """Return these with others inserted before places."""
+        waves, targets = (
+            Modes._make(np.insert(one, place, other, axis=0) for one, other in zip(each, others, strict=True))
+            for each, others in ((self.waves, more.waves), (self.targets, more.targets))
+        )
+        return _Forces(waves, targets, np.insert(self.force, place, more.force, axis=0))
+
+    def after(self, step: int) -> Complexes:
+        """Return the forces (N − step, I, J) some wave numbers later, in the phases of the modes here."""
+        wave, branch = _likest(self.waves.duals[:-step], self.waves.shapes[step:])
+        answer, target = _likest(self.targets.duals[:-step], self.targets.shapes[step:])
+        n = np.arange(len(branch))[:, None, None]
+        force = self.force[step:][n, branch[:, :, None], target[:, None, :]]
+        return _in_phase(force, wave[:, :, None], answer[:, None, :])
+
+
+def _turns(
+    now: NDArray[Any], next_one: NDArray[Any], next_two: NDArray[Any], zero: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return what changes its sign by the next wave number, (N − 1, I, J), and what does so by the next but one.
+
+    The latter (N − 2, I, J) is what is 0 at the next one, where its sign is rounding. What only touches 0 changes none.
+    """
+    first, second = (
+        (np.abs(now[: len(other)]) > zero) & (np.abs(other) > zero) & ((other * now[: len(other)].conj()).real < 0)
+        for other in (next_one, next_two)
+    )
+    return first, second & (np.abs(next_one[:-1]) <= zero)
+
+
+def _likest(duals: Complexes, shapes: Complexes) -> tuple[Complexes, Integers]:
+    """Return the overlaps of modes by their duals (N, I, B, 6) with those of (N, J, B, 6) most like them, and which."""
+    overlap = np.einsum("nibc,njbc->nij", duals, shapes)
+    best = np.argmax(np.abs(overlap), axis=-1)
+    return np.take_along_axis(overlap, best[..., None], axis=-1)[..., 0], best
+
+
+def _in_phase(force: Complexes, wave: Complexes, answer: Complexes) -> Complexes:
+    """Return forces in the phases of earlier modes, which have these overlaps with the waves and the answers now.
+
+    They are real multiples of the earlier ones, unless their phase turns.
+    """
+    return force * wave.conj() ** 2 * answer
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,13 +196,24 @@ class _Line:
         one = branch_of(self.crystal, np.multiply.outer(np.asarray(number, dtype=float), self.along), branch)
         return Mixed(self.crystal, one, one)
 
-    def at(self, numbers: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return ω_i(k) (N, J), ω_j(2k) (N, J), and the size of the forces (N, i, j) on the branches at 2k."""
+    def grid(self, numbers: Floats) -> tuple[Floats, _Forces]:
+        """Return all at wave numbers, and at more of them where a mode is not like any at the next."""
+        found = self.at(numbers)
+        for _ in range(_HALVINGS):
+            if not np.any(unlike := found.unlike()):
+                break
+            more = 0.5 * (numbers[1:] + numbers[:-1])[unlike]
+            place = np.flatnonzero(unlike) + 1
+            found, numbers = found.inserted(place, self.at(more)), np.insert(numbers, place, more)
+        return numbers, found
+
+    def at(self, numbers: Floats) -> _Forces:
+        """Return all modes at k and 2k, and the forces on these."""
         k = np.multiply.outer(numbers, self.along)
         modes = self.crystal.modes(k)
         every = Wave(k[:, None], modes.frequencies, modes.shapes)
         pairs = Mixed(self.crystal, every, every)
-        return modes.frequencies, pairs.targets.frequencies[:, 0], np.abs(pairs.steady)
+        return _Forces(modes, Modes._make(each[:, 0] for each in pairs.targets), pairs.steady)
 
     def resonances(self, branch: Integers, target: Integers, low: Floats, high: Floats, loudest: float) -> list[Match]:
         """Return the resonances of pairs between two wave numbers where the detuning has different signs."""
@@ -139,40 +230,33 @@ class _Line:
         found = _listed("resonance", number, branch, target, pairs.first.frequency, rate)
         return [one if one.rate else replace(one, forbidden=self.selection(one)) for one in found]
 
-    def antiresonances(
-        self, branch: Integers, target: Integers, low: Floats, high: Floats, loudest: float
-    ) -> list[Match]:
-        """Return the wave numbers between two where pairs have no force, for those of which it changes its sign."""
-        start = self.doubled(low, branch)
-        turns = np.flatnonzero(self.followed(high, start, np.arange(len(low)), branch, target)[0].real <= 0)
-        if not len(turns):
-            return []
-        branch, target, low, high = branch[turns], target[turns], low[turns], high[turns]
+    def antiresonances(self, start: _Forces, low: Floats, high: Floats, loudest: float) -> list[Match]:
+        """Return where pairs that have a force (N, 1, 1) at the low wave number have none, up to the high one."""
 
-        def force(number: Floats, begun: Integers, branch: Integers, target: Integers) -> Floats:
-            return np.asarray(self.followed(number, start, begun, branch, target)[0].real)
+        def force(number: Floats, begun: Integers) -> Floats:
+            share = self.followed(number, start, begun)[0] / start.force[begun, 0, 0]
+            return np.asarray(share.real)
 
-        number = _crossings(force, low, high, turns, branch, target)
-        share, like = self.followed(number, start, turns, branch, target)
-        left = np.abs(share * start.steady[turns, target])
-        frequency = self.doubled(number, branch).first.frequency
+        every = np.arange(len(low))
+        number = _crossings(force, low, high, every)
+        left, branch, target, frequency = self.followed(number, start, every)
         found = _listed("antiresonance", number, branch, target, frequency, np.zeros(len(number)))
         # Others are another branch beyond a crossing, or a force whose phase turns
-        return [found[n] for n in np.flatnonzero((like >= 0.5) & (left <= _SILENT * loudest))]
+        return [found[n] for n in np.flatnonzero(np.abs(left) <= _SILENT * loudest)]
 
-    def followed(
-        self, number: Floats, start: Mixed, begun: Integers, branch: Integers, target: Integers
-    ) -> tuple[Complexes, Floats]:
-        """Return the force over that at the start, in the phases of the modes there, and how like these the modes are.
+    def followed(self, number: Floats, start: _Forces, begun: Integers) -> tuple[Complexes, Integers, Integers, Floats]:
+        """Return the forces (M,) of pairs that begun as (M,) of the start, in the phases there.
 
-        The first is real, unless the phase of the force turns. `begun` are the places of the pairs in the start.
+        Then follow their branches and targets here, and the frequencies of the waves.
         """
-        now, then, pairs = (np.arange(len(target)), target), (begun, target), self.doubled(number, branch)
-        wave = np.sum(start.first.shape[begun].conj() * pairs.first.shape, axis=(-2, -1)) / len(self.crystal)
-        answers = start.targets.shapes[then].conj() * pairs.targets.shapes[now]
-        answer = np.sum(answers, axis=(-2, -1)) / len(self.crystal)
-        share = pairs.steady[now] * wave.conj() ** 2 * answer / start.steady[then]
-        return np.asarray(share), np.minimum(np.abs(wave), np.abs(answer))
+        k = np.multiply.outer(number, self.along)
+        modes = self.crystal.modes(k)
+        wave, branch = _likest(start.waves.duals[begun], modes.shapes)
+        one = chosen(modes, k, branch[:, 0])
+        pairs = Mixed(self.crystal, one, one)
+        answer, target = _likest(start.targets.duals[begun], pairs.targets.shapes)
+        force = np.take_along_axis(pairs.steady, target, axis=-1)
+        return _in_phase(force, wave, answer)[:, 0], branch[:, 0], target[:, 0], one.frequency
 
     def selection(self, match: Match) -> str:
         """Return which mirror forbids that a wave drives a branch at 2k."""

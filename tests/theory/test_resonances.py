@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from granular_analysis import resonances as script
 from granular_analysis import second_harmonic as sh
 from granular_analysis.cases.growth import case as growth
-from granular_analysis.theory.bloch import hexagonal
+from granular_analysis.theory.bloch import frame, hexagonal
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.crystal import Crystal, padded
 from granular_analysis.theory.lattices import LATTICES
 from granular_analysis.theory.network import Material
 from granular_analysis.theory.phase_matching import Match, matches, zone_edge
@@ -96,6 +96,41 @@ def test_what_two_waves_of_any_crystal_may_not_make_they_do_not(name: str) -> No
             assert drives[banned].max(initial=0.0) < 1e-9 * crystal.highest**2
             found += [*banned]
     assert 0 < sum(found) < len(found)
+
+
+def _space(name: str, orientation: str) -> Crystal:
+    lattice, apart = LATTICES[name, orientation], 1000 - 0.2498514361612
+    return Crystal.of(apart * lattice.vectors, apart * lattice.basis, 500.0, 2.2e-3, [Material(73e3, 0.17, 63.0)])
+
+
+@pytest.mark.parametrize(
+    ("lattice", "degrees"), [(("fcc", "[001]"), 23.0), (("hcp", "c"), 71.0), (("cubic", "[001]"), 23.0)]
+)
+def test_an_oblique_direction_and_its_mirror_image_have_one_list(lattice: tuple[str, str], degrees: float) -> None:
+    """Rounding differs between the two, as it does between processors."""
+    crystal = _space(*lattice)
+    one, image = (matches(crystal, frame(angle)[0]) for angle in (degrees, 180 - degrees))
+    columns = [[(each.kind, each.branch, each.target, bool(each.rate)) for each in found] for found in (one, image)]
+    assert columns[0] == columns[1]
+    assert [each.wavenumber for each in one] == pytest.approx([each.wavenumber for each in image], rel=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [23.0, 45.0])
+def test_an_antiresonance_is_where_a_force_changes_its_sign_and_a_forbidden_branch_has_none(degrees: float) -> None:
+    crystal, along = _space("fcc", "[001]"), padded(frame(degrees)[0])
+    silent = [each for each in matches(crystal, along) if each.kind == "antiresonance"]
+    assert silent
+    for each in silent:
+        numbers = each.wavenumber * (1 + 1e-7 * np.array([-2.0, -1.0, 1.0, 2.0]))
+        one = branch_of(crystal, np.outer(numbers, along), each.branch)
+        pair = Mixed(crystal, one, one)
+        force = pair.steady[:, each.target]
+        assert not forbidden(Mixed(crystal, *2 * [branch_of(crystal, numbers[0] * along, each.branch)]))[each.target]
+        # A force that changes its sign grows in proportion to the distance; one that has none is rounding
+        assert np.abs(force[[0, 3]]) == pytest.approx(2 * np.abs(force[[1, 2]]), rel=1e-3)
+        share = np.sum(pair.targets.duals[0, each.target] * pair.targets.shapes[3, each.target])
+        wave = np.sum(crystal.modes(numbers[0] * along).duals[each.branch] * one.shape[3])
+        assert (force[3] * share * wave.conj() ** 2 / force[0]).real == pytest.approx(-1, abs=1e-3)
 
 
 def test_honeycomb_has_resonances_that_a_chain_of_formulas_would_not_find() -> None:
