@@ -54,16 +54,7 @@ class Ratios:
 
 
 def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: float = 0.0) -> Ratios:
-    """Constants of the lattice for Hertz–Mindlin contacts, κ = 2(1−ν)/(2−ν).
-
-        μ1 = (3κ+1)/(κ+3),  μ2 = κ/(κ+3),  α = (2κ−1)/(2κ+3),  β = 2κ/(2κ+3),  γ = (2κ+1)/(2κ+3)
-
-    The overlap ratio η = Δ0/2R puts in, with h = η/(1−η), what contacts of true length and direction change:
-
-        Ĩ → Ĩ/(1−η),  α → α + 2h(1−5κ)/(2κ+3),  β → β(1−6h),  ε of the L mode → ε[1 − 6h(1−κ)/(2κ+3)]
-
-    These leave out no power of η: to second order in the displacements the geometry enters through 1/(2R−Δ0) alone.
-    No second harmonic depends on γ. Definitions below Eq. 10, right as printed; geometry is not in the paper.
+    """Constants of the lattice for Hertz–Mindlin contacts, κ = 2(1−ν)/(2−ν), by `of_stiffness`.
 
     ν is in [−1, 0.5], inertia I/(mR²) > 0, and overlap_ratio in [0, 0.1]: 0 in the paper's geometry, 2.5e-4 of its
     silica spheres. Raises ValueError for values outside these ranges.
@@ -74,15 +65,30 @@ def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: f
     >>> round(constants.kappa, 4), round(constants.alpha, 4)
     (0.9071, 0.1691)
     """
-    for name, value, least, most in (
-        ("poisson_ratio", poisson_ratio, -1, 0.5),
-        ("overlap_ratio", overlap_ratio, 0, 0.1),
-    ):
-        if not least <= value <= most:
-            raise ValueError(f"{name} = {value} is outside [{least}, {most}]")
-    if not 0.0 < inertia < np.inf:
-        raise ValueError(f"inertia = {inertia} must be positive and finite")
-    kappa = 2 * (1 - poisson_ratio) / (2 - poisson_ratio)
+    if not -1 <= poisson_ratio <= 0.5:
+        raise ValueError(f"poisson_ratio = {poisson_ratio} is outside [-1, 0.5]")
+    return of_stiffness(2 * (1 - poisson_ratio) / (2 - poisson_ratio), inertia, overlap_ratio)
+
+
+def of_stiffness(kappa: float, inertia: float = SOLID_SPHERE, overlap_ratio: float = 0.0) -> Ratios:
+    """Constants of the lattice for a ratio κ = g1/k1 > 0 of stiffnesses, of a material or as measured.
+
+        μ1 = (3κ+1)/(κ+3),  μ2 = κ/(κ+3),  α = (2κ−1)/(2κ+3),  β = 2κ/(2κ+3),  γ = (2κ+1)/(2κ+3)
+
+    The overlap ratio η = Δ0/2R puts in, with h = η/(1−η), what contacts of true length and direction change:
+
+        Ĩ → Ĩ/(1−η),  α → α + 2h(1−5κ)/(2κ+3),  β → β(1−6h),  ε of the L mode → ε[1 − 6h(1−κ)/(2κ+3)]
+
+    These leave out no power of η: to second order in the displacements the geometry enters through 1/(2R−Δ0) alone.
+    No second harmonic depends on γ. Definitions below Eq. 10, right as printed; geometry is not in the paper.
+
+    Raises ValueError for values outside the ranges of `ratios`.
+    """
+    if not 0 <= overlap_ratio <= 0.1:
+        raise ValueError(f"overlap_ratio = {overlap_ratio} is outside [0, 0.1]")
+    for name, value in (("kappa", kappa), ("inertia", inertia)):
+        if not 0.0 < value < np.inf:
+            raise ValueError(f"{name} = {value} must be positive and finite")
     h, unit = overlap_ratio / (1 - overlap_ratio), 2 * kappa + 3
     return Ratios(
         kappa=kappa,

@@ -43,7 +43,7 @@ IN_SPACE = (
     {said("packing.lattice", name) for name in ("cubic", "fcc", "hcp")}
     | {f"packing.{name}" for name in ("space", "layers", "depth", "orientation")}
     | {f"substrate.{name}" for name in (*_MATERIAL, "normal_stiffness", "shear_stiffness", "sides")}
-    | {"contact.normal_stiffness", "contact.shear_stiffness", "effects.creep"}
+    | {"effects.creep"}
     | {said("wave.mode", f"{family}{number}") for family in "SH" for number in range(1, MOST_BRANCHES + 1)}
 )
 SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))
@@ -102,6 +102,7 @@ KEYS = frozenset({"monitor"}).union(
     f"{section}.{key}"
     for section, keys in {
         "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density contact_force adhesion_law",
+        "contact": "normal_stiffness shear_stiffness",
         "packing": "lattice rows columns ends contact_force relax relax_friction relax_by",
         "wave": "mode wavenumber amplitude phase form direction",
         "envelope": "length width offset ramp",

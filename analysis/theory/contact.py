@@ -13,7 +13,7 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_analysis.second_harmonic import SOLID_SPHERE, Ratios, ratios
+from granular_analysis.second_harmonic import SOLID_SPHERE, Ratios, of_stiffness, ratios
 from granular_analysis.theory.adhesion import Adhesion, AtRest
 from granular_analysis.theory.errors import TheoryError
 
@@ -38,6 +38,7 @@ class Contact:
     viscosity : c ≥ 0 of a dashpot in every closed contact, in m/t0 (LAMMPS damping velocity).
     restitution : coefficient in (0, 1] that sets the dashpot instead (LAMMPS damping coeff_restitution); None: none.
     inertia : Ĩ = I/(mR²) > 0 of the sphere, without the factor of η.
+    stiffness_ratio : κ > 0 of measured stiffnesses in place of that of ν, of a contact without JKR's law; None: ν's.
     adhesion_law : "dmt", or "jkr", whose contacts adhere beyond an overlap of 0 (`granular_analysis.theory.adhesion`).
 
     Raises
@@ -57,6 +58,7 @@ class Contact:
     restitution: float | None = None
     inertia: float = SOLID_SPHERE
     adhesion_law: Adhesion = "dmt"
+    stiffness_ratio: float | None = None
 
     def __post_init__(self) -> None:
         if self.adhesion_law not in get_args(Adhesion):
@@ -67,7 +69,7 @@ class Contact:
             raise TheoryError("law = 'potential' needs adhesion_law = 'dmt', not 'jkr': it is derived for that")
         if not 0.0 <= self.prestress <= 1.0:
             raise TheoryError(f"prestress = {self.prestress} is outside [0, 1]")
-        ratios(self.poisson_ratio, self.inertia, self.overlap_ratio)  # checks their ranges
+        _ = self._ratios  # checks ranges
         if self.law not in LAWS:
             raise TheoryError(f"law = {self.law!r} is none of {LAWS}")
         if self.law == "potential" and self.overlap_ratio > 0:
@@ -89,11 +91,14 @@ class Contact:
 
         Parameters
         ----------
-        sphere : with ν, overlap ratio, forces and adhesion, as `granular_lmp.crystal.sphere.Sphere` has them
+        sphere : with ν, overlap ratio, forces and adhesion, as `granular_lmp.crystal.sphere.Sphere` has them; ν above
+            ½, of no material, stands for measured stiffnesses
         others : attributes that no sphere has
         """
+        number = sphere.poisson_ratio
         return cls(
-            sphere.poisson_ratio,
+            min(number, 0.5),
+            stiffness_ratio=None if number <= 0.5 else 2 * (1 - number) / (2 - number),
             overlap_ratio=sphere.overlap_ratio,
             prestress=sphere.contact_force / sphere.holding_force,
             adhesion_law=sphere.adhesion_law,
@@ -103,7 +108,14 @@ class Contact:
     @cached_property
     def kappa(self) -> float:
         """κ = g1/k1 of the spheres, which sets the units; a contact without shear has none of its force."""
-        return 2 * (1 - self.poisson_ratio) / (2 - self.poisson_ratio) * self.adhesion.excess
+        return self._ratios.kappa * self.adhesion.excess
+
+    @property
+    def _ratios(self) -> Ratios:
+        """Constants of the closed form without the departures of the contact."""
+        if self.stiffness_ratio is None:
+            return ratios(self.poisson_ratio, self.inertia, self.overlap_ratio)
+        return of_stiffness(self.stiffness_ratio, self.inertia, self.overlap_ratio)
 
     @cached_property
     def adhesion(self) -> AtRest:
@@ -168,7 +180,7 @@ class Contact:
         """Constants of `granular_analysis.second_harmonic`; raises ValueError for a contact that it does not hold."""
         if self.departures:
             raise TheoryError(f"the closed form does not hold {', '.join(self.departures)}")
-        return ratios(self.poisson_ratio, self.inertia, self.overlap_ratio)
+        return self._ratios
 
 
 def ratios_of(scene: Any) -> Ratios:

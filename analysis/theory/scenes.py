@@ -57,6 +57,7 @@ MOTION = frozenset(
 )
 FORMS = ("running", "standing")
 DEFAULT = {"cubic": "[001]", "fcc": "[001]", "hcp": "c"}  # orientations that a scene leaves out
+_NEWTON = 12  # steps, each of which doubles the digits from the third on
 LONGEST = 6  # rows of a pattern: its modes meet in pairs, 10 s of processor time for six
 
 
@@ -227,8 +228,16 @@ class Setting:
             varied = ", ".join(sorted(self.numbers.keys() & CONTACT))
             raise TheoryError(f"sphere.adhesion_law = {sphere.adhesion_law!r} allows to vary no {varied}; 'dmt' does")
         radius, modulus, ratio, adhesion, pressed = (self.number(key) for key in CONTACT)
-        pull = np.pi * adhesion * radius  # 2πw Rc, Rc = R/2
-        return ((pull + pressed) / (2 / 3 * modulus / (1 - ratio**2) * np.sqrt(radius / 2))) ** (2 / 3)
+        hertz = 2 / 3 * modulus / (1 - ratio**2) * np.sqrt(radius / 2)
+        pull, stiffness = np.pi * adhesion * radius, self.scene.contact.normal_stiffness  # 2πw Rc, Rc = R/2
+        if stiffness is None:
+            return ((pull + pressed) / hertz) ** (2 / 3)
+        # The law is scaled to this stiffness at rest: (2/3)K(δ − F/A√δ) = F0, Newton's method for √δ from above
+        slope, level = 1.5 * pressed / stiffness, pull / hertz
+        root = slope**0.5 + level ** (1 / 3)
+        for _ in range(_NEWTON):
+            root = root - (root**3 - slope * root - level) / (3 * root**2 - slope)
+        return root**2
 
     def crystal(self, *, layers: bool = True, true_geometry: bool = True) -> Crystal:
         """Return the crystal, one cell a row of the pattern; without `layers` the lattice of the wave's mode.

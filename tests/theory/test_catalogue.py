@@ -205,7 +205,17 @@ def test_the_keys_that_are_known_are_those_of_a_scene() -> None:
     # A step excludes a tolerance, the force is of the packing, forces on spheres are recorded without a wave, a table
     # of which nothing is declared is not there, and monitors change no motion, nor does the density of a substrate that
     # is rigid; a face that is declared is a trait, and so is what makes a crystal one in space, and a late parting
-    others = {"time.timestep", "sphere.contact_force", "disorder.seed", "monitor", "output.forces", "substrate.density"}
+    # of measured stiffnesses each key is there where it is declared
+    others = {
+        "contact.normal_stiffness",
+        "contact.shear_stiffness",
+        "time.timestep",
+        "sphere.contact_force",
+        "disorder.seed",
+        "monitor",
+        "output.forces",
+        "substrate.density",
+    }
     in_space = {f"packing.{name}" for name in ("space", "layers", "depth", "orientation")}
     assert keys - FACES - in_space - {"effects.parting"} | others == KEYS
 
