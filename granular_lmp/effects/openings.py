@@ -34,7 +34,7 @@ _MAY = "  # one that hardly touches may open between looks"
 _OPEN = "variable     open equal v_changed"
 
 
-def _by_pairs(scene: Scene) -> bool:
+def by_pairs(scene: Scene) -> bool:
     """Return whether LAMMPS's own contacts are counted: of unequal spheres that adhere beyond an overlap of 0."""
     return not scene.perfect and scene.sphere.pull_off_distance > 0 and not alike(scene)
 
@@ -50,7 +50,7 @@ def _lingers(scene: Scene) -> bool:
 
 def begins_wider(scene: Scene) -> bool:
     """Return whether a contact at rest is one that LAMMPS does not begin by itself."""
-    return _by_pairs(scene) and bool((contacts_of(scene).overlap <= 0).any())
+    return by_pairs(scene) and bool((contacts_of(scene).overlap <= 0).any())
 
 
 def begin(problem: Prepared) -> list[str]:
@@ -79,7 +79,7 @@ def at_rest_lines(problem: Prepared) -> list[str]:
     if problem.scene.loose:
         return []
     walls = on_walls.at_rest_lines(problem)
-    if _by_pairs(problem.scene):
+    if by_pairs(problem.scene):
         return walls
     sphere, count = problem.scene.sphere, "contact/atom"
     if sphere.pull_off_distance:
@@ -93,7 +93,7 @@ def changed_lines(problem: Prepared, *, everywhere: bool = False) -> list[str]:
     scene = problem.scene
     judged_singly = bounded(scene) and not scene.sphere.pull_off_distance
     near = f"{_OPEN}{'' if judged_singly else f'+({nearly_open(scene):.4f}>v_overlap)'}{_MAY}"
-    if not _by_pairs(scene):
+    if not by_pairs(scene):
         group, tag, name = ("all", "_all", "open_all") if everywhere else ("inside", "", "changed")
         missed = f"variable     missed atom abs(f_at_rest-c_touching){on_walls.missed(problem)}"
         return [
@@ -125,7 +125,7 @@ def changed_lines(problem: Prepared, *, everywhere: bool = False) -> list[str]:
 def counted_lines(problem: Prepared) -> list[str]:
     """Return the lines that count LAMMPS's own contacts at each look."""
     scene = problem.scene
-    if not _by_pairs(scene):
+    if not by_pairs(scene):
         return []
     # Bins are R wide. Pairs without contact are in the middle one, and those that are farther than 1.5 R in the outer
     most = repr(1.5 * problem.units.number(scene.sphere.radius, length=1))

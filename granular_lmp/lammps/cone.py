@@ -3,9 +3,21 @@
 Guards judge the spheres whose state can still affect the record. In a plane wave between walls, or in a finite wave,
 these are in a cone around what is recorded, whose rim moves inwards as fast as signals do. Outside, walls cut the wave
 off and shear contacts strongly, which no record shows.
+
+Spheres farther out leave the run, which gets shorter by them. The face that they leave behind is a disturbance, and
+the waves ahead of its front fall like an Airy function of the distance over its width d^{1/3} rows after d rows
+(`granular_lmp.scene.shape.echo_time`). Spheres therefore leave where
+
+    d > w + WIDTHS (w + WIDTHS^{3/2})^{1/3}
+
+with the distance d from the centre and the way w of the fastest signal before the end, both in rows. Where all spheres
+of a row move alike whole rows leave, so that the wave stays plane, as guards of its symmetry ask.
 """
 
+import numpy as np
+
 from granular_lmp.effects.guard import watches_part
+from granular_lmp.effects.openings import by_pairs
 from granular_lmp.problem import Problem
 from granular_lmp.scene.at_rest import swiftness
 from granular_lmp.scene.scene import Scene
@@ -14,6 +26,21 @@ from granular_lmp.scene.shape import quiet_rows
 # Rows between the cone and the spheres that cannot move it before the next look: in a quarter of the period of the
 # branches that carry displacements, all farther spheres together move a sphere by at most 1 % of v t (tests)
 MARGIN = 3
+
+_ALL = 2**31 - 1  # spheres that may leave at once
+
+# Widths of the front within which spheres stay: the record then changes by less than 1e-9 of its largest value
+WIDTHS = 5.0
+LOST = 6  # rows that the cone loses until spheres leave again; neighbour lists are made anew then
+
+# Where spheres leave, by whether all of a row move alike
+_FAR = {
+    True: [
+        "variable     low equal -v_lives",
+        "region       far block INF INF v_low v_lives INF INF side out units box",
+    ],
+    False: ["region       far cylinder z 0 0 v_lives INF INF side out units box"],
+}
 
 
 def inside_lines(problem: Problem) -> list[str]:
@@ -35,6 +62,7 @@ def inside_lines(problem: Problem) -> list[str]:
         f"variable     reach equal {least + lost!r}-$({lost!r}*v_step/(v_t0*(v_duration+(v_duration==0))):%.17g)*step",
         "variable     near atom v_reach>f_away",
         f"group        inside dynamic all var near every {_interval(scene)}",
+        *_leaving(problem),
     ]
 
 
@@ -48,6 +76,48 @@ def around_lines(problem: Problem) -> list[str]:
     return [
         f"variable     beside atom v_reach+{MARGIN * _row(problem)!r}>f_away",
         f"group        around dynamic all var beside every {MARGIN * _interval(problem.scene)}",
+    ]
+
+
+def leave(scene: Scene) -> bool:
+    """Return whether spheres that can no longer affect the record leave the run."""
+    return watches_part(scene) and not scene.monitor and not scene.packing.contact_force and not by_pairs(scene)
+
+
+def looks_elsewhere(scene: Scene) -> bool:
+    """Return whether guards look, for information, also at spheres that cannot affect the record, which stay."""
+    return watches_part(scene) and not leave(scene)
+
+
+def mean_count(problem: Problem) -> float:
+    """Return the number of spheres of a run, of those that leave in the share of the run in which they are there."""
+    scene, crystal = problem.scene, problem.crystal
+    if not leave(scene):
+        return float(len(crystal))
+    row = scene.lattice.row_distance(scene.sphere.lattice_constant) / scene.sphere.radius
+    apart = np.sort(np.hypot(crystal.positions[:, 0] * (not scene.uniform_rows), crystal.positions[:, 1])) / row
+    way = _speed(scene) * scene.time.duration * np.linspace(0.0, 1.0, 101)
+    return float(np.searchsorted(apart, way + WIDTHS * np.cbrt(way + WIDTHS**1.5)).mean())
+
+
+def _speed(scene: Scene) -> float:
+    """Return the speed that no signal exceeds, rows per τ."""
+    return scene.lattice.fastest * swiftness(scene)
+
+
+def _leaving(problem: Problem) -> list[str]:
+    """Return the lines by which spheres leave, [] where they stay."""
+    scene, row = problem.scene, _row(problem)
+    if not leave(scene):
+        return []
+    return [
+        "# spheres that can no longer affect the record leave; to keep them add the line: unfix gone",
+        f"variable     way equal {_speed(scene)!r}*(v_duration-v_tau)",
+        f"variable     front equal {row!r}*(v_way+{WIDTHS}*(v_way+{WIDTHS**1.5:.3f})^(1/3))",
+        f"variable     beyond equal v_reach+{MARGIN * row!r}  # farther only if -var made the run shorter",
+        "variable     lives equal ternary(v_front>v_beyond,v_front,v_beyond)",
+        *_FAR[scene.uniform_rows],
+        f"fix          gone all evaporate {LOST * _interval(scene)} {_ALL} far 1",
     ]
 
 

@@ -12,14 +12,14 @@ from math import pi
 
 from granular_lmp.crystal.modes import Mode, highest_frequency
 from granular_lmp.effects.contact_opening import GUARD as OPEN
-from granular_lmp.effects.guard import LOOKS, TOP, watches_part
+from granular_lmp.effects.guard import LOOKS, TOP
 from granular_lmp.effects.openings import changed_lines, counted_lines
 from granular_lmp.effects.reading import Reading, contact_lines, nearly_open, overlap_lines
 from granular_lmp.effects.selection import guards as all_guards
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import slip_lines
 from granular_lmp.lammps import pace
-from granular_lmp.lammps.cone import inside_lines
+from granular_lmp.lammps.cone import inside_lines, looks_elsewhere
 from granular_lmp.lammps.outputs import CONTACTS, UNKNOWN, UNWAVED_CONTACTS
 from granular_lmp.problem import Problem
 from granular_lmp.scene.at_rest import swiftness
@@ -98,13 +98,13 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
     if problem.scene.loose:
         return _of_meetings(problem)
     scene, names, how = problem.scene, problem.guards, Reading.of(problem)
-    part, watched = watches_part(scene), [GUARDS[name] for name in names]
+    watched = [GUARDS[name] for name in names]
     steps, longest = look_interval(problem), _look_time(problem) * (1 + 1e-9)
     text: list[str] = []
     for guard in watched:
         of_contacts = _of_contacts("inside", "", how) if guard.of_contacts else []
         text += [line for line in (*of_contacts, *guard.lines(problem)) if line not in text]
-    if part:
+    if looks_elsewhere(scene):
         *missing, open_all = changed_lines(problem, everywhere=True)
         text += [
             "# for information: the same for all spheres, also those that cannot affect the record; no run fails by it",
@@ -156,7 +156,7 @@ def columns(problem: Problem) -> list[str]:
     if problem.scene.loose:
         return ["v_tau", *(GUARDS[name].column for name in names)]
     own = [GUARDS[name].column for name in names]
-    others = ELSEWHERE if watches_part(problem.scene) else ()
+    others = ELSEWHERE if looks_elsewhere(problem.scene) else ()
     return ["v_tau", *own, "v_overlap", NEXT, *(name for name in (*others, "v_mu") if is_there(name, names))]
 
 

@@ -9,11 +9,10 @@ any LAMMPS; the input that the run takes, ``in.NAME.kernel``, differs from it by
 from math import pi
 
 from granular_lmp.effects.contact_opening import GUARD as OPEN
-from granular_lmp.effects.guard import watches_part
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import mu_line
-from granular_lmp.lammps.cone import inside_lines
+from granular_lmp.lammps.cone import inside_lines, looks_elsewhere
 from granular_lmp.lammps.guards import (
     ELSEWHERE,
     GUARDS,
@@ -49,7 +48,7 @@ def columns(problem: Problem) -> list[str]:
     names = ["v_tau"]
     for guard in (GUARDS[name] for name in problem.guards):
         names += [guard.column, *([f"{guard.column}_at"] if guard.name in _STEP else [])]
-    others = ELSEWHERE if watches_part(problem.scene) else ()
+    others = ELSEWHERE if looks_elsewhere(problem.scene) else ()
     return [*names, "v_overlap", *(each for each in others if is_there(each, problem.guards))]
 
 
@@ -67,7 +66,7 @@ def _guards(problem: Problem) -> list[str]:
             for guard in own
             if guard.name in _STEP
         ),
-        *(_extremes(problem, "all", "_all") if watches_part(problem.scene) else []),
+        *(_extremes(problem, "all", "_all") if looks_elsewhere(problem.scene) else []),
         f"thermo_style custom step {' '.join(columns(problem))}",
         "thermo_modify flush yes format float %.10g  # the log of a killed run holds them too",
         f"thermo       {_steps_between(problem)}",

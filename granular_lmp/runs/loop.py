@@ -10,7 +10,7 @@ from math import nan
 from pathlib import Path
 from typing import Any
 
-from granular_lmp.errors import EffectError, RunInterrupted
+from granular_lmp.errors import EffectError, RunFolderError, RunInterrupted
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
@@ -88,6 +88,7 @@ def proceed(of: Callable[[Path, bool], Simulation], folder: Path, progress: Prog
         info = read_start(folder)
         with phase("build"):
             simulation = of(folder, "kernel" in info)
+        _refuse_other_deck(folder, simulation)
         last = last_checkpoint(folder, info, simulation.dump)
         options = replace(options_of(folder, info), progress=progress)
         route = route_of(options)
@@ -99,6 +100,13 @@ def proceed(of: Callable[[Path, bool], Simulation], folder: Path, progress: Prog
         # The log is "none" because the input itself opens it for appending
         job = _job(simulation, folder, name, "none", lock, options, info)
         return execute(simulation, job, route, info, seconds)
+
+
+def _refuse_other_deck(folder: Path, simulation: Simulation) -> None:
+    """Raise a RunFolderError if the deck of a run is not the one that this version writes for its scene."""
+    name = simulation.begun_name
+    if (folder / name).read_text(encoding="utf-8") != "".join(simulation.files()[name]):
+        raise RunFolderError(f"{folder / name}: is not the deck of this version; run it again with force=True")
 
 
 def _job(

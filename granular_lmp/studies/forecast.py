@@ -15,6 +15,7 @@ from granular_lmp.accuracy.tolerance import run
 from granular_lmp.errors import GranularError
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.checkpoints import minutes_between
+from granular_lmp.lammps.cone import mean_count
 from granular_lmp.lammps.deck import written_text
 from granular_lmp.lammps.kernel import library
 from granular_lmp.problem import Problem
@@ -128,7 +129,7 @@ def forecast(problem: Problem) -> Forecast:
         rate, overhead, basis = inf, nan, f"unknown: {error}"
     start = runs * overhead
     of_sphere = _SPHERE if scene.perfect else _SPHERE + _NOT_PERFECT
-    seconds = start + spheres * steps / rate
+    seconds = start + mean_count(problem) * steps / rate
     return Forecast(
         spheres=spheres,
         steps=steps,
@@ -140,7 +141,7 @@ def forecast(problem: Problem) -> Forecast:
         basis=basis,
         memory=_PROCESS + of_sphere * spheres + (_READ + _KEPT * (runs - 1)) * kept,
         checkpoint=minutes_between(scene.output.checkpoint, spheres),
-        kernel=start + spheres * steps / faster if faster else None,
+        kernel=start + mean_count(problem) * steps / faster if faster else None,
         share=f"{rate / faster:.2f} of the loop in a short run just now" if faster else "",
         without_kernel=lack,
     )
@@ -221,8 +222,9 @@ def speed(scene: Scene, kernel: bool = False) -> tuple[float, float]:
     per_sample = scene.shape.spheres * scene.time.steps_per_sample
     duration = scene.time.sample * min(ceil(_WARM_UP / per_sample), scene.time.samples)
     short = scene.with_values({"time.duration": duration, "packing.rows": scene.shape.rows})
+    deck = build(short)
     with TemporaryDirectory(prefix="granular-lmp-") as folder:
         for name in ("cold", "warm"):  # the first run starts LAMMPS
-            info = run(build(short), Path(folder) / name, kernel=kernel).info
+            info = run(deck, Path(folder) / name, kernel=kernel).info
     seconds = info["wall_seconds"]
-    return info["particles"] * info["steps"] / seconds["loop"], seconds["total"] - seconds["loop"]
+    return mean_count(deck.problem) * info["steps"] / seconds["loop"], seconds["total"] - seconds["loop"]

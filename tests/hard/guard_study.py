@@ -238,9 +238,11 @@ def _near(deck: Deck) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
 
 
 def _snapshots(path: Path) -> tuple[Floats, Floats]:
-    """Return steps (T,) and ux, uy, vx, vy, spin, angle (T, N, 6) of a dump of all spheres."""
+    """Return steps (T,) and ux, uy, vx, vy, spin, angle (T, N, 6) of all spheres; those that left stay as they were."""
     snapshots = list(binary_snapshots(path))
-    steps, values = [each.step for each in snapshots], np.array([each.table[:, 1:] for each in snapshots])
+    steps, values = [each.step for each in snapshots], np.array([snapshots[0].table[:, 1:]] * len(snapshots))
+    for number, each in enumerate(snapshots):
+        values[number:, each.table[:, 0].astype(int) - 1] = each.table[:, 1:]
     if values.shape[2] == 5:
         return np.array(steps, dtype=float), np.pad(values, ((0, 0), (0, 0), (0, 1)))
     angle = np.unwrap(np.arctan2(values[..., 6], values[..., 5]), axis=0)

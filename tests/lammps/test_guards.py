@@ -47,6 +47,12 @@ WALLED = STANDING.with_values(
     }
 )
 
+# A monitor at the centre has the same cone, and all spheres stay
+STAYING = {
+    "packing.rows": WALLED.shape.rows,
+    "monitor": [{"name": "centre", "rows": [WALLED.shape.centre_row] * 2}],
+}
+
 
 # --- random scenes ---------------------------------------------------------------------------------------------------
 
@@ -102,9 +108,10 @@ def test_a_standing_wave_that_opens_contacts_for_a_short_time_fails_its_run(tmp_
 
 
 def test_walls_whose_signal_never_reaches_the_record_do_not_stop_a_run(tmp_path: Path) -> None:
-    near = run(WALLED, tmp_path / "near")
+    near, stays = run(WALLED, tmp_path / "near"), run(WALLED.with_values(STAYING), tmp_path / "stays")
     assert near.info["guards"]["open_contacts"]["quiet"]
-    assert near.info["elsewhere"]["open_all"] > 0
+    assert stays.info["guards"]["open_contacts"]["quiet"]
+    assert stays.info["elsewhere"]["open_all"] > 0
     assert near.info["smallest_overlap"] == pytest.approx(0.31, abs=0.02)
     far = run(WALLED.with_values({"packing.rows": WALLED.shape.rows + 60}), tmp_path / "far")
     # What the walls do there is not in the record: the echo time promises 1e-6
@@ -183,7 +190,8 @@ def test_a_dump_of_contacts_that_was_cut_off_is_read_to_its_last_whole_look(tmp_
 
 
 def test_a_stopped_run_says_what_its_looks_found(tmp_path: Path) -> None:
-    scene = WALLED.with_values({"time.duration": 2000.0, "time.allow_echo": True, "wave.amplitude": 0.01})
+    longer = {"time.duration": 2000.0, "time.allow_echo": True, "wave.amplitude": 0.01}
+    scene = WALLED.with_values(STAYING | longer)
 
     def stop(step: int, steps: int) -> None:
         if step > 0:

@@ -1,0 +1,147 @@
+"""Spheres that can no longer affect the record leave the run, and the record does not show it."""
+
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granular_lmp import Deck, Scene, build, run
+from granular_lmp.accuracy.tolerance import resume
+from granular_lmp.lammps.cone import leave, mean_count
+from granular_lmp.lammps.installation import environment, lmp_command
+from granular_lmp.lammps.outputs import DUMP, LOG, read_log
+from granular_lmp.problem import prepare
+from granular_lmp.runs.options import core_count
+from granular_lmp.runs.record import Record
+from tests.conftest import kernel_lacks, members
+
+# Of the largest displacement, or velocity: what docs/promises.md says
+CHANGE = 1e-9
+USUAL = {"packing.rows": "auto", "packing.ends": "fixed", "time.duration": 50.0, "time.timestep": 1 / 6}
+STRIP = Scene.load("tr_nonresonant").with_values(USUAL)
+CELL = {"packing.rows": 60, "packing.columns": 60, "packing.ends": "periodic", "wave.wavenumber": pi / 2}
+SOURCE = {"rows": [20, 20], "force": "x", "ramp": 5.0, "frequency": 0.4}
+SCENES: dict[str, tuple[str, dict[str, Any]]] = {
+    "strip": ("tr_nonresonant", {}),
+    "rotation": ("tr_nonresonant", {"wave.mode": "RT", "wave.wavenumber": 0.11, "wave.form": "standing"}),
+    "coarse steps": ("tr_nonresonant", {"wave.mode": "L", "wave.wavenumber": 0.29, "time.timestep": 0.5}),
+    "square": ("tr_nonresonant", {"packing.lattice": "square", "wave.mode": "L"}),
+    "fcc": ("fcc_transverse", {"output.particles": 0.0, "time.duration": 20.0}),
+    "beam": ("tr_nonresonant", CELL | {"envelope.width": 4.0, "time.duration": 25.0}),
+    "unequal": (
+        "tr_nonresonant",
+        {"packing.rows": 81, "packing.columns": 6, "disorder.density": 0.2, "time.allow_echo": True},
+    ),
+    "wide": (
+        "tr_nonresonant",
+        {"packing.columns": 40, "wave.mode": "L", "wave.wavenumber": 2.0, "wave.amplitude": 0.3, "time.duration": 25.0},
+    ),
+    "source": (
+        "tr_nonresonant",
+        {"packing.rows": 81, "wave.form": "none", "time.allow_echo": True, "source": [SOURCE]},
+    ),
+}
+
+
+def with_all(deck: Deck) -> Deck:
+    """Return a deck whose spheres all stay."""
+    return deck.edited(before={"record": "unfix gone"})
+
+
+def spheres_at_the_end(folder: Path) -> int:
+    return int((folder / LOG).read_text().rpartition(" steps with ")[2].split()[0])
+
+
+def change(one: Record, other: Record) -> float:
+    """Return the largest change of a displacement or velocity over the largest of its kind."""
+    pairs = ((one.displacement, other.displacement), (one.velocity, other.velocity))
+    return max(float(np.abs(a - b).max() / np.abs(a).max()) for a, b in pairs)
+
+
+@pytest.mark.parametrize("name", members(SCENES, "strip", "rotation", "source", "beam", "wide"))
+def test_the_record_does_not_show_that_spheres_leave(name: str, tmp_path: Path) -> None:
+    base, changes = SCENES[name]
+    deck = build(Scene.load(base).with_values(USUAL | changes))
+    whole, left = run(with_all(deck), tmp_path / "whole"), run(deck, tmp_path / "left")
+    assert spheres_at_the_end(tmp_path / "whole") == len(deck.packing) > 1.5 * spheres_at_the_end(tmp_path / "left")
+    assert change(whole, left) < CHANGE
+
+
+@pytest.mark.skipif(bool(kernel_lacks()), reason=kernel_lacks())
+def test_nor_with_the_kernel(kernel: Path, tmp_path: Path) -> None:
+    deck = build(STRIP)
+    whole, left = (run(each, tmp_path / name, kernel=True) for name, each in (("w", with_all(deck)), ("l", deck)))
+    assert spheres_at_the_end(tmp_path / "l") < 0.5 * len(deck.packing)
+    assert change(whole, left) < CHANGE
+
+
+@pytest.mark.parametrize("duration", [20.0, 80.0])
+def test_the_cone_follows_a_duration_that_lmp_is_given(duration: float, tmp_path: Path) -> None:
+    """A guard that judged spheres at the new face would find open contacts there."""
+    deck = build(STRIP.with_values({"packing.rows": 151}))
+    found = {}
+    for name, each in (("whole", with_all(deck)), ("left", deck)):
+        each.write(tmp_path / name)
+        subprocess.run(
+            [*lmp_command(1), "-in", deck.input_name, "-var", "duration", str(duration), "-log", LOG],
+            cwd=tmp_path / name, env=environment(1), check=True, capture_output=True,
+        )  # fmt: skip
+        rows = (tmp_path / name / DUMP).read_text().splitlines()[9::10]
+        found[name] = np.array([row.split() for row in rows], dtype=float)
+        assert read_log(tmp_path / name / LOG).table["v_open"].max() == 0
+    assert spheres_at_the_end(tmp_path / "left") < 0.5 * len(deck.packing)
+    size = np.abs(found["whole"]).max(axis=0)
+    shift = np.abs(found["whole"] - found["left"]).max(axis=0)
+    moved = [1, 2, 4, 5]  # ux, uy and vx, vy, of which uy and vy are of second order
+    assert shift[moved].max() < CHANGE * size[[1, 1, 4, 4]].min()
+
+
+@pytest.mark.parametrize("options", members([{}, {"kernel": True}, {"ranks": 2}], {"kernel": True}, {"ranks": 2}))
+def test_a_run_is_continued_while_spheres_leave(
+    options: dict[str, Any], stop: Callable[..., None], request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    if options.get("ranks", 1) > core_count():
+        pytest.skip("one core")
+    if "kernel" in options:
+        if lack := kernel_lacks():
+            pytest.skip(lack)
+        request.getfixturevalue("kernel")
+    scene = STRIP.with_values({"time.duration": 100.0, "time.timestep": 0.05, "output.checkpoint": 3e-4})
+    whole = run(scene, tmp_path / "whole", **options)
+    stop(scene, tmp_path / "cut", **options)
+    resume(tmp_path / "cut")
+    assert spheres_at_the_end(tmp_path / "cut") == spheres_at_the_end(tmp_path / "whole") < len(whole.problem.crystal)
+    assert (tmp_path / "cut" / DUMP).read_bytes() == (tmp_path / "whole" / DUMP).read_bytes()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"output.particles": 5.0},
+        {"packing.rows": 151, "monitor": [{"name": "here", "rows": [75, 75]}]},
+        {"packing.ends": "periodic"},
+        {"sphere.work_of_adhesion": 0.0, "packing.contact_force": 1e-7},
+        {"packing.rows": 151, "sphere.adhesion_law": "jkr", "disorder.radius": 1e-5},
+    ],
+)
+def test_spheres_stay_that_are_recorded_counted_or_press_others(changes: dict[str, Any]) -> None:
+    scene = STRIP.with_values(changes)
+    assert leave(STRIP)
+    assert not leave(prepare(scene).scene)
+    assert "evaporate" not in build(scene).input_text
+
+
+def test_the_mean_count_is_that_of_a_run(tmp_path: Path) -> None:
+    deck = build(STRIP)
+    counted = deck.edited(before={"run": 'fix count all print 1 "$(atoms)" file counts screen no'})
+    run(counted, tmp_path / "run")
+    counts = np.loadtxt(tmp_path / "run" / "counts")
+    # Spheres leave all 6 rows of the cone, some 3 rows later on average, and at once only after the first 6
+    assert mean_count(deck.problem) == pytest.approx(counts.mean(), rel=0.1)
+    assert counts.mean() < 0.8 * len(deck.packing)
+    assert mean_count(replace(deck.problem, scene=STRIP.with_values({"output.particles": 1.0}))) == len(deck.packing)
