@@ -234,7 +234,7 @@ BEYOND = 1.5  # times the error of most settings of its family, a setting is nam
 # Where the name stands, in points from the marker, and which of its ends is there
 NAMES: dict[str, tuple[tuple[float, float], str]] = {
     "ends": ((8, 2), "left"),
-    "output": ((4, 9), "left"),
+    "output": ((-4, 9), "right"),
     "effects": ((6, -9), "left"),
     "strip or sheet": ((0, 10), "center"),
     "second-order": ((0, 9), "left"),
