@@ -4,8 +4,6 @@ Beside p, q and φ of the centre sphere there are, for each monitor NAME, the si
 rates NAME.u_t, NAME.v_t, NAME.phi_t, (T, N) each; with contacts NAME.normal, NAME.shear and, where contacts resist it,
 NAME.rolling, (T, C), 0 where a contact is open; and NAME.flux, (T, R). Those of the snapshots of all spheres are named
 as of a monitor "output.particles".
-Rates of spheres that a source moves, and the flux through their rows, are left out: LAMMPS has their velocity of half a
-step ago, whose error says nothing of the others.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,8 +22,6 @@ from granular_lmp.lammps.monitors import wall_columns
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, SNAPSHOTS
 from granular_lmp.runs.components import by_axis, components, rates
 from granular_lmp.runs.record import Record
-from granular_lmp.scene.at_rest import crystal_of
-from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -58,15 +54,13 @@ class Recorded:
         """Read what a run has recorded."""
         monitors = [record.monitor(each.name) for each in record.scene.monitor]
         own, everyone = dict(record.signals), _everyone(record.scene)
-        moved = _moved(record.scene) if monitors or everyone else np.empty(0, dtype=int)
         for each in monitors:
-            own |= _moving_parts(each.monitor.name, each.spheres, moved, *(getattr(each, name) for name in _FIELDS))
+            own |= _moving_parts(each.monitor.name, *(getattr(each, name) for name in _FIELDS))
             if each.monitor.what == "flux":
-                free = ~np.isin(each.rows, each.crystal.arrays["row"][moved])
-                own[f"{each.monitor.name}.flux"] = each.flux[:, free]
+                own[f"{each.monitor.name}.flux"] = each.flux
         if everyone:
             snapshots = record.snapshots()
-            own |= _moving_parts(PARTICLES, snapshots.spheres, moved, *snapshots.stacks(*_FIELDS))
+            own |= _moving_parts(PARTICLES, *snapshots.stacks(*_FIELDS))
         self._own.append(own)
         self._monitors.append(monitors)
 
@@ -90,26 +84,8 @@ def _everyone(scene: Scene) -> bool:
     return scene.wave is not None and scene.output.particles > 0
 
 
-def _moved(scene: Scene) -> Integers:
-    """Return the spheres of which sources or the drive prescribe the motion."""
-    atoms = crystal_of(scene).atoms
-    moved = [spheres_at(each.rows, each.spheres, atoms, "source") for each in scene.source if each.motion]
-    if scene.wave is not None and scene.wave.form == "driven":
-        moved.append(np.flatnonzero(atoms.arrays["row"] == 0))
-    return np.concatenate([np.empty(0, dtype=int), *moved])
-
-
-def _moving_parts(
-    name: str,
-    spheres: Integers,
-    moved: Integers,
-    displacement: Floats,
-    rotation: Floats,
-    velocity: Floats,
-    spin: Floats,
-) -> Signals:
-    free = ~np.isin(spheres, moved)
-    parts = components(displacement, rotation) | rates(velocity[:, free], spin[:, free])
+def _moving_parts(name: str, displacement: Floats, rotation: Floats, velocity: Floats, spin: Floats) -> Signals:
+    parts = components(displacement, rotation) | rates(velocity, spin)
     return {f"{name}.{column}": values for column, values in parts.items()}
 
 

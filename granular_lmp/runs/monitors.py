@@ -36,6 +36,7 @@ from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshot
 from granular_lmp.runs.components import by_axis, components, rates
 from granular_lmp.runs.contact_forces import ContactForces
 from granular_lmp.runs.formats import scene_of
+from granular_lmp.runs.moved import at_the_instant, moved_spheres
 from granular_lmp.runs.scales import force_of, length_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.snapshots import dimensionless, finest, step_of
@@ -135,7 +136,8 @@ class MonitorRecord:
 
     @cached_property
     def _fields(self) -> tuple[Floats, Floats, Floats, Floats]:
-        return dimensionless(self._motion[1], self.scene)
+        moved = moved_spheres(self.scene, self.spheres)
+        return at_the_instant(moved, self.tau, dimensionless(self._motion[1], self.scene))
 
     @property
     def tau(self) -> Floats:
@@ -150,7 +152,7 @@ class MonitorRecord:
 
     @property
     def velocity(self) -> Floats:
-        """Velocity, as `displacement`, in D0/t0; of a sphere that a source moves that of half a step ago."""
+        """Velocity, as `displacement`, in D0/t0."""
         return self._fields[1]
 
     @property
@@ -304,8 +306,6 @@ class MonitorRecord:
     @cached_property
     def flux(self) -> Floats:
         """Energy flux through each of `rows`, (T, R), positive along +y, in k1 D0²/t0.
-
-        That of a row that a source moves is off by first order in the time step, as its `velocity` is.
 
         Raises
         ------

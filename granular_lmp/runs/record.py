@@ -184,18 +184,20 @@ class Record(HasCard):
         """Make the record of a run folder from its dump: of the centre sphere, or of the recorded spheres."""
         folder = Path(folder)
         if scene.wave is None:
-            from granular_lmp.runs.snapshots import dimensionless, force_on, step_of  # kept out of start-up
+            from granular_lmp.runs.moved import at_the_instant, moved_spheres  # kept out of start-up
+            from granular_lmp.runs.snapshots import dimensionless, force_on, step_of
 
             table = read_dump(folder / (dump or SNAPSHOTS), None, *_sphere_columns(scene.space))
             steps = table["step"].tolist()
             if len(steps) < 2 and scene.time.tolerance is not None:
                 raise RunFolderError(f"{folder / SNAPSHOTS}: lacks records")
-            displacement, velocity, _, spin = dimensionless(table, scene)
+            tau = table["step"] * step_of(scene, steps, scene.time.sample)
+            moved = moved_spheres(scene, table["id"][0].astype(int) - 1) if len(tau) else []
+            displacement, velocity, _, spin = at_the_instant(moved, tau, dimensionless(table, scene))
             spins = {"spin": spin} if "omegaz" in table else {}
             signals = {"velocity": velocity, **spins, "displacement": displacement}
             if "fx" in table:
                 signals["force"] = force_on(table, scene)
-            tau = table["step"] * step_of(scene, steps, scene.time.sample)
             return cls(tau, signals, scene, info or {}, folder)
         table = read_centre(folder / (dump or DUMP))
         displacement = scene.displacement_amplitude
@@ -308,14 +310,16 @@ class Record(HasCard):
     @cached_property
     def _motion_of_centre(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Displacement, velocity, rotation and spin of the centre sphere from its dump."""
-        from granular_lmp.runs.snapshots import dimensionless  # kept out of start-up
+        from granular_lmp.runs.moved import at_the_instant, moved_spheres  # kept out of start-up
+        from granular_lmp.runs.snapshots import dimensionless
 
         if self.folder is None or not (self.folder / DUMP).is_file():
             raise RunFolderError(f"{self!r}: holds no velocities; a [[monitor]] of the scene records them")
         table = {name: values[:, None] for name, values in read_centre(self.folder / DUMP).items()}
         said = {f"u{axis}": f"Displacement.{axis.upper()}" for axis in "xyz"}
         said |= {name: f"v_{name}" for name in ("theta", "thetax", "thetay", "thetaz")}
-        return dimensionless({said.get(name, name): values for name, values in table.items()}, self.scene)
+        fields = dimensionless({said.get(name, name): values for name, values in table.items()}, self.scene)
+        return at_the_instant(moved_spheres(self.scene, self.spheres), self.tau, fields)
 
     @cached_property
     def kinetic_energy(self) -> Floats:

@@ -22,6 +22,7 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.outputs import PER_SAMPLE, SNAPSHOTS, SnapshotPlace, read_snapshot, whole_snapshots
 from granular_lmp.runs.formats import scene_of
+from granular_lmp.runs.moved import Moved, at_the_instant, moved_spheres
 from granular_lmp.runs.scales import length_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.scene.at_rest import crystal_of, sphere_count
@@ -246,8 +247,13 @@ class Snapshots(HasCard):
         except (OSError, ValueError, KeyError) as error:
             raise RunFolderError(f"{self.path}: not a dump of our spheres: {error!r}") from error
 
+    @cached_property
+    def _moved(self) -> list[Moved]:
+        return moved_spheres(self.scene, self.spheres)
+
     def _dimensionless(self, step: int, columns: dict[str, NDArray[np.float64]]) -> Spheres:
-        return Spheres(step * self._step, *dimensionless(columns, self.scene))
+        tau = step * self._step
+        return Spheres(tau, *at_the_instant(self._moved, tau, dimensionless(columns, self.scene)))
 
     def __repr__(self) -> str:
         count = self.index[0].entries if self.index else 0

@@ -6,7 +6,9 @@ a key of `granular_lmp.scene.sources.Source`. No field has a default, so that no
 
 from collections.abc import Callable
 from math import pi
-from typing import Protocol
+from typing import Any, Protocol
+
+import numpy as np
 
 from granular_lmp.frozen import dataclass
 
@@ -22,6 +24,8 @@ class Declared(Protocol):
     def ramp(self) -> float: ...
     @property
     def sweep(self) -> float: ...
+    @property
+    def phase(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -39,12 +43,16 @@ class Signal:
     band : callable
         Frequencies over Ω of the waves that it makes: Ω and the edges of its spectrum, the lowest first. Empty if the
         spectrum reaches down to waves that no number of quiet rows absorbs.
+    value : callable or None
+        Signal over its amplitude, of a source, Ω and times τ since it began, which may have a complex step; None of
+        samples, which have a spline.
     """
 
     keys: tuple[str, ...]
     lasts: Callable[[Declared, float], float]
     top: Callable[[Declared], float]
     band: Callable[[Declared], tuple[float, ...]]
+    value: "Callable[[Declared, float, Any], Any] | None"
 
 
 def _ramp(source: Declared, frequency: float) -> float:
@@ -89,11 +97,43 @@ def _down_to_zero(source: Declared) -> tuple[float, ...]:
     return ()
 
 
+def _share(tau: Any, lasts: float) -> Any:
+    """Return the time since the beginning as a share of the ramp or of the burst, 0 before and 1 after it."""
+    return np.where(tau.real < 0, 0.0, np.where(tau.real < lasts, tau / lasts, 1.0))
+
+
+def _tone(source: Declared, frequency: float, tau: Any) -> Any:
+    return _step(source, frequency, tau) * np.cos(frequency * tau - source.phase)
+
+
+def _burst(source: Declared, frequency: float, tau: Any) -> Any:
+    share = _share(tau, _periods(source, frequency))
+    return np.sin(pi * share) ** 2 * np.cos(frequency * tau - source.phase)
+
+
+def _chirp(source: Declared, frequency: float, tau: Any) -> Any:
+    share = _share(tau, _swept_periods(source, frequency))
+    turned = frequency * tau * (1 + (source.sweep - 1) / 2 * share)
+    return np.sin(pi * share) ** 2 * np.cos(turned - source.phase)
+
+
+def _step(source: Declared, frequency: float, tau: Any) -> Any:
+    share = _share(tau, source.ramp)
+    return share**3 * (10 - 15 * share + 6 * share**2)
+
+
+def _ricker(source: Declared, frequency: float, tau: Any) -> Any:
+    y = frequency * tau - 12
+    return (1 - y**2 / 2) * np.exp(-(y**2) / 4)
+
+
 SIGNALS = {
-    "tone": Signal(("frequency", "hertz", "phase", "ramp"), _ramp, _usual, _line),
-    "burst": Signal(("frequency", "hertz", "phase", "cycles"), _periods, _usual, _main_lobe),
-    "chirp": Signal(("frequency", "hertz", "phase", "cycles", "sweep"), _swept_periods, _higher_end, _swept_lobes),
-    "ricker": Signal(("frequency", "hertz"), _ramp, _usual, _down_to_zero),
-    "step": Signal(("ramp",), _ramp, _none, _down_to_zero),
-    SAMPLES: Signal((), _ramp, _usual, _down_to_zero),
+    "tone": Signal(("frequency", "hertz", "phase", "ramp"), _ramp, _usual, _line, _tone),
+    "burst": Signal(("frequency", "hertz", "phase", "cycles"), _periods, _usual, _main_lobe, _burst),
+    "chirp": Signal(
+        ("frequency", "hertz", "phase", "cycles", "sweep"), _swept_periods, _higher_end, _swept_lobes, _chirp
+    ),
+    "ricker": Signal(("frequency", "hertz"), _ramp, _usual, _down_to_zero, _ricker),
+    "step": Signal(("ramp",), _ramp, _none, _down_to_zero, _step),
+    SAMPLES: Signal((), _ramp, _usual, _down_to_zero, None),
 }

@@ -22,7 +22,7 @@ from math import inf, pi
 
 import ase
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from granular_lmp.crystal.lattices import HELD, Shape
 from granular_lmp.crystal.sphere import Sphere
@@ -39,6 +39,7 @@ TORQUE, ROTATION = "torque", "rotation"  # about z; about x and y the axis follo
 TORQUES, ROTATIONS = ((word, f"{word}_x", f"{word}_y") for word in (TORQUE, ROTATION))
 # Over Ω, of the spectrum of any signal before quiet ends; the main lobe of a burst, Ω(1 ± 2/cycles), has 3 cycles then
 _LOWEST = 1 / 3
+_COMPLEX_STEP = 1e-30  # of a derivative, which its square does not round
 LARGEST_ANGLE = 2e-3  # rad: a torque in LAMMPS is then off by 1 - cos, 2e-6 (`granular_lmp.lammps.sources`)
 FEWEST_STEPS = 20.0  # A period of a source has at least these: Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
 
@@ -178,6 +179,16 @@ class PlacedSource:
     def lasts(self) -> float:
         """Duration of the ramp or burst, τ."""
         return self.source.known.lasts(self.source, self.frequency)
+
+    def rate(self, tau: ArrayLike) -> NDArray[np.float64]:
+        """Return the derivative of the signal at times τ, in the unit of the amplitude over t0."""
+        since = np.asarray(tau, dtype=float) - self.source.delay
+        if self.source.known.value is None:
+            fit = samples.spline(self.source.sampled)
+            inside = (since >= 0) & (since <= fit.x[-1])
+            return np.asarray(self.source.amplitude * np.where(inside, fit(since, 1), 0.0))
+        stepped = self.source.known.value(self.source, self.frequency, since + 1j * _COMPLEX_STEP)
+        return np.asarray(self.source.amplitude * stepped.imag / _COMPLEX_STEP)
 
     @property
     def cost(self) -> int:

@@ -93,7 +93,7 @@ SHAKEN = Scene.load("two_tones").with_values({"time.timestep": 0.05, "absorb.row
 def trill(monkeypatch: pytest.MonkeyPatch) -> Source:
     """A source with a signal that somebody has declared: up to 3 Ω, and down to 0; it has no formula in a deck yet."""
     lasts = SIGNALS["tone"].lasts
-    monkeypatch.setitem(SIGNALS, "trill", Signal(("frequency",), lasts, lambda source: 3.0, lambda source: ()))
+    monkeypatch.setitem(SIGNALS, "trill", Signal(("frequency",), lasts, lambda source: 3.0, lambda source: (), None))
     rule = Source.__dataclass_fields__["signal"].metadata["rule"]
     monkeypatch.setitem(vars(rule), "words", (*rule.words, "trill"))
     return Source(rows=(20, 20), force="x", signal="trill", frequency=0.5)
@@ -131,7 +131,9 @@ def test_a_new_signal_that_reaches_down_to_zero_has_no_quiet_ends(trill: Source)
 
 def test_quiet_ends_take_the_band_of_a_new_signal(trill: Source, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(
-        SIGNALS, "trill", Signal(("frequency",), SIGNALS["tone"].lasts, lambda source: 1.5, lambda source: (0.5, 1.5))
+        SIGNALS,
+        "trill",
+        Signal(("frequency",), SIGNALS["tone"].lasts, lambda source: 1.5, lambda source: (0.5, 1.5), None),
     )
     found = waves_at_ends(with_source(trill))
     assert {round(wave.frequency, 6) for wave in found} == {0.25, 0.75}
