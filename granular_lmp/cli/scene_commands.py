@@ -141,7 +141,9 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
     yield "steps", f"{found.steps}{runs}; {found.records} records{of}"
     seconds = "" if found.seconds is None else f"about {found.seconds:.2g} s on one rank; "
     yield "time", f"{seconds}{found.basis}"
-    if found.kernel is not None:
+    if found.needs_kernel:
+        yield "kernel", f"needed: {found.needs_kernel}"
+    elif found.kernel is not None:
         yield "kernel", f"about {found.kernel:.2g} s on one rank with --kernel, {found.share}"
     elif found.without_kernel:
         yield "kernel", f"none: {found.without_kernel}"
@@ -210,6 +212,8 @@ def _build(options: Options) -> int:
     from pathlib import Path
 
     from granular_lmp.accuracy.ladder import build
+    from granular_lmp.errors import LaunchError
+    from granular_lmp.lammps.kernel.library import only_here
     from granular_lmp.runs.folder import clear, locked
 
     scene = scene_of(options)
@@ -219,6 +223,8 @@ def _build(options: Options) -> int:
         clear(Path(folder).absolute())
         deck.write(folder, force=True)
     say(f"{folder}: {', '.join(deck.files())}")
+    if alone := only_here(deck.input_text):
+        say(f"plain LAMMPS cannot run it: {LaunchError(alone).in_options()}")
     return 0
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from granular_lmp.accuracy.ladder import RUNGS as RUNS
 from granular_lmp.accuracy.ladder import build, planned_steps
 from granular_lmp.accuracy.tolerance import run
-from granular_lmp.errors import GranularError
+from granular_lmp.errors import GranularError, LaunchError
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.checkpoints import minutes_between
 from granular_lmp.lammps.cone import mean_count
@@ -71,6 +71,8 @@ class Forecast:
         Share of LAMMPS's loop that the kernel took in the short run, in words.
     without_kernel : str
         Why there are none: it was not built, or does not know a contact of the deck.
+    needs_kernel : str
+        What the kernel alone knows, and the seconds are then those with it; "" if LAMMPS runs the deck.
     """
 
     spheres: int
@@ -86,6 +88,7 @@ class Forecast:
     kernel: float | None = None
     share: str = ""
     without_kernel: str = ""
+    needs_kernel: str = ""
 
     def lost_on(self, ranks: int) -> str:
         """Return why some MPI ranks are slower than one, "" if they may be faster or nothing is known."""
@@ -121,10 +124,12 @@ def forecast(problem: Problem) -> Forecast:
     runs = 1 if declared.time.tolerance is None else RUNS
     records = scene.time.samples + 1
     kept = len(problem.recorded) * records if problem.mode is None else 0  # snapshots of a wave are not read
-    lack, faster = _kernel_lacks(problem), None
+    (lack, alone), faster = _kernel(problem), None
     try:
-        rate, overhead, basis = _tried(scene)
-        faster = None if lack else _tried(scene, kernel=True)[0]
+        if alone and lack:
+            raise LaunchError(lack)
+        rate, overhead, basis = _tried(scene, kernel=bool(alone))
+        faster = None if lack or alone else _tried(scene, kernel=True)[0]
     except GranularError as error:
         rate, overhead, basis = inf, nan, f"unknown: {error}"
     start = runs * overhead
@@ -144,17 +149,21 @@ def forecast(problem: Problem) -> Forecast:
         kernel=start + mean_count(problem) * steps / faster if faster else None,
         share=f"{rate / faster:.2f} of the loop in a short run just now" if faster else "",
         without_kernel=lack,
+        needs_kernel=LaunchError(alone).in_options(),
     )
 
 
-def _kernel_lacks(problem: Problem) -> str:
-    """Return why a run of the problem takes no kernel, "" if it does."""
+def _kernel(problem: Problem) -> tuple[str, str]:
+    """Return why a run of the problem takes no kernel, and what needs it, each "" if nothing does."""
+    alone = ""
     try:
-        library.refuse_other_contacts(written_text(problem))
+        text = written_text(problem)
+        alone = library.only_here(text)
+        library.refuse_other_contacts(text)
         library.built()
     except GranularError as error:
-        return error.in_options()
-    return ""
+        return error.in_options(), alone
+    return "", alone
 
 
 def _snapshots(scene: Scene) -> int:

@@ -84,6 +84,47 @@ def test_check_says_why_it_knows_no_time(
     assert "time      unknown: LAMMPS cannot be loaded" in capsys.readouterr().out
 
 
+LATE = ["--set", "sphere.adhesion_law=jkr", "--set", "effects.parting=distance"]
+ONLY = 'effects.parting = "distance": only the kernel has it; run it with --kernel'
+
+
+def test_check_and_build_say_that_a_scene_needs_the_kernel(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    asked = []
+
+    def speed(scene: Scene, kernel: bool = False) -> tuple[float, float]:
+        asked.append(kernel)
+        return 1e6, 0.5
+
+    monkeypatch.setattr(forecast, "speed", speed)
+    monkeypatch.setattr(forecast.library, "built", lambda: tmp_path)
+    assert main(["check", "tr_periodic", *LATE]) == 0
+    said = capsys.readouterr().out
+    assert f"kernel    needed: {ONLY}" in said
+    assert " s on one rank; a short run of this scene just now" in said
+    assert asked == [True]
+    assert main(["check", "tr_periodic", *LATE, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["needs_kernel"] == ONLY
+    assert main(["build", "tr_periodic", *LATE, "-o", str(tmp_path / "deck")]) == 0
+    assert f"plain LAMMPS cannot run it: {ONLY}" in capsys.readouterr().out
+    assert main(["check", "tr_periodic"]) == 0
+    assert "needed" not in capsys.readouterr().out
+
+
+def test_check_says_what_to_build_for_a_scene_that_needs_the_kernel(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def missing() -> None:
+        raise LammpsMissingError("there is no kernel; build it with: make")
+
+    monkeypatch.setattr(forecast.library, "built", missing)
+    assert main(["check", "tr_periodic", *LATE]) == 0
+    said = capsys.readouterr().out
+    assert "time      unknown: there is no kernel; build it with: make" in said
+    assert f"kernel    needed: {ONLY}" in said
+
+
 @pytest.mark.parametrize("name", sorted(path.name for path in (SHIPPED / "impacts").iterdir() if path.is_dir()))
 def test_a_cell_stands_for_a_large_impact(name: str, tried: list[Scene]) -> None:
     scene = ImpactScene.load(name)

@@ -249,8 +249,14 @@ def refuse_other_contacts(deck: str) -> None:
 
 def refuse_own_contacts(deck: str) -> None:
     """Raise LaunchError if the text of a deck has a contact that the kernel alone knows."""
-    if re.search(rf"^pair_coeff +\S+ +\S+ +{LATE} ", deck, re.MULTILINE):
-        raise LaunchError('effects.parting = "distance": only the kernel has it; run it with kernel=True')
+    if alone := only_here(deck):
+        raise LaunchError(alone)
+
+
+def only_here(deck: str) -> str:
+    """Return what in the text of a deck the kernel alone knows, and what to do; "" if LAMMPS knows all."""
+    late = re.search(rf"^pair_coeff +\S+ +\S+ +{LATE} ", deck, re.MULTILINE)
+    return 'effects.parting = "distance": only the kernel has it; run it with kernel=True' if late else ""
 
 
 def description() -> dict[str, str]:
