@@ -25,7 +25,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.potential import SKIN, Pairs, Potential, State
+from granular_lmp.crystal.potential import Pairs, Potential, State
 from granular_lmp.crystal.tangent import Factors, Tangent, bounded, conjugate_gradients, order_of
 from granular_lmp.errors import CrystalError
 
@@ -89,9 +89,7 @@ def balance(
         if potential.energy_change(state, new) < 0:
             added = added * _HELPED if failed else max(added * _SOFTER, _SOFTEST)
             state, failed = new, 0
-            if potential.moved(searched, state) > SKIN / 4:
-                pairs = potential.pairs(state.u, state.e)
-                searched = state = potential.state(pairs, state.u, state.e)
+            pairs, searched, state = potential.renewed(pairs, searched, state)
             normal = pairs.contact_stiffness(state.overlap)
         else:
             failed += 1
@@ -99,13 +97,13 @@ def balance(
                 normal = np.maximum(normal, _secant(state, new))
             else:
                 added *= _HARDER
-    raise not_at_rest(step, largest)
+    raise not_at_rest(f"{step + 1} Newton steps", largest)
 
 
-def not_at_rest(step: int, largest: float) -> CrystalError:
-    """Return the error of a crystal on which a force, k1 Δ0, is left after its last step."""
+def not_at_rest(steps: str, largest: float) -> CrystalError:
+    """Return the error of a crystal on which a force, k1 Δ0, is left after some steps, in words."""
     return CrystalError(
-        f"the crystal does not come to rest: after {step + 1} Newton steps a force of {largest:.3g} of the contact "
+        f"the crystal does not come to rest: after {steps} a force of {largest:.3g} of the contact "
         f"stiffness times the overlap at rest is left, and {BALANCED} is allowed; let the spheres differ less"
     )
 

@@ -53,18 +53,22 @@ def _upper_half(positions: Floats, part: Integers) -> NDArray[np.bool_]:
     return rank[longest, np.arange(len(part))] >= count[part] // 2
 
 
-def factorised(matrix: Any, order: Integers) -> Any:
-    """Return a function that solves a symmetric sparse system of D freedoms a sphere, (DN, DN), for (DN, K) sides."""
+def rows_of(spheres: Integers, freedoms: int) -> Integers:
+    """Return the rows of spheres with some freedoms each in the matrix of all of them."""
+    return np.ravel(freedoms * spheres[:, None] + np.arange(freedoms))
+
+
+def factors_of(matrix: Any) -> Any:
+    """Return the factors of a symmetric sparse matrix in the order that it has."""
     from scipy.sparse.linalg import splu  # slow to import, and only crystals at rest need it
 
-    freedoms = matrix.shape[0] // len(order)
-    rows = np.ravel(freedoms * order[:, None] + np.arange(freedoms))
-    factors = splu(
-        matrix[rows][:, rows].tocsc(),
-        permc_spec="NATURAL",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
+    return splu(matrix.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+
+def factorised(matrix: Any, order: Integers) -> Any:
+    """Return a function that solves a symmetric sparse system of D freedoms a sphere, (DN, DN), for (DN, K) sides."""
+    rows = rows_of(order, matrix.shape[0] // len(order))
+    factors = factors_of(matrix[rows][:, rows])
 
     def solve(right: Floats) -> Floats:
         solution = np.empty_like(right)

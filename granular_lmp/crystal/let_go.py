@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal import friction as shear
 from granular_lmp.crystal.balance import Progress
-from granular_lmp.crystal.potential import SKIN, Pairs, Potential, State
+from granular_lmp.crystal.potential import Pairs, Potential, State
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 
 Floats = NDArray[np.float64]
@@ -54,10 +54,10 @@ def let_go(
             mean_square = (np.sum(force**2) + np.sum(torque**2)) / count + np.sum(on_box**2)
             if mean_square < settled**2 or time > _LONGEST:
                 return pairs, state
-            if potential.moved(searched, state) > SKIN / 4:
-                new = potential.pairs(state.u, state.e)
-                slip, pairs = shear.carried_over(pairs, new, slip), new
-                searched = state = potential.state(pairs, state.u, state.e)
+            known = pairs
+            pairs, searched, state = potential.renewed(known, searched, state)
+            if pairs is not known:
+                slip = shear.carried_over(known, pairs, slip)
             stiffness = shear.stiffest(pairs, state) if friction else pairs.contact_stiffness(state.overlap)
             dt = _time_step(pairs, stiffness, len(potential.crystal))
         velocity = (velocity + dt * force) / (1 + DRAG * dt)

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.adhesion_laws import AdhesionLaw, joined
 from granular_lmp.crystal.contacts import find_contacts, law_between
-from granular_lmp.crystal.search import overlapping
+from granular_lmp.crystal.search import lattice_vectors, overlapping
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import Face, on_wall
 from granular_lmp.errors import CrystalError
@@ -46,8 +46,6 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 # Pairs that are this far from touching are looked at too, in radii; a next neighbour in the lattices is 0.8 away.
 SKIN = 0.4
-# Vectors of the lattice that differ by less are one vector, in radii: coordinates are rounded to 1e-13 of them.
-_SAME_VECTOR = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,6 +193,17 @@ class Potential:
         # A strain moves neighbours by a part of their distance, of about two radii
         return float(alone + np.abs(after.e - before.e).max() * 2)
 
+    def renewed(self, pairs: Pairs, searched: State, state: State) -> tuple[Pairs, State, State]:
+        """Return the pairs, the state in which they were searched and that of now, searched anew before any is missed.
+
+        The pairs are the same object unless they were searched anew.
+        """
+        if self.moved(searched, state) <= SKIN / 4:
+            return pairs, searched, state
+        pairs = self.pairs(state.u, state.e)
+        state = self.state(pairs, state.u, state.e)
+        return pairs, state, state
+
     def start(self) -> tuple[Floats, Floats]:
         """Return u and e from which spheres are let go: at their places, or put against the wall that they touch."""
         u, beside = np.zeros((len(self.free), self.axes)), [face.touches(self.crystal) for face in self.faces]
@@ -210,7 +219,7 @@ class Potential:
         radius = self.crystal.arrays["radius"]
         wider.arrays["radius"] = radius + SKIN / 2
         i, j, now = overlapping(wider)
-        vector = _lattice_vectors(now[:, : self.axes] / (1 + e) - (u[j] - u[i]) * self.unit)
+        vector = lattice_vectors(now[:, : self.axes] / (1 + e) - (u[j] - u[i]) * self.unit)
         length = reduce(np.hypot, vector.T)
         # 1 + 1 less the length first: between equal spheres of the lattice this is exact
         overlap = (2 - length) + (radius[i] - 1) + (radius[j] - 1)
@@ -315,22 +324,6 @@ def displaced(lattice: ase.Atoms, displacement: Floats, strain: Floats) -> ase.A
     moved.cell = moved.cell.array * scale
     moved.set_celldisp(np.ravel(moved.get_celldisp()) * scale)
     return moved
-
-
-def _lattice_vectors(vector: Floats) -> Floats:
-    """Return the vectors (C, 2) with those that differ by rounding only made the same, each the mean of its like.
-
-    A perfect lattice has then exactly the same contact everywhere. Vectors that are not of a lattice stay as they are.
-    """
-    key = np.round(vector / _SAME_VECTOR)
-    # A vector and its opposite are alike too: few contacts cross a periodic face, all rounded in the same way
-    sign = np.sign(reduce(lambda before, part: np.where(part == 0, before, part), key.T))[:, None]
-    _, first, like = np.unique(key * sign, axis=0, return_index=True, return_inverse=True)
-    like, vector = like.ravel(), vector * sign
-    away = vector - vector[first][like]  # small: a sum of many whole vectors would be rounded more than they are
-    count = np.bincount(like)
-    mean = np.column_stack([np.bincount(like, part) / count for part in away.T])
-    return (vector[first] + mean)[like] * sign
 
 
 def box_load(lattice: ase.Atoms, sphere: Sphere, faces: Sequence[Face] = (), axes: int = 2) -> Floats:

@@ -7,6 +7,7 @@ matrices.
 """
 
 from collections.abc import Iterator
+from functools import reduce
 from itertools import product
 
 import ase
@@ -17,6 +18,8 @@ from granular_lmp.crystal.blocks import blocks
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+# Vectors of the lattice that differ by less are one vector, in radii: coordinates are rounded to 1e-13 of them.
+_SAME_VECTOR = 1e-8
 
 
 def overlapping(crystal: ase.Atoms) -> tuple[Integers, Integers, Floats]:
@@ -52,6 +55,22 @@ def overlapping(crystal: ase.Atoms) -> tuple[Integers, Integers, Floats]:
         found.append((i[order], j[order], vector[order]))
     i, j, vector = (np.concatenate(each) for each in zip(*found, strict=True))
     return i, j, vector
+
+
+def lattice_vectors(vector: Floats) -> Floats:
+    """Return the vectors (C, 2) with those that differ by rounding only made the same, each the mean of its like.
+
+    A perfect lattice has then exactly the same contact everywhere. Vectors that are not of a lattice stay as they are.
+    """
+    key = np.round(vector / _SAME_VECTOR)
+    # A vector and its opposite are alike too: few contacts cross a periodic face, all rounded in the same way
+    sign = np.sign(reduce(lambda before, part: np.where(part == 0, before, part), key.T))[:, None]
+    _, first, like = np.unique(key * sign, axis=0, return_index=True, return_inverse=True)
+    like, vector = like.ravel(), vector * sign
+    away = vector - vector[first][like]  # small: a sum of many whole vectors would be rounded more than they are
+    count = np.bincount(like)
+    mean = np.column_stack([np.bincount(like, part) / count for part in away.T])
+    return (vector[first] + mean)[like] * sign
 
 
 def _images(crystal: ase.Atoms, reach: float) -> tuple[Integers, Integers]:

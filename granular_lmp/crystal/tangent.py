@@ -1,6 +1,6 @@
 """Linear steps of a crystal towards rest: its stiffness, factors that solve nearly with it, and conjugate gradients."""
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,18 @@ class Tangent:
     by_e: Floats
     mass: Floats
     added: float
+    stable: bool = False
+
+    @property
+    def diagonal(self) -> Floats:
+        """Diagonal of the block by u, (DN,)."""
+        return np.asarray(self.by_u.diagonal() + self.added * self.mass[: -len(self.by_e)])
+
+    def with_added(self) -> Any:
+        """Return the block by u with λ m, (DN, DN)."""
+        import scipy.sparse as sparse  # slow to import, and only crystals at rest need it
+
+        return self.by_u.tocsr() + sparse.diags(self.added * self.mass[: -len(self.by_e)], format="csr")
 
     @property
     def blocks(self) -> tuple[Any, Floats, Floats]:
@@ -55,6 +67,19 @@ class Tangent:
         return product + self.added * self.mass * x
 
 
+class Solver(Protocol):
+    """Solves nearly with a `Tangent`, as the preconditioner of conjugate gradients."""
+
+    @property
+    def iterations(self) -> int:
+        """Most iterations."""
+
+    def start(self, force: Floats) -> Floats:
+        """Return where they start."""
+
+    def __call__(self, force: Floats) -> Floats: ...
+
+
 class Factors:
     """The inverse of a `Tangent`: the strains, which couple to every sphere, are eliminated last.
 
@@ -62,15 +87,17 @@ class Factors:
     """
 
     def __init__(self, tangent: Tangent, order: Integers | None) -> None:
-        import scipy.sparse as sparse  # slow to import, and only crystals at rest need it
-
         self._by_both, self._axes = tangent.by_both, len(tangent.by_e)
-        added = tangent.added * tangent.mass
-        by_u = tangent.by_u.tocsr() + sparse.diags(added[: -self._axes], format="csr")
+        self.order, self.diagonal, by_u = order, tangent.diagonal, tangent.with_added()
         self._solve = blockwise(by_u, self._axes) if order is None else factorised(by_u, order)
         self.iterations = _ITERATIONS if order is not None else _BLOCKWISE
         self._answer = self._solve(tangent.by_both)
-        self._schur = tangent.by_e - tangent.by_both.T @ self._answer + np.diag(added[-self._axes :])
+        self._schur = tangent.by_e - tangent.by_both.T @ self._answer
+        self._schur += np.diag(tangent.added * tangent.mass[-self._axes :])
+
+    def start(self, force: Floats) -> Floats:
+        """Return where conjugate gradients start: at rest."""
+        return np.zeros_like(force)
 
     def __call__(self, force: Floats) -> Floats:
         u = self._solve(force[: -self._axes])
@@ -79,16 +106,18 @@ class Factors:
 
 
 def conjugate_gradients(
-    tangent: Tangent, factors: Factors, force: Floats, share: float
+    tangent: Tangent, factors: Solver, force: Floats, share: float
 ) -> tuple[Floats, int, Floats | None]:
     """Return the x with tangent x = force, to a share of it, the iterations, and where the tangent is not convex.
 
     That is a direction along which forces push away from rest, after which x goes no further, or None. Both the force
     left and the energy in it count: the force alone passes over soft places, the energy over stiff ones.
     """
-    x, left = np.zeros_like(force), force.copy()
+    x = factors.start(force)
+    left = force - tangent @ x
     direction = factors(left)
-    first = energy = float(left @ direction)
+    energy = float(left @ direction)
+    first = energy + float(force @ x)
     weighted = float(np.sum(force**2 / tangent.mass))
     for iteration in range(1, factors.iterations + 1):
         product = tangent @ direction
