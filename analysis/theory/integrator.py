@@ -98,10 +98,12 @@ class Step:
     after, trial : where the step ended, and where the last slope was taken.
     ended : whether the step is over, so that `after` and its slope have yet to become the first of the next.
     lean : whether slopes of places are not there, as a `Fused` slope leaves them.
+    fused : the slope if it is `Fused`; a protocol is asked for once, as that takes longer than a small stage.
     """
 
     def __init__(self, slope: Slope, time: float, start: Array) -> None:
         self.slope, self.time = slope, time
+        self.fused = slope if isinstance(slope, Fused) else None
         self.stack = np.empty((1 + ROWS, *start.shape), dtype=start.dtype)
         self.numbers = _real(self.stack)
         self.trial, self.after = np.empty_like(start, order="C"), np.empty_like(start, order="C")  # `_real` takes views
@@ -117,15 +119,15 @@ class Step:
 
         Returns the errors of the step if a tolerance is given and the slope is `Fused`.
         """
-        if isinstance(self.slope, Fused):
-            errors = self.slope.stages(self, first, last, length, tolerance)
+        if self.fused:
+            errors = self.fused.stages(self, first, last, length, tolerance)
             if errors is not None:
                 return errors
         self._begin()
         weights = np.empty((ROWS, 1 + ROWS))
         weights[:, 0], weights[:, 1:] = 1.0, length * tableau().stages
-        if self.lean and isinstance(self.slope, Fused):
-            slopes, speeds = self.slopes[:, : self.slope.places], self.numbers[:, self.slope.places :]
+        if self.lean and self.fused:
+            slopes, speeds = self.slopes[:, : self.fused.places], self.numbers[:, self.fused.places :]
             for row, slope in enumerate(slopes[:first]):
                 loops.weighted(weights[row, : row + 1], speeds[:, : len(slope)], slope)
             self.lean = False
@@ -158,7 +160,7 @@ class Step:
         weights = np.empty((len(places), 1 + ROWS))
         weights[:, 0], weights[:, 1:] = 1.0, length * (np.cumprod(factors, axis=1) @ terms())
         states = np.empty((len(places), *self.begin.shape), dtype=self.begin.dtype)
-        cut = self.slope.places if self.lean and isinstance(self.slope, Fused) else 0
+        cut = self.fused.places if self.lean and self.fused else 0
         for each, speeds, state in zip(weights, of_places(weights[:, 1:], length), _real(states), strict=True):
             loops.weighted(each, self.numbers[:, cut:], state[cut:])
             if cut:
