@@ -24,9 +24,8 @@ from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-_CHANGED = (
-    0.3  # k1: the diagonal of the tangent changes by more where a contact parts or forms; good values: 0.1 to 0.3
-)
+# k1: the diagonal of the tangent changes by more where a contact parts or forms; good values: 0.1 to 0.3
+_CHANGED = 0.3
 _RINGS = 4  # How far the neighbours in a patch are; good values: 3 to 6
 
 
