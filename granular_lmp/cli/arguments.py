@@ -104,10 +104,12 @@ def scene_of(options: Options) -> "Scene":
 def _notes_on(scene: "Scene") -> list[str]:
     """Return what was changed to make a scene fit, "note: ...", and which effects it lacks, "warning: ..."."""
     from granular_lmp.effects.selection import remarks, select, warnings
-    from granular_lmp.scene.at_rest import crystal_of
+    from granular_lmp.scene.at_rest import crystal_of, remarks_on_wait
 
     if scene.loose:
         return [f"note: {sentence}" for sentence in scene.remarks()]
+    for sentence in remarks_on_wait(scene):
+        remark(f"note: {sentence}")  # at once, above the progress: the others come when the crystal is at rest
     crystal = crystal_of(scene, progress_of_rest)
     notes = [*scene.remarks(), *remarks(scene), *crystal.remarks()]
     return [*(f"note: {each}" for each in notes), *(f"warning: {each}" for each in warnings(select(scene)))]

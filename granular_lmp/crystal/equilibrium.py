@@ -11,7 +11,7 @@ of the crystal. Here it is:
 2. *Balance.* Once the root mean square force is below `SETTLED`, damped Newton steps, each of which lowers the energy,
    end at the rest (`granular_lmp.crystal.balance`). Or, once it is below `ROUGHLY_SETTLED`, steps in which the
    spheres around each contact that parts are let go again (`granular_lmp.crystal.avalanches`): large crystals take a
-   third of the time, and get other contacts.
+   fifth to a third of the time, and get other contacts.
 
 Spheres do not rub or turn on this way. With a coefficient of friction they are let go twice: first with shear springs
 that slide at Coulomb's limit (`granular_lmp.crystal.friction`), and again without, as above, from where they have

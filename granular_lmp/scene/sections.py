@@ -108,7 +108,7 @@ class Packing(Remembering):
     relax: str = choice("of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box")
     relax_friction: float = number("", "of unequal spheres while they come to rest; 0: none", 0, 1e4, default=0.0)
     relax_by: str = choice(
-        "steps of the whole crystal at once, or avalanche by avalanche: large crystals faster, other contacts",
+        "how unequal spheres come to rest; avalanches: large crystals sooner, to other contacts",
         WAYS,
         default=WHOLE,
     )

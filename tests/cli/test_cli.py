@@ -15,7 +15,9 @@ from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main, parser
 from granular_lmp.cli.parser import parsers
 from granular_lmp.effects.selection import EFFECTS
+from granular_lmp.errors import CrystalError
 from granular_lmp.plot.signals import dispersion_figure
+from granular_lmp.scene import at_rest
 from granular_lmp.scene.json_schema import json_schema
 from granular_lmp.scene.shipped import SHIPPED
 
@@ -33,6 +35,40 @@ def cli(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]
         status = int(error.code or 0)
     captured = capsys.readouterr()
     return status, captured.out, captured.err
+
+
+def unequal(spread: float, side: int, **packing: object) -> Scene:
+    """Return a sheet of side times side unequal spheres with a spread of radii, in overlaps at rest over 2R."""
+    scene = Scene.load("tr_nonresonant")
+    tables = {"rows": side, "columns": side, "ends": "periodic"} | packing
+    return scene.with_values(
+        {f"packing.{name}": value for name, value in tables.items()}
+        | {"disorder.radius": spread * scene.sphere.overlap_ratio}
+    )
+
+
+def test_a_long_way_to_rest_names_the_faster_one_before_it_is_gone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_rest(*_: object) -> None:
+        raise CrystalError("stopped here")
+
+    monkeypatch.setattr(at_rest, "crystal_of", no_rest)
+    file = tmp_path / "large.toml"
+    file.write_text(unequal(2.0, 300).to_toml())
+    _, _, said = cli(capsys, "check", str(file))
+    note, stopped = said.splitlines()
+    assert note.startswith("note: 90000 spheres")
+    assert 'about 230 s to come to rest; packing.relax_by = "avalanches"' in note
+    assert "stopped here" in stopped
+
+
+def test_a_short_way_to_rest_or_the_faster_one_says_nothing() -> None:
+    assert at_rest.remarks_on_wait(unequal(2.0, 300))
+    assert not at_rest.remarks_on_wait(unequal(2.0, 300, relax_by="avalanches"))
+    assert not at_rest.remarks_on_wait(unequal(2.0, 100))
+    assert not at_rest.remarks_on_wait(unequal(0.1, 300))
+    assert not at_rest.remarks_on_wait(Scene.load("tr_nonresonant"))
 
 
 @pytest.mark.parametrize("command", COMMANDS)
