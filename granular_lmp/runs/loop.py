@@ -88,7 +88,7 @@ def proceed(of: Callable[[Path, bool], Simulation], folder: Path, progress: Prog
         info = read_start(folder)
         with phase("build"):
             simulation = of(folder, "kernel" in info)
-        _refuse_other_deck(folder, simulation)
+        _refuse_other_columns(folder, simulation)
         last = last_checkpoint(folder, info, simulation.dump)
         options = replace(options_of(folder, info), progress=progress)
         route = route_of(options)
@@ -102,11 +102,16 @@ def proceed(of: Callable[[Path, bool], Simulation], folder: Path, progress: Prog
         return execute(simulation, job, route, info, seconds)
 
 
-def _refuse_other_deck(folder: Path, simulation: Simulation) -> None:
-    """Raise a RunFolderError if the deck of a run is not the one that this version writes for its scene."""
+def _refuse_other_columns(folder: Path, simulation: Simulation) -> None:
+    """Raise a RunFolderError if a run began with other columns of the thermo table than it would go on with."""
     name = simulation.begun_name
-    if (folder / name).read_text(encoding="utf-8") != "".join(simulation.files()[name]):
-        raise RunFolderError(f"{folder / name}: is not the deck of this version; run it again with force=True")
+    now = "".join(simulation.files()[name])
+    if (folder / name).is_file() and _columns((folder / name).read_text(encoding="utf-8")) != _columns(now):
+        raise RunFolderError(f"{folder}: was begun by a version with other guards; run it again with force=True")
+
+
+def _columns(deck: str) -> str:
+    return next((line for line in reversed(deck.splitlines()) if line.startswith("thermo_style")), "")
 
 
 def _job(

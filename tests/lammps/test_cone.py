@@ -12,6 +12,7 @@ import pytest
 
 from granular_lmp import Deck, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
+from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.cone import leave, mean_count
 from granular_lmp.lammps.installation import environment, lmp_command
 from granular_lmp.lammps.outputs import DUMP, LOG, read_log
@@ -117,6 +118,14 @@ def test_a_run_is_continued_while_spheres_leave(
     resume(tmp_path / "cut")
     assert spheres_at_the_end(tmp_path / "cut") == spheres_at_the_end(tmp_path / "whole") < len(whole.problem.crystal)
     assert (tmp_path / "cut" / DUMP).read_bytes() == (tmp_path / "whole" / DUMP).read_bytes()
+
+
+def test_a_run_that_began_with_other_guards_is_not_continued(stop: Callable[..., None], tmp_path: Path) -> None:
+    stop(STRIP.with_values({"time.duration": 100.0, "output.checkpoint": 1e-4}), tmp_path / "cut")
+    deck = tmp_path / "cut" / "in.tr_nonresonant"
+    deck.write_text(deck.read_text().replace(" v_next v_mu", " v_next v_open_all v_mu"))
+    with pytest.raises(RunFolderError, match="was begun by a version with other guards; run it again with force=True"):
+        resume(tmp_path / "cut")
 
 
 @pytest.mark.parametrize(
