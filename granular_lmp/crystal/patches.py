@@ -1,6 +1,6 @@
 """Old factors of a crystal, mended where contacts have parted or formed since.
 
-The spheres of such contacts and their neighbours within `_RINGS` make up patches, up to a fifth of a large crystal. The
+The spheres of such contacts and their neighbours within `_RINGS` make up patches, up to a third of a large crystal. The
 tangent A of now is solved exactly in the patches, by L, and nearly everywhere by the old factors G. Conjugate gradients
 that start at L f leave no force in any patch, and with the preconditioner
 
@@ -10,7 +10,7 @@ none appears there later: this is deflation (Nicolaides, SIAM J. Numer. Anal. 24
 rest of the crystal yields, which changes little, and three iterations find it where old factors alone take 25. In 1e5
 spheres with s = 2 the first factors then last until the last contact has parted.
 
-Patches are factorised anew in each step. That is exact, and in double precision: rounding does not decide on contacts.
+Patches are factorised anew in each step, in double precision: a crystal hardly hangs on how factors are rounded.
 """
 
 from typing import Any, Self

@@ -4,10 +4,12 @@ Lengths in Δ0 and forces in k1 Δ0 of `SILICA`.
 """
 
 from dataclasses import replace
+from types import ModuleType
 
 import numpy as np
 import pytest
 
+from granular_lmp.crystal import avalanches, balance
 from granular_lmp.crystal.disorder import Disorder, imperfect
 from granular_lmp.crystal.equilibrium import BALANCED, Equilibrium, relax
 from granular_lmp.crystal.lattices import Shape, packed
@@ -130,6 +132,18 @@ def test_a_scene_names_the_way_and_an_older_scene_keeps_its_own() -> None:
         rest = crystal_of(scene).equilibrium
         assert rest is not None
         assert words in rest.protocol
+
+
+@pytest.mark.parametrize(
+    ("way", "module", "words"),
+    [("whole", balance, "after 1 Newton steps"), ("avalanches", avalanches, "after 1 steps by avalanches")],
+)
+def test_a_crystal_that_does_not_come_to_rest_says_what_steps_were_taken(
+    way: str, module: ModuleType, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "STEPS", 1)
+    with pytest.raises(CrystalError, match=words):
+        by(way, 2.0)
 
 
 def test_an_unknown_way_is_refused_by_name() -> None:
