@@ -1,5 +1,6 @@
 """The measures of the figures of disorder and of defects, on fields whose answers are known and on tiny crystals."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -210,7 +211,15 @@ def defect_runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Record]:
 
 
 @pytest.fixture(scope="module")
-def scatterings(defect_runs: dict[str, Record]) -> dict[str, defects.Scattering]:
+def coarse_zone() -> Iterator[None]:
+    """Part of the grid of the zone for a line that is only drawn."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(defects, "impurity_width", partial(defects.impurity_width, grid=192, width=0.016))
+        yield
+
+
+@pytest.fixture(scope="module")
+def scatterings(defect_runs: dict[str, Record], coarse_zone: None) -> dict[str, defects.Scattering]:
     return {name: defects.compare(defect_runs["perfect"], defect_runs[name]) for name in ("vacancy", "heavy")}
 
 
@@ -223,7 +232,7 @@ def test_the_scattered_field_is_that_of_the_network(scatterings, name):
     assert (found.theory is None) == (name == "vacancy")
 
 
-def test_another_mass_than_the_run_has_is_seen(defect_runs, monkeypatch):
+def test_another_mass_than_the_run_has_is_seen(defect_runs, coarse_zone, monkeypatch):
     read = defects.first_snapshot
 
     def lighter(record):
