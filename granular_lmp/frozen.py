@@ -37,9 +37,10 @@ else:
 
 def _set_once(self: Any, name: str, value: Any) -> None:
     """Set a field that has no value yet: ``__init__`` does so."""
-    if name in vars(self) or name not in self.__dataclass_fields__:
+    values = self.__dict__
+    if name in values or name not in self.__dataclass_fields__:
         raise FrozenInstanceError(f"cannot assign to field {name!r}")
-    object.__setattr__(self, name, value)
+    values[name] = value
 
 
 def _refuse_deletion(self: Any, name: str) -> None:
