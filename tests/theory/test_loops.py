@@ -281,14 +281,14 @@ def test_a_process_that_forks_after_threads_has_threads_too() -> None:
 @compiled
 def test_threads_that_compile_at_once_all_have_the_loops(elsewhere: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(loops, "FLAGS", ("-O0", *loops.FLAGS[1:]))  # compiles ten times as fast
-    gate = Barrier(4)
+    gate = Barrier(2)
 
     def found(_: int) -> bool:
         gate.wait()
         return loops.library() is not None
 
-    with ThreadPoolExecutor(4) as pool:
-        assert all(pool.map(found, range(4)))
+    with ThreadPoolExecutor(2) as pool:
+        assert all(pool.map(found, range(2)))
     (folder,) = elsewhere.iterdir()
     assert [each.suffix for each in folder.iterdir()] == [".so"]  # nothing is left beside it
 

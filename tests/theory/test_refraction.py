@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -213,8 +214,13 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> ImpactRecord:
     return run_impact(scene, tmp_path_factory.mktemp("refraction") / "run")
 
 
-def test_a_front_is_refracted_by_the_law_of_angles(run: ImpactRecord) -> None:
-    mass, found = figure.measured(run)
+@pytest.fixture(scope="module")
+def measured(run: ImpactRecord) -> Any:
+    return figure.measured(run)
+
+
+def test_a_front_is_refracted_by_the_law_of_angles(measured: Any) -> None:
+    mass, found = measured
     assert (mass, found.incidence) == (2.0, 30.0)
     through, back = found.angles
     height = found.transmitted.height / found.incident.height
@@ -236,9 +242,14 @@ def test_a_front_is_refracted_by_the_law_of_angles(run: ImpactRecord) -> None:
 
 
 def test_the_figure_is_drawn_with_a_table(
-    run: ImpactRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    run: ImpactRecord,
+    measured: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(figure, "MASSES", np.array([0.5, 2.0]))
+    monkeypatch.setattr(figure, "measured", lambda record: {run.folder: measured}[record.folder])
     assert figure.main([str(run.folder), "-o", str(tmp_path / "refraction.png")]) == 0
     assert (tmp_path / "refraction.png").stat().st_size > 10_000
     assert re.search(r"^ +2 +30\.0 +20\.\d+ +20\.\d+ +20\.49", capsys.readouterr().out, re.MULTILINE)
