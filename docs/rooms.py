@@ -51,10 +51,11 @@ def rooms() -> dict[str, list[Path]]:
 
 def arrows() -> Arrows:
     """Return the pairs of different rooms, imported and importing."""
+    known = rooms()
     found = {
-        (used, room) for room, paths in rooms().items() for path in paths for used in imported(path.read_text("utf-8"))
+        (used, room) for room, paths in known.items() for path in paths for used in imported(path.read_text("utf-8"))
     }
-    return {(used, room) for used, room in found if used in rooms() and used != room and (room, used) not in LAZY}
+    return {(used, room) for used, room in found if used in known and used != room and (room, used) not in LAZY}
 
 
 def reduced(pairs: Arrows) -> Arrows:
