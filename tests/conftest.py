@@ -143,6 +143,15 @@ def place_kernel(content: bytes) -> Path:
 
 
 @pytest.fixture
+def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made and their files are empty, for tests of what a command prints or writes beside its figure.
+
+    To render one takes a fifth of a second. Tests that name the figure render it.
+    """
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda self, path, **options: Path(path).touch())
+
+
+@pytest.fixture
 def fast_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lets a run look at its progress each millisecond, so that a short one can be stopped on its way."""
     monkeypatch.setattr(routes, "_POLL", 1e-3)

@@ -232,6 +232,7 @@ def test_a_line_is_left_out_where_nothing_is_known() -> None:
     assert "perturbation order" not in budget_of(from_theory(damped, "exact-lattice", FEW))
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_run_json_holds_the_budget_and_compare_prints_it(
     small: Scene, tmp_path: Any, capsys: pytest.CaptureFixture
 ) -> None:

@@ -111,6 +111,7 @@ def test_an_unfinished_run_has_none_of_it(tmp_path: Path) -> None:
     assert (row["status"], row["second_harmonic"], row["frequency_Hz"], row["largest_p"]) == ("unfinished", *[None] * 3)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_compare_prints_a_line_a_run_of_a_sweep_what_was_varied_in_front(
     swept: Sweep, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -139,6 +140,7 @@ def test_compare_says_how_many_runs_are_missing(swept: Sweep, tmp_path: Path) ->
         Swept.load(tmp_path)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_points_of_the_spectrum_are_written_as_numbers(swept: Sweep, tmp_path: Path) -> None:
     csv_path = tmp_path / "points.csv"
     assert spectrum_main([str(swept.folder), "-o", str(tmp_path / "s.png"), "--csv", str(csv_path)]) == 0

@@ -40,6 +40,7 @@ def test_a_perfect_run_is_left_to_a_theory_unless_the_network_is_asked_for(tmp_p
     assert not np.allclose(network.signals, 1.001 * np.array(exact.signals), rtol=0, atol=1e-7)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_compare_takes_the_network_of_an_imperfect_run_and_says_so(
     imperfect: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

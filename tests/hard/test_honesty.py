@@ -104,6 +104,7 @@ def test_what_went_wrong_is_in_the_exit_status_in_run_json_and_refused(
     refused(folder)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_failed_run_can_be_forced_through_compare_and_shows_that_it_is_no_number(
     small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -80,6 +80,7 @@ def as_of_an_earlier_version(swept: Sweep, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("old", members([False, True], False))
+@pytest.mark.usefixtures("unrendered")
 def test_compare_has_a_line_a_wave_that_names_it(
     old: bool, swept: Sweep, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -91,6 +92,7 @@ def test_compare_has_a_line_a_wave_that_names_it(
     assert " ".join(lines[2]) == "7 points of the sweep are 2 runs: the others run with equal values"
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_spectrum_has_a_point_a_wave(swept: Sweep, tmp_path: Path) -> None:
     table = tmp_path / "points.csv"
     assert spectrum_main([str(swept.folder), "-o", str(tmp_path / "s.png"), "--csv", str(table)]) == 0
@@ -114,6 +116,7 @@ def distinct(scene: Scene, over: dict[str, list[Any]]) -> int:
     return len({point.run for point in points(scene, over)})
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_compare_takes_the_values_of_runs_from_their_scenes_and_not_from_the_table(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

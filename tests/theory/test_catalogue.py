@@ -313,6 +313,7 @@ def capillary(monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], None]:
     return add
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_an_effect_added_to_the_table_is_refused_until_a_theory_declares_it(
     capillary: Callable[[bool], None], small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -327,6 +328,7 @@ def test_an_effect_added_to_the_table_is_refused_until_a_theory_declares_it(
     assert compare.main([str(tmp_path / "on")]) == 0
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_an_effect_added_to_the_table_that_is_off_is_no_matter(
     capillary: Callable[[bool], None], small: Scene, tmp_path: Path
 ) -> None:

@@ -91,6 +91,7 @@ def test_computed_stiffnesses_as_measured_ones_change_nothing() -> None:
     assert float(same.frequency) == pytest.approx(float(Setting(declared).mode().frequency), rel=1e-12)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_command_names_branches_and_tells_of_creep(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = tmp_path / "layer.toml", tmp_path / "fcc.toml"
     for file, name in zip(files, ("hexagonal layer", "fcc [001]"), strict=True):

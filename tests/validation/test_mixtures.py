@@ -66,6 +66,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Record
 
 
 @pytest.mark.parametrize("name", members(MIXTURES, "a striker alone", "a state alone"))
+@pytest.mark.usefixtures("unrendered")
 def test_compare_judges_a_mixture_by_the_network(
     name: str, recorded: Callable[[str], Record], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -163,6 +163,7 @@ def test_sweeps_and_exports_take_such_scenes(watched: Record, tmp_path: Path) ->
         assert export(watched, tmp_path / f"out.{suffix}") or (tmp_path / f"out.{suffix}").is_file()
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_compare_takes_the_network(watched: Record, capsys: pytest.CaptureFixture[str]) -> None:
     assert compare.main([str(watched.folder)]) == 0
     assert "network" in capsys.readouterr().out
