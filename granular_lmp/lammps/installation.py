@@ -19,7 +19,7 @@ from types import ModuleType
 
 from granular_lmp.errors import LammpsMissingError
 
-REQUIRED_PACKAGES = ("GRANULAR", "DIPOLE")
+REQUIRED_PACKAGES = ("GRANULAR", "DIPOLE", "MISC")  # MISC has the fix by which spheres leave
 PACKAGE_IN_SPACE = "BPM"  # what the decks of spheres in space need beside
 # UCX, the transport of the wheel's MPI, patches memory functions of the process when it is loaded, which takes 40 ms of
 # waiting, and looks for networks when MPI starts, 10 ms; hwloc reads how the cores share caches from 200 files, 2 ms.
