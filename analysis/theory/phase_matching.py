@@ -245,7 +245,7 @@ class _Line:
         return [found[n] for n in np.flatnonzero(np.abs(left) <= _SILENT * loudest)]
 
     def followed(self, number: Floats, start: _Forces, begun: Integers) -> tuple[Complexes, Integers, Integers, Floats]:
-        """Return the forces (M,) of pairs that begun as (M,) of the start, in the phases there.
+        """Return the forces (M,) of pairs that began as (M,) of the start, in the phases there.
 
         Then follow their branches and targets here, and the frequencies of the waves.
         """
