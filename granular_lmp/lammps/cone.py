@@ -84,6 +84,11 @@ def leave(scene: Scene) -> bool:
     return watches_part(scene) and not scene.monitor and not scene.packing.contact_force and not by_pairs(scene)
 
 
+def staying_lines(scene: Scene) -> list[str]:
+    """Return the line by which all spheres stay in the run of a deck that records more than its scene asks for."""
+    return ["unfix        gone"] if leave(scene) else []
+
+
 def looks_elsewhere(scene: Scene) -> bool:
     """Return whether guards look, for information, also at spheres that cannot affect the record, which stay."""
     return watches_part(scene) and not leave(scene)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.frozen import dataclass
+from granular_lmp.lammps.cone import staying_lines
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import DUMP, read_snapshots
 from granular_lmp.runs.record import IN_SPACE, TRAJECTORY, Record, write_status
@@ -81,6 +82,7 @@ def edited(deck: Deck, output: Output) -> Deck:
             columns += " c_everywhere[*]"
         elif tracked:
             columns += " mux muy"
+        head += "".join(f"{line}\n" for line in staying_lines(deck.scene))
         head += f"dump         all all custom ${{every}} {output.file} {columns}\n"
         if output.all_digits and not output.binary:
             head += f"dump_modify  all {_ALL_DIGITS}\n"

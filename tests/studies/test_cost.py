@@ -206,6 +206,14 @@ def test_the_centre_is_found_in_what_was_written(name: str, small: Scene, tmp_pa
     assert not (tmp_path / "run" / OUTPUTS[name].file).exists()
 
 
+def test_all_spheres_stay_in_a_run_that_writes_all(tmp_path: Path) -> None:
+    deck = build(PAPER.with_values({"packing.rows": "auto", "time.duration": 50.0, "time.timestep": 1 / 6}))
+    assert "evaporate" in deck.input_text
+    plain = run(deck, tmp_path / "plain")
+    kept = keep_centre(deck, run(edited(deck, OUTPUTS["all, binary"]), tmp_path / "run"), OUTPUTS["all, binary"])
+    np.testing.assert_allclose(kept.q, plain.q, rtol=0, atol=2e-8)  # rounding of positions, as above
+
+
 @pytest.mark.parametrize("name", ["all, text", "all, binary"])
 def test_the_centre_of_a_crystal_in_space_is_found_with_all_its_freedoms(name: str, tmp_path: Path) -> None:
     scene = Scene.load("monolayer_rocking").with_values({"wave.wavenumber": np.pi / 2, "time.duration": 1.0})
