@@ -39,7 +39,7 @@ _FLOPPY = 1e-6  # a branch below this share of the highest frequency all along h
 _SILENT = 1e-9  # share of the largest force on any branch that is rounding, or a zero that was found
 _TOUCHING = 1e-12  # a detuning below this share of the highest frequency is 0
 _ALIKE = 0.99  # overlap of modes that one wave number and the next resolve, where branches repel each other
-_HALVINGS = 4  # of a step of the grid where they do not
+_HALVINGS = 4  # A step of the grid is halved so often where they do not
 _FACING = 1e-9  # share of a reciprocal vector that is rounding
 _REACH = 3  # reciprocal vectors up to this many of each
 

@@ -39,7 +39,7 @@ TORQUE, ROTATION = "torque", "rotation"  # about z; about x and y the axis follo
 TORQUES, ROTATIONS = ((word, f"{word}_x", f"{word}_y") for word in (TORQUE, ROTATION))
 # Over Ω, of the spectrum of any signal before quiet ends; the main lobe of a burst, Ω(1 ± 2/cycles), has 3 cycles then
 _LOWEST = 1 / 3
-_COMPLEX_STEP = 1e-30  # of a derivative, which its square does not round
+_COMPLEX_STEP = 1e-30  # Its square rounds no derivative
 LARGEST_ANGLE = 2e-3  # rad: a torque in LAMMPS is then off by 1 - cos, 2e-6 (`granular_lmp.lammps.sources`)
 FEWEST_STEPS = 20.0  # A period of a source has at least these: Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
 
