@@ -121,16 +121,21 @@ def test_an_antiresonance_is_where_a_force_changes_its_sign_and_a_forbidden_bran
     silent = [each for each in matches(crystal, along) if each.kind == "antiresonance"]
     assert silent
     for each in silent:
-        numbers = each.wavenumber * (1 + 1e-7 * np.array([-2.0, -1.0, 1.0, 2.0]))
+        # Rounding moves a zero by up to 1e-9 of its wave number, a part in a thousand of these distances
+        numbers = each.wavenumber * (1 + 1e-6 * np.array([-2.0, -1.0, 1.0, 2.0]))
         one = branch_of(crystal, np.outer(numbers, along), each.branch)
         pair = Mixed(crystal, one, one)
         force = pair.steady[:, each.target]
         assert not forbidden(Mixed(crystal, *2 * [branch_of(crystal, numbers[0] * along, each.branch)]))[each.target]
-        # A force that changes its sign grows in proportion to the distance; one that has none is rounding
-        assert np.abs(force[[0, 3]]) == pytest.approx(2 * np.abs(force[[1, 2]]), rel=1e-3)
+        # A force that changes its sign grows in proportion to the distance, and as far on both sides; one that has none
+        # is rounding
+        far, near = np.abs(force[[0, 3]]), np.abs(force[[1, 2]])
+        assert far.sum() == pytest.approx(2 * near.sum(), rel=1e-3)
+        assert abs(near[1] - near[0]) < 1e-3 * near.sum()
         share = np.sum(pair.targets.duals[0, each.target] * pair.targets.shapes[3, each.target])
         wave = np.sum(crystal.modes(numbers[0] * along).duals[each.branch] * one.shape[3])
-        assert (force[3] * share * wave.conj() ** 2 / force[0]).real == pytest.approx(-1, abs=1e-3)
+        turned = force[3] * share * wave.conj() ** 2 / force[0]
+        assert turned.real / abs(turned) == pytest.approx(-1, abs=1e-3)
 
 
 def test_honeycomb_has_resonances_that_a_chain_of_formulas_would_not_find() -> None:
