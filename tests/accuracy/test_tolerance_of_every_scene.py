@@ -40,6 +40,11 @@ MORE = (
     "tr_nonresonant",
     "tr_impurity",
     "tr_periodic",
+    "rt_wave",
+    "tr_driven",
+    "tr_oblique",
+    "tr_damped",
+    "struck_sheet",
 )
 
 

@@ -26,7 +26,15 @@ CHEAP = [
 ]
 
 
-@pytest.mark.parametrize("pair", CHEAP, ids=" with ".join)
+# In tests/validation JKR with unequal radii stands in test_unequal_jkr_in_lammps, a beam in test_waves_against_theory,
+# a torque in test_mixed_with_network
+MORE = ("radii", "jkr"), ("moved row", "beam"), ("torque", "packet")
+
+
+@pytest.mark.parametrize(
+    "pair",
+    [pytest.param(pair, id=" with ".join(pair), marks=[pytest.mark.more] * (pair in MORE)) for pair in CHEAP],
+)
 def test_a_pair_of_features_moves_as_its_network(pair: tuple[str, str], tmp_path: Path) -> None:
     assert pair in set(pairs())
     found = outcome(scene_of(*pair), tmp_path)

@@ -28,7 +28,8 @@ from tests.matrix.page import PAGE, current, refused
 # Dear rows of features that other rows have too
 MORE = {"jkr", "beam", "quiet", "rolling", "no rotation", "tolerance", "hertz scale", "state", "free sides"}
 MORE |= {"held sides", "chirp", "quiet end", "wall end", "stiffness spread", "motion", "incremental", "restitution"}
-MORE |= {"another sphere", "free end", "packet", "finite sheet", "snapshots", "no tracking"}
+MORE |= {"another sphere", "free end", "packet", "finite sheet", "snapshots", "no tracking", "torque", "fixed"}
+MORE |= {"densities", "standing"}
 ROWS = [
     pytest.param(
         kind, name, id=f"{kind.name}-{name}", marks=[pytest.mark.more] if kind.scene.wave and name in MORE else []

@@ -125,7 +125,10 @@ def wave_section(data: Path) -> np.ndarray:
 
 
 # A run to a tolerance is many runs, each on the path of a plain one
-@on("error estimate", "quiet ends", "two ranks")
+MANY = "standing", "JKR", "quiet ends", "two ranks", "kernel", "sweep", "thread"
+
+
+@on("error estimate", *MANY)
 def test_an_estimate_is_at_least_half_the_error(path: Path_, runs: Runs) -> None:
     said = read_status(runs(path, "to a tolerance"))["error_estimate"]
     found = errors(signals(runs(path, "to a tolerance")), signals(runs(path, "fine")), path.impact)
@@ -135,7 +138,7 @@ def test_an_estimate_is_at_least_half_the_error(path: Path_, runs: Runs) -> None
     assert all(found[name] <= 2 * value for name, value in counted.items()), (found, counted)
 
 
-@on("tolerance", "quiet ends", "two ranks")
+@on("tolerance", *MANY)
 def test_an_answer_errs_by_less_than_its_tolerance(path: Path_, runs: Runs) -> None:
     said = read_status(runs(path, "to a tolerance"))["error_estimate"]
     found = errors(signals(runs(path, "to a tolerance")), signals(runs(path, "fine")), path.impact)
@@ -143,7 +146,7 @@ def test_an_answer_errs_by_less_than_its_tolerance(path: Path_, runs: Runs) -> N
     assert all(error <= TOLERANCE for name, error in found.items() if said.get(name, 0.0) is not None), (found, said)
 
 
-@on("error budget")
+@on("error budget", *MANY)
 def test_the_error_of_a_step_is_at_most_what_the_budget_says(path: Path_, runs: Runs) -> None:
     budget = {each["name"]: each for each in read_status(runs(path, "plain"))["error_budget"]}
     found = errors(signals(runs(path, "plain")), signals(runs(path, "fine")), path.impact)
@@ -159,7 +162,8 @@ def test_the_error_of_a_step_is_at_most_what_the_budget_says(path: Path_, runs: 
 LENGTHS = {"driven": 6, "sources and monitors": 10, "quiet ends": 6, "imperfect": 12, "impact": 10, "two ranks": 4}
 
 
-@on("same bytes after resume", "standing", "JKR", "collision", "thread")
+# A driven row stands in tests/validation/test_waves_in_lammps.py, plain lmp in tests/hard/test_honesty.py
+@on("same bytes after resume", "standing", "JKR", "collision", "thread", "driven", "lmp")
 def test_a_stopped_run_is_continued_to_the_same_bytes(path: Path_, tmp_path: Path, fast_looks: None) -> None:
     scene = path.scene()
     spheres = scene.shape.spheres
@@ -205,7 +209,7 @@ def test_a_file_that_was_changed_is_refused(path: Path_, runs: Runs) -> None:
     signals(folder)
 
 
-@on("guards")
+@on("guards", "standing", "JKR", "two ranks")
 def test_a_guard_fails_the_run(path: Path_, tmp_path: Path) -> None:
     scene = path.scene()
     if scene.wave is None:

@@ -262,5 +262,5 @@ def integrate_wave(wavenumber: float, ratio: float, amplitude: float, times: Arr
         return np.concatenate([pace, force], axis=None)
 
     start_state = np.concatenate([start, speed], axis=None)
-    solution = solve_ivp(rate, (0, times[-1]), start_state, method="DOP853", t_eval=times, rtol=1e-11, atol=1e-13)
+    solution = solve_ivp(rate, (0, times[-1]), start_state, method="DOP853", t_eval=times, rtol=1e-9, atol=1e-11)
     return solution.y.T.reshape(len(times), 2, 3, points)[:, 0]

@@ -48,7 +48,7 @@ def velocities(run: Runs, restitution: float, step: float, duration: float = 24.
 # --- the law ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("restitution", RESTITUTIONS)
+@pytest.mark.parametrize("restitution", members(RESTITUTIONS, 0.7))
 def test_a_lossy_chain_moves_as_the_same_dashpots_without_lammps(restitution: float, run: Runs) -> None:
     chain, v = replace(uniform(20), restitution=restitution), np.eye(20)[0]
     _, (stepped,) = march(chain, 0 * v, v, 0.05, 480)
@@ -76,7 +76,7 @@ def test_a_lossy_chain_of_unequal_spheres_meets_its_end(last: End, tmp_path: Pat
     assert np.max(np.abs(found - stepped / scale.velocity)) < 1e-9
 
 
-@pytest.mark.parametrize("restitution", RESTITUTIONS)
+@pytest.mark.parametrize("restitution", members(RESTITUTIONS, 0.7, 0.9))
 def test_the_step_is_of_first_order_and_its_extrapolation_of_a_higher(restitution: float, run: Runs) -> None:
     chain, v = replace(uniform(20), restitution=restitution), np.eye(20)[0]
     _, (exact,) = integrate(chain, 0 * v, v, [24.0], 1e-10)
@@ -143,7 +143,7 @@ def test_a_hexagonal_sheet_loses_what_the_same_dashpots_take(tmp_path: Path) -> 
 # --- energy -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("restitution", RESTITUTIONS)
+@pytest.mark.parametrize("restitution", members(RESTITUTIONS, 0.7, 0.9))
 def test_the_energy_of_a_record_falls_as_without_lammps(restitution: float, run: Runs) -> None:
     record = run({"effects.restitution": restitution, "time.timestep": 0.025, "time.duration": 24.0})
     chain, v = replace(uniform(20), restitution=restitution), np.eye(20)[0]

@@ -207,8 +207,9 @@ def test_no_other_epsilon_saves_the_printed_p_equation() -> None:
     """ε stands in three terms of p: no single value of it makes ε/8, εα/6 and εβ/(3√3) right together."""
     scale = sp.Symbol("scale")
     row = paper.paper_rows(replace(PRINTED, epsilon=scale * PRINTED.epsilon))[0]
-    quadratic = sp.Poly(sp.expand((row - derived()[0]) * (paper.g1 + 3 * paper.k1)), *paper.UNKNOWNS).coeffs()
-    assert sp.solve(quadratic, scale) == []
+    terms = map(sp.expand, sp.Poly((row - derived()[0]) * (paper.g1 + 3 * paper.k1), *paper.UNKNOWNS).coeffs())
+    asked = {sp.cancel(-term.coeff(scale, 0) / term.coeff(scale, 1)) for term in terms if term.has(scale)}
+    assert asked == {2 / paper.ROOT3, paper.ROOT3 / 2}
 
 
 @pytest.mark.parametrize(("name", "order"), [(None, 2), *((name, 1) for name in SINGLE_TERMS)])

@@ -254,6 +254,7 @@ def test_a_sheet_moves_as_the_network_does(
     assert (np.max(np.abs(spin)) > 0.02) == (friction > 0)
 
 
+@pytest.mark.more  # two materials stand in test_mixed_with_network, vacancies in test_strikes_at_rest
 def test_a_sheet_of_two_materials_with_vacancies_moves_as_the_network_does(run: Runs) -> None:
     inclusions = [
         {"spheres": [[3, 4], [5, 2]], "density": 1000.0},

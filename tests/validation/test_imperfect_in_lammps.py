@@ -124,7 +124,7 @@ CASES: dict[str, tuple[Changes, list[Wrong]]] = {
 }
 
 
-@pytest.mark.parametrize("case", members(CASES, "vacancies", "s = 0.1"))
+@pytest.mark.parametrize("case", members(CASES, "vacancies", "impurity", "s = 0.1"))
 def test_an_imperfect_crystal_moves_as_its_network_and_as_no_other(case: str, tmp_path: Any) -> None:
     changes, wrongs = CASES[case]
     pair = extrapolated(SHEET.with_values(changes), tmp_path)
@@ -186,7 +186,7 @@ def test_the_same_contacts_open_and_form_in_lammps_and_in_the_network(tmp_path: 
 
 def test_contacts_slide_in_a_run_as_in_its_network(tmp_path: Any) -> None:
     sliding = {"disorder.vacancies": 0.02, "wave.amplitude": 0.2, "effects.sliding": True, "effects.friction": 0.03}
-    scene = SHEET.with_values(sliding | {"packing.columns": 6, "time.duration": 3.0})
+    scene = SHEET.with_values(sliding | {"packing.columns": 6, "time.duration": 1.5})
     pair = extrapolated(scene, tmp_path, (0.0125, 0.00625))
     first = first_snapshot(pair.record)
     assert first.network.friction == 0.03

@@ -82,8 +82,10 @@ def moved(first: FirstSnapshot, tau: np.ndarray, rtol: float = 1e-10) -> np.ndar
     return np.moveaxis(motion, 1, 2) * np.array([1.0, 1.0, first.radius]) / first.length
 
 
-# Quiet ends are those of a chain too, and unequal spheres by JKR move as in the network in test_unequal_jkr_in_lammps
-MORE_MIXTURES = "quiet ends of a square sheet", "a JKR crystal with a spread of radii"
+# Quiet ends and a disordered sheet stand in test_strikes_at_rest, unequal spheres by JKR in test_unequal_jkr_in_lammps,
+# and a striker beside a packet in test_mixtures
+MORE_MIXTURES = "quiet ends of a square sheet", "a JKR crystal with a spread of radii", "quiet ends of a chain"
+MORE_MIXTURES += "a wave and a striker", "a striker on a disordered adhesive sheet"
 
 
 @pytest.mark.parametrize("name", members(MIXTURES, *MORE_MIXTURES))
@@ -151,9 +153,10 @@ STRIKES: dict[str, tuple[Scene, dict[str, Any], float]] = {
 }
 
 
-# Each part of these stands in another strike, or in a mixture
-MORE_STRIKES = ("a compressed chain between held spheres", "the same by the secant law")
-MORE_STRIKES += ("a displaced state with friction",)
+# Each part of these stands in another strike, or in a mixture; restitution in tests/matrix/test_compared.py
+MORE_STRIKES = ("a compressed chain with a wall", "a restitution in a sheet with a vacancy")
+MORE_STRIKES += ("a compressed chain between held spheres", "the same by the secant law")
+MORE_STRIKES += "a displaced state with friction", "two spheres collide", "a sheet between walls with friction"
 
 
 @pytest.mark.parametrize("name", members(STRIKES, *MORE_STRIKES))

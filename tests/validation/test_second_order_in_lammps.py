@@ -77,8 +77,9 @@ def even(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Reco
     return make
 
 
-# The upper branch of layers, the second of a layer on a substrate, hcp and a film have their likes beside them
-MORE = "layers, upper branch", "layer on a substrate, S2", "hcp", "four layers"
+# The upper branch of layers, the second of a layer on a substrate and a film have their likes beside them; fcc and hcp
+# stand in test_space_in_lammps
+MORE = "layers, upper branch", "layer on a substrate, S2", "fcc", "hcp", "four layers"
 
 
 @pytest.mark.parametrize("name", members(CASES, *MORE))

@@ -16,7 +16,7 @@ from granular_analysis.theory.network_state import loaded, present
 from granular_lmp import Record, Scene, run
 from tests.conftest import members
 
-TAU = {"time.duration": 10.0, "output.particles": 5.0}
+TAU = {"time.duration": 5.0, "output.particles": 5.0}
 MEASURED = {
     "contact.normal_stiffness": 300.0,
     "contact.shear_stiffness": 200.0,
@@ -52,8 +52,10 @@ def record_of(name: str, folder: Path, **values: Any) -> Record:
     return run(Scene.load(shipped).with_values(TAU | changes | values), folder / "run")
 
 
-# The substrate below, its forces and other directions stand in the cases beside
-MORE = "vertical", "rocking", "soft substrate", "square between two, JKR", "oblique", "standing", "hcp"
+# The substrate below, its forces and other directions stand in the cases beside; a film and a chain of unequal spheres
+# in test_unequal_in_space, a push along z and honeycomb in test_strikes_on_a_layer
+MORE = "vertical", "rocking", "soft substrate", "square between two, JKR", "oblique", "standing", "hcp", "film"
+MORE += "chain on a substrate", "a push along z", "honeycomb"
 
 
 @pytest.mark.parametrize("name", members(CASES, *MORE))

@@ -62,7 +62,11 @@ SCENES: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", members(SCENES, "jkr", "opening"))
+# Faces, sources and unequal spheres stand beside in other scenes; contacts open in tests/validation/test_impacts.py
+MORE = "jkr", "opening", "even rows", "held sheet", "source alone"
+
+
+@pytest.mark.parametrize("name", members(SCENES, *MORE))
 def test_a_strike_alone_moves_as_its_network(name: str, tmp_path: Path) -> None:
     found = outcome(BASE.with_values(SCENES[name]), tmp_path)
     assert not found.refused
@@ -117,15 +121,15 @@ def test_effects_follow_the_bound_of_the_strike(watched: Record) -> None:
             prepare(pressed.with_values({"packing.first": faces, "packing.last": faces}))
 
 
-@pytest.mark.parametrize(("launcher", "ranks"), [pytest.param("lmp", 1, marks=pytest.mark.more), ("lmp", 2)])
+@pytest.mark.parametrize(("launcher", "ranks"), members([("lmp", 1), ("lmp", 2)], ("lmp", 2)))
 def test_routes_agree(watched: Record, launcher: Any, ranks: int, tmp_path: Path) -> None:
     other = run(WATCHED, tmp_path / "run", launcher=launcher, ranks=ranks)
     np.testing.assert_allclose(other.displacement, watched.displacement, rtol=0, atol=1e-12)
     assert other.monitor("m").contacts.normal == pytest.approx(watched.monitor("m").contacts.normal, abs=1e-9)
 
 
-def test_a_stopped_run_is_continued_to_the_same_bytes(tmp_path: Path) -> None:
-    long = WATCHED.with_values({"time.duration": 200.0, "output.checkpoint": 117 * 200 / SPEED / 60})
+def test_a_stopped_run_is_continued_to_the_same_bytes(tmp_path: Path, fast_looks: None) -> None:
+    long = WATCHED.with_values({"time.duration": 60.0, "output.checkpoint": 117 * 200 / SPEED / 60})
 
     def stop(step: int, steps: int) -> None:
         if steps / 3 < step < steps:

@@ -1,5 +1,7 @@
 """Strikers, a state, noise and sources move a layer on its substrate without a wave, as in the network."""
 
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import pytest
 from granular_analysis.compare import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import SceneError
+from tests.conftest import members
 
 SILICA = {"youngs_modulus": 73e9, "poisson_ratio": 0.17, "work_of_adhesion": 0.063}
 LAYER: dict[str, Any] = {
@@ -49,25 +52,40 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_a_layer_moves_as_in_its_network(name: str, tmp_path: Path) -> None:
-    record = run(SCENES[name], tmp_path / "run")
+@pytest.fixture(scope="module")
+def record_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Record]:
+    """Runs of the scenes, each made once."""
+
+    @cache
+    def make(name: str) -> Record:
+        return run(SCENES[name], tmp_path_factory.mktemp("layer") / "run")
+
+    return make
+
+
+# As for sheets in test_strikes_at_rest
+MORE = "struck along y at a free end", "noise", "chain", "with vacancies"
+
+
+@pytest.mark.parametrize("name", members(SCENES, *MORE))
+def test_a_layer_moves_as_in_its_network(name: str, record_of: Callable[[str], Record]) -> None:
+    record = record_of(name)
     assert record.displacement.shape[2] == record.spin.shape[2] == 3
     assert np.abs(record.displacement[..., 2]).max() > 1e-6 * np.abs(record.displacement).max()
     # Of the largest of each, step extrapolated
     assert max(compare(record).error.values()) < 1e-6
 
 
-def test_another_motion_is_seen(tmp_path: Path) -> None:
-    record = run(layer(**UP), tmp_path / "run")
+def test_another_motion_is_seen(record_of: Callable[[str], Record]) -> None:
+    record = record_of("struck from above")
     signals = record.signals["displacement"].copy()
     signals[..., 2] *= 1 + 1e-4
     assert max(compare(record.with_signals(displacement=signals)).error.values()) > 1e-5
 
 
-def test_an_export_is_a_state_in_space(tmp_path: Path) -> None:
+def test_an_export_is_a_state_in_space(record_of: Callable[[str], Record], tmp_path: Path) -> None:
     """A file of one time of a run is where another one may begin; here the shear of contacts is 0 at the start."""
-    first = run(layer(**STATE), tmp_path / "run")
+    first = record_of("state")
     columns = {name: values[: len(first.spheres)] for name, values in first.si.items()}
     assert {"uz_m", "vz_m_s", "spinx_rad_s", "spiny_rad_s", "spin_rad_s"} <= columns.keys()
     file = tmp_path / "state.csv"

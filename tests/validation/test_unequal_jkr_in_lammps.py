@@ -33,9 +33,9 @@ SHEET = Scene.load("tr_periodic").with_values(
         "packing.columns": 6,
         "wave.wavenumber": np.pi / 3,
         "wave.amplitude": 0.05,
-        "time.duration": 5.0,
+        "time.duration": 3.0,
         "time.timestep": 0.02,
-        "output.particles": 5.0,
+        "output.particles": 3.0,
     }
 )
 STRETCHED = {"disorder.radius": 1.5e-4}  # s = 0.9: at rest seven contacts are pulled beyond an overlap of 0
@@ -85,14 +85,18 @@ def of_stretched(scene: Scene) -> np.ndarray:
     return crystal_of(scene).contacts.overlap / scene.sphere.static_overlap
 
 
-def test_contacts_that_are_stretched_at_rest_begin_and_no_other(tmp_path: Path) -> None:
-    scene = SHEET.with_values(STRETCHED)
+@pytest.fixture(scope="module")
+def stretched(tmp_path_factory: pytest.TempPathFactory) -> Record:
+    """A run of the stretched crystal, of all contacts of which a monitor has the forces."""
+    monitor = {"monitor": [{"name": "all", "rows": [0, 23], "what": "contacts"}]}
+    return run(SHEET.with_values(STRETCHED | monitor), tmp_path_factory.mktemp("stretched") / "run")
+
+
+def test_contacts_that_are_stretched_at_rest_begin_and_no_other(stretched: Record) -> None:
+    scene, record = SHEET.with_values(STRETCHED), stretched
     overlap = of_stretched(scene)
     assert -0.3 < overlap.min() < -0.2
     assert np.count_nonzero(overlap < 0) == 7
-    record = run(
-        scene.with_values({"monitor": [{"name": "all", "rows": [0, 23], "what": "contacts"}]}), tmp_path / "run"
-    )
     assert agrees(record)
     found = record.monitor("all").contacts
     at_rest = crystal_of(scene)
@@ -170,7 +174,7 @@ def test_a_run_in_which_contacts_open_fails_if_the_scene_does_not_allow_it(tmp_p
 def test_contacts_part_at_the_pull_off_and_slide_in_lammps_as_in_the_network(tmp_path: Path) -> None:
     step, amplitude = 0.005, 0.6
     allowed = {"effects.contact_opening": True, "effects.sliding": True, "effects.friction": 0.5}
-    wave = {"wave.mode": "L", "wave.amplitude": amplitude, "time.duration": 3.0, "output.particles": 3.0}
+    wave = {"wave.mode": "L", "wave.amplitude": amplitude, "time.duration": 1.5, "output.particles": 1.5}
     record = run(SHEET.with_values(STRETCHED | allowed | wave | {"time.timestep": step}), tmp_path / "run")
     guards = record.info["guards"]
     events = guards["open_contacts"]["value"]
@@ -197,9 +201,8 @@ def test_contacts_part_at_the_pull_off_and_slide_in_lammps_as_in_the_network(tmp
     assert off(replace(first.network, adhesion="dmt"), 4 * SLIDING_STEP) > 10 * allowed_error
 
 
-def test_spheres_that_have_parted_do_not_touch_before_they_overlap(tmp_path: Path) -> None:
-    record = run(SHEET.with_values(STRETCHED), tmp_path / "run")
-    first = first_snapshot(record)
+def test_spheres_that_have_parted_do_not_touch_before_they_overlap(stretched: Record) -> None:
+    first = first_snapshot(stretched)
     pairs, i = first.state.pairs, int(np.argmin(np.where(first.state.begun, first.state.pairs.overlap, np.inf)))
     assert pairs.overlap[i] < 0
     parted = replace(first.state, begun=first.state.begun & (np.arange(len(pairs.overlap)) != i))
@@ -212,7 +215,7 @@ def test_spheres_that_have_parted_do_not_touch_before_they_overlap(tmp_path: Pat
 
 def test_a_resumed_run_has_the_same_bytes(tmp_path: Path, stop: Callable[[Scene, Path], None]) -> None:
     monitor = {"monitor": [{"name": "rows", "rows": [10, 12], "what": "contacts"}]}
-    scene = SHEET.with_values(STRETCHED | monitor | {"time.duration": 40.0, "output.particles": 20.0})
+    scene = SHEET.with_values(STRETCHED | monitor | {"time.duration": 12.0, "output.particles": 6.0})
     whole = run(scene, tmp_path / "whole")
     stop(scene, tmp_path / "parts")
     parts = resume(tmp_path / "parts")
@@ -233,7 +236,7 @@ def test_two_ranks_begin_and_count_the_same_contacts(tmp_path: Path) -> None:
 
 
 def test_ends_that_are_held_do_not_trigger_the_guards(tmp_path: Path) -> None:
-    held = {"packing.ends": "fixed", "packing.rows": 61, "wave.wavenumber": 1.0, "time.duration": 8.0}
+    held = {"packing.ends": "fixed", "packing.rows": 61, "wave.wavenumber": 1.0, "time.duration": 4.0}
     record = run(SHEET.with_values(STRETCHED | held | {"output.particles": 0.0}), tmp_path / "run")
     assert record.info["guards"]["open_contacts"]["value"] == 0
     assert record.info["elsewhere"]["open_all"] == 0
@@ -263,10 +266,9 @@ def test_the_deck_counts_along_the_axes_that_the_crystal_needs(
     assert ("diameter" in text) is openings.begins_wider(scene)
 
 
-def test_the_start_state_of_the_network_knows_the_contacts_of_its_rest(tmp_path: Path) -> None:
+def test_the_start_state_of_the_network_knows_the_contacts_of_its_rest(stretched: Record) -> None:
     """A wave that starts with spheres apart does not lose the contacts that are within the pull-off distance."""
-    record = run(SHEET.with_values(STRETCHED), tmp_path / "run")
-    first = first_snapshot(record)
+    first = first_snapshot(stretched)
     motion = first.state.motion
     again = start(first.network, motion[:2].T, motion[3:5].T, motion[2], motion[5])
-    assert np.count_nonzero(again.begun) == len(crystal_of(record.scene).contacts)
+    assert np.count_nonzero(again.begun) == len(crystal_of(stretched.scene).contacts)
