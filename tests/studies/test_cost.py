@@ -31,6 +31,7 @@ from granular_lmp.errors import (
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.scene.scene import assignment
 from granular_lmp.studies import cost as module
+from granular_lmp.studies import cost_settings
 from granular_lmp.studies.cost import measure, plan
 from granular_lmp.studies.cost_settings import KNOBS, Run, base, points, reference
 from granular_lmp.studies.output_variants import OUTPUTS, edited, keep_centre
@@ -44,8 +45,9 @@ FEW = ("time step", "Richardson pair")
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A study of two knobs: seven runs and the reference, on a machine of a known speed."""
+    """A study of two knobs: runs with three steps, and the reference, on a machine of a known speed."""
     monkeypatch.setattr(module, "speed", lambda scene, kernel: (1e6, 0.0))
+    monkeypatch.setattr(cost_settings, "HALVINGS", 2)
     for knob in set(KNOBS) - set(FEW):
         monkeypatch.delitem(KNOBS, knob)
 
@@ -242,7 +244,9 @@ def test_runs_that_are_the_same_have_one_name(small: Scene) -> None:
     assert len({Run(small).name, Run(small, ranks=2).name, Run(small, "all, text").name}) == 3
 
 
-def test_what_a_scene_cannot_have_is_left_out_with_the_reason(small: Scene) -> None:
+def test_what_a_scene_cannot_have_is_left_out_with_the_reason(small: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    for knob in set(KNOBS) - {"tolerance, strip"}:
+        monkeypatch.delitem(KNOBS, knob)
     long = {"packing.rows": 4_000, "packing.columns": 3, "wave.amplitude": 1e-5, "wave.mode": "L"}
     made, refused = points(small.with_values(long))
     assert "must be at least" in refused["tolerance, strip: 1e-06"]  # rounding
@@ -294,29 +298,29 @@ def test_rounds_take_turns_and_asked_again_nothing_is_done_twice(
 ) -> None:
     done = counted(monkeypatch)
     first = measure(plan(small, tmp_path / "study", repeats=2))
-    assert len(done) == 2 * 6 + 3  # six steps, of which the pairs are made; the reference once
+    assert len(done) == 2 * 3 + 3  # three steps, of which the pairs are made; the reference once
     again = plan(small, tmp_path / "study", repeats=2)
     assert (again.todo(), again.seconds) == ([], 0)
     assert measure(again) == first
-    assert len(done) == 15
-    assert done[3:9] == done[9:]  # rounds take turns
-    assert len(set(done[3:9])) == 6
+    assert len(done) == 9
+    assert done[3:6] == done[6:]  # rounds take turns
+    assert len(set(done[3:6])) == 3
     measure(plan(small, tmp_path / "study", repeats=3))
-    assert len(done) == 15 + 6
+    assert len(done) == 9 + 3
 
 
 def test_ctrl_c_keeps_what_was_run_and_the_rest_is_done_next_time(
     few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:
-        done = counted(patch, stop_after=6)
-        with pytest.raises(RunInterrupted, match="6 of 15 runs were done and are kept, the same command again"):
+        done = counted(patch, stop_after=5)
+        with pytest.raises(RunInterrupted, match="5 of 9 runs were done and are kept, the same command again"):
             measure(plan(small, tmp_path / "study", repeats=2))
     half = json.loads((tmp_path / "study" / "cost.json").read_text())
-    assert sum(row["repeats"] for row in half["points"]) == 3 + 2  # three steps, hence two pairs
+    assert sum(row["repeats"] for row in half["points"]) == 2 + 1  # two steps, hence one pair
     after = counted(monkeypatch)
     result = measure(plan(small, tmp_path / "study", repeats=2))
-    assert len(after) == 15 - len(done)
+    assert len(after) == 9 - len(done)
     assert {row["repeats"] for row in result["points"]} == {2}
 
 
@@ -396,8 +400,8 @@ def priced(small: Scene, folder: Path, monkeypatch: pytest.MonkeyPatch, **option
 
 
 def test_the_estimate_is_of_all_runs(few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # 24 spheres, 4 samples: 1 + 2 + 4 + … + 32 steps to a sample, and the reference
-    expected = 24 * 4 * 63 / 1e5 + sum(run.work for run in reference(small).runs) / 1e5
+    # 24 spheres, 4 samples: 1 + 2 + 4 steps to a sample, and the reference
+    expected = 24 * 4 * 7 / 1e5 + sum(run.work for run in reference(small).runs) / 1e5
     assert priced(small, tmp_path / "study", monkeypatch).seconds == pytest.approx(expected)
     assert not (tmp_path / "study").exists()
 
@@ -406,10 +410,10 @@ def test_a_budget_leaves_out_the_dearest_first_and_says_which(
     few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = priced(small, tmp_path / "study", monkeypatch)
-    budget = whole.seconds - 0.02  # the finest run is 0.03 s of it; the pair that needs it goes first
+    budget = whole.seconds - 0.003  # the finest run is 0.004 s of it; the pair that needs it goes first
     less = priced(small, tmp_path / "study", monkeypatch, budget=budget)
     assert less.seconds <= budget
-    assert list(less.left_out) == ["Richardson pair: 0.03125 + 0.01562", "time step: 0.01562"]
+    assert list(less.left_out) == ["Richardson pair: 0.25 + 0.125", "time step: 0.125"]
     assert all(reason.endswith("s, beyond the budget") for reason in less.left_out.values())
     assert len(whole.points) - len(less.points) == 2
 
@@ -470,7 +474,7 @@ def test_a_run_is_priced_by_its_own_rounds(
     # The first round of the slow run ends at 50 s; a second would end at 100 s, although it was priced at 0.03 s
     result = measure(replace(planned, repeats=3, budget=99.0))
     assert [turn for one, turn in done if one == slow] == [1]
-    assert sum(turn > 1 for _, turn in done) == 2 * 5  # the others go on
+    assert sum(turn > 1 for _, turn in done) == 2 * 2  # the others go on
     assert "2 of 3 rounds not run" in result["left_out"][f"time step: {slow.scene.time.step:.4g}"]
 
 
@@ -512,7 +516,7 @@ def test_the_command_says_how_long_and_what_is_left_out(
     words = ("cost", str(small_toml), "-o", str(tmp_path / "study"), "--repeats", "1")
     status, out, _ = cli(capsys, *words)
     assert status == 0
-    assert out.startswith("small: 12 settings, 9 runs, about ")
+    assert out.startswith("small: 6 settings, 6 runs, about ")
     assert "Richardson pair   0.5 + 0.25" in out
     header, *lines = out.splitlines()[1:-1]
     column = header.index("rounds") + len("rounds")
