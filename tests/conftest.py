@@ -14,6 +14,9 @@ import pytest
 
 # Before numpy is imported, here and in every process that a test starts: tests run side by side, on a core each
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Ranks that wait sleep in place of polling: tests share the cores, and a rank that polls keeps the other from its work
+os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")
+os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "100")
 # Tests and the package are compiled once, whatever the environment says: not by each process that a test starts
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False

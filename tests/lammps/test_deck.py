@@ -14,6 +14,7 @@ from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.lammps.outputs import read_centre
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.units import MICRO, NANO, SI, Units, units_for
+from tests.instance import run_deck
 from tests.manual import Measure, Mutant, off, verifies
 
 FOLDERS = sorted(path.parent.name for path in SHIPPED.glob("*/scene.toml"))
@@ -112,7 +113,7 @@ def test_amplitude_step_duration_and_file_names_can_be_overridden(small: Scene, 
         tmp_path / "a", "in.small", "amplitude=0.1", "timestep=0.03", "duration=1.0", "sample=0.25",
         "data=other.data", "dump=other.dump",
     )  # fmt: skip
-    lmp(tmp_path / "b", "in.small")
+    run_deck(tmp_path / "b", "in.small")
     assert (tmp_path / "a" / "other.dump").read_bytes() == (tmp_path / "b" / "dump.centre").read_bytes()
 
 
@@ -174,7 +175,7 @@ def test_the_self_contained_deck_is_the_same_wave(
     base = {"packing.rows": 41, "time.duration": 20.0}
     record = run(Scene.load("tr_nonresonant").with_values(base | changes), tmp_path / "run")
     rows = [] if "packing.rows" in changes else ["rows=41"]
-    lmp(tmp_path, str(SHIPPED / "in.plane_wave"), "duration=20", *rows, *variables)
+    run_deck(tmp_path, str(SHIPPED / "in.plane_wave"), "duration=20", *rows, *variables)
     tau, p, q, phi = np.loadtxt(tmp_path / "trajectory.csv", delimiter=",", skiprows=1).T
     np.testing.assert_allclose(tau, record.tau, atol=1e-12)
     # LAMMPS places the lattice with other roundings: 1e-11 nm of 0.05 nm
@@ -188,15 +189,24 @@ def test_the_self_contained_deck_is_the_same_wave(
     + ["ends=periodic rows=16 xi=0.1"],
 )
 def test_the_self_contained_deck_refuses_what_it_cannot_do(variables: str, tmp_path: Path) -> None:
-    with pytest.raises(subprocess.CalledProcessError):
-        lmp(tmp_path, str(SHIPPED / "in.plane_wave"), *variables.split())
+    text = (SHIPPED / "in.plane_wave").read_text("utf-8")
+    (tmp_path / "in.refusing").write_text(text.replace("quit 1", "refused"))  # no command: an error, and no exit
+    with pytest.raises(Exception, match="Unknown command: refused"):
+        run_deck(tmp_path, "in.refusing", *variables.split())
+    assert not (tmp_path / "trajectory.csv").exists()
+
+
+def test_lammps_ends_with_status_1_where_the_self_contained_deck_refuses(tmp_path: Path) -> None:
+    with pytest.raises(subprocess.CalledProcessError, match="exit status 1"):
+        lmp(tmp_path, str(SHIPPED / "in.plane_wave"), "xi=0")
+    assert "xi must be in (0, pi]" in (tmp_path / "log.lammps").read_text()
     assert not (tmp_path / "trajectory.csv").exists()
 
 
 def test_the_record_starts_at_the_wave_s_own_values(small: Scene, tmp_path: Path) -> None:
     deck = build(small)
     deck.write(tmp_path / "deck")
-    lmp(tmp_path / "deck", deck.input_name)
+    run_deck(tmp_path / "deck", deck.input_name)
     record = Record.from_dump(tmp_path / "deck", small)
     assert record.q[0] == pytest.approx(-deck.problem.mode.ux, abs=1e-9)
     assert record.p[0] == record.phi[0] == 0

@@ -18,6 +18,7 @@ from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.lammps.variables import said_variables
 from granular_lmp.runs.adopt import adopt
 from tests.conftest import members
+from tests.instance import run_deck
 
 Left = Callable[..., Path]
 
@@ -31,9 +32,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
         folder = tmp_path_factory.mktemp("lmp") / "left"
         deck = build(Scene.loads(text))
         deck.write(folder)
-        pairs = [word for variable in variables for word in ("-var", *variable.split("="))]
-        command = [*lmp_command(ranks), "-in", deck.input_name, "-screen", "none", *pairs]
-        subprocess.run(command, cwd=folder, check=True)
+        if ranks == 1:
+            run_deck(folder, deck.input_name, *variables)
+        else:
+            command = [*lmp_command(ranks), "-in", deck.input_name, "-screen", "none"]
+            subprocess.run(command, cwd=folder, check=True)
         return folder
 
     return folder_of
