@@ -7,6 +7,7 @@ import shutil
 import signal
 import sys
 from collections.abc import Callable, Generator, Iterable, Iterator
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +90,21 @@ def members(every: Iterable[Any], *more: Any) -> list[Any]:
     ]
 
 
+def latin(*lists: Iterable[Any]) -> list[Any]:
+    """Return all combinations of the values of several lists, all `more` but a Latin square.
+
+    There each combination of all lists but the shortest stands beside one of its values, so of three lists any two
+    values meet.
+    """
+    numbered = [list(enumerate(each)) for each in lists]
+    found = []
+    for combination in product(*numbered):
+        values = [each if isinstance(each, tuple) else (each,) for _, each in combination]
+        left = sum(number for number, _ in combination) % min(map(len, numbered))
+        found.append(pytest.param(*chain.from_iterable(values), marks=[pytest.mark.more] if left else []))
+    return found
+
+
 @pytest.fixture(scope="session")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], object]], Path]:
     """Folders that all workers share, made by the first that asks: ``shared(name, make)``, where make fills it."""
@@ -152,6 +168,15 @@ def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     To render one takes a fifth of a second. Tests that name the figure render it.
     """
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda self, path, **options: Path(path).touch())
+
+
+@pytest.fixture
+def drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are drawn without their constrained layout, which draws each three times more to measure it.
+
+    For tests that a figure is drawn. Those of what is clipped, and one of each way to a file, keep the layout.
+    """
+    monkeypatch.setattr("matplotlib.figure.Figure.get_layout_engine", lambda self: None)
 
 
 @pytest.fixture

@@ -31,10 +31,10 @@ from granular_analysis.measure.coherent import decay
 from granular_analysis.measure.sheets import Sheet, component
 from granular_analysis.second_harmonic import ModeName
 from granular_analysis.theory import catalogue
-from granular_analysis.theory.bloch import frame, mode, wavevector_of
+from granular_analysis.theory.bloch import branch_index, frame, hexagonal, mode, wavevector_of
 from granular_analysis.theory.choice import contact_of, traits_of
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.wave import Wave
+from granular_analysis.theory.second_order import Mixed, branch_of
 from granular_analysis.theory.wave import resonance as perfect_resonance
 from granular_lmp.runs.record import Record
 
@@ -287,13 +287,15 @@ def resonance(shape: Mapping[float, Waves], amplitude: float) -> Resonance:
 def _perfect_strengths(place: float, contact: Contact, amplitude: float, tau: tuple[float, ...]) -> CubicSpline:
     """Return `perfect_strength` around a resonance, as a function of the wave number."""
     fine = np.linspace(0.5 * place, min(1.5 * place, 3.1), 1001)
-    return CubicSpline(fine, [perfect_strength(float(each), contact, amplitude, np.array(tau)) for each in fine])
+    return CubicSpline(fine, perfect_strength(fine, contact, amplitude, np.array(tau)))
 
 
-def perfect_strength(wavenumber: float, contact: Contact, amplitude: float, tau: Floats) -> float:
-    """Return the strength of C₂ of a TR wave along y between equal spheres."""
-    wave = Wave.of_mode("TR", wavenumber, amplitude, contact)
-    return strength(0.5 * amplitude * wave.doubled.signal(tau)[None, :, 0, 1])
+def perfect_strength(wavenumber: ArrayLike, contact: Contact, amplitude: float, tau: Floats) -> Floats:
+    """Return the strength of C₂ of TR waves along y between equal spheres, (...) as the wave numbers."""
+    crystal, k = hexagonal(contact), np.multiply.outer(wavenumber, wavevector_of(1.0, 90.0)[None])
+    wave = branch_of(crystal, k, branch_index("TR", k, contact))
+    along = 0.5 * amplitude * Mixed(crystal, wave, wave).signal(tau)[..., 0, 1]
+    return np.asarray(np.sqrt(np.mean(np.abs(along) ** 2, axis=-1)))
 
 
 def half(spreads: Sequence[float], heights: Sequence[Value], perfect: float) -> Value:

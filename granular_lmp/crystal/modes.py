@@ -7,6 +7,7 @@ and shear-horizontal ones move across and turn about k and z, H1, H2, …, both 
 every crystal. `granular_lmp.crystal.bloch` has the modes of any.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import product
 
@@ -128,6 +129,28 @@ def modes_at(lattice: Contacts, sphere: Sphere, vector: WaveVector, physics: Phy
     return [
         branch_mode(str(n), vector, *each) for n, each in enumerate(zip(frequencies.tolist(), shapes, strict=True), 1)
     ]
+
+
+def branches(
+    lattice: Contacts, sphere: Sphere, vectors: Sequence[WaveVector], physics: Physics = FULL
+) -> dict[str, NDArray]:
+    """Return the frequencies (K,) of `modes_at` at wave vectors of one direction, by their names there.
+
+    Between the axes, where branches exchange their names, they are numbered from the lowest.
+    """
+    names, axis = restored(lattice, physics), vectors[0].axis
+    k = np.array([_wavevector(sphere, each) for each in vectors])
+    if len(lattice.mass) > 1 or physics.space:
+        return dict(zip(names, bloch_modes(lattice, sphere, k, physics)[0].T, strict=True))
+    if axis:
+        bases = {name: [each for each in _SUBSPACE[axis][name][0] if each in physics.coordinates] for name in names}
+        return {
+            name: solve(lattice, sphere, k, physics, np.array(basis))[0][:, _SUBSPACE[axis][name][1]]
+            for name, basis in bases.items()
+        }
+    frequencies, shapes = bloch_modes(lattice, sphere, k, physics)
+    there = [[name in names for name in branch_names(each, np.array(vectors[0].unit))] for each in shapes]
+    return {str(n): each for n, each in enumerate(frequencies[np.array(there)].reshape(len(k), -1).T, 1)}
 
 
 def _in_space(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, physics: Physics) -> Mode:

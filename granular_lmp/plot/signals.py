@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from granular_lmp.accuracy.rounding import moving
-from granular_lmp.crystal.modes import modes_at
+from granular_lmp.crystal.modes import branches
 from granular_lmp.errors import RunFolderError, ViewError, one_line
 from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
 from granular_lmp.scene.scene import Scene
@@ -113,13 +113,10 @@ def dispersion_figure(scene: Scene) -> Figure:
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")
     axes = figure.subplots()
     along = [scene.lattice.vector(xi, vector.direction) for xi in wavenumbers]
-    modes = [modes_at(lattice, scene.sphere, each, physics) for each in along]
-    for index, name in enumerate(mode.name for mode in modes[0]):
-        if vector.axis and name in BRANCH_STYLES:
-            axes.plot(wavenumbers, [all_of[index].frequency for all_of in modes], label=name, **BRANCH_STYLES[name])  # type: ignore[arg-type]
-        else:
-            branch = [sorted(mode.frequency for mode in all_of)[index] for all_of in modes]
-            axes.plot(wavenumbers, branch, color="black", label="_" * (index > 0) + "all branches")
+    for index, (name, branch) in enumerate(branches(lattice, scene.sphere, along, physics).items()):
+        style = BRANCH_STYLES.get(name, {"color": "black"})
+        label = name if name in BRANCH_STYLES else "_" * (index > 0) + "all branches"
+        axes.plot(wavenumbers, branch, label=label, **style)  # type: ignore[arg-type]
     if scene.wave is not None:
         wave = mode_of(scene, physics)
         axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{wave.name}, $\\xi$ = {wave.wavenumber:.4g}")

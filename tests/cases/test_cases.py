@@ -74,7 +74,11 @@ def test_a_run_is_made_for_each_combination_of_values() -> None:
 
 @pytest.mark.parametrize("name", members(["figure2", "standing"], "standing"))
 def test_a_case_is_run_drawn_and_judged_by_one_command(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    request: pytest.FixtureRequest,
 ) -> None:
     words = ["case", name, "--runs", str(tmp_path / "runs"), "--figures", str(tmp_path)]
     assert main(words) == 0
@@ -83,6 +87,7 @@ def test_a_case_is_run_drawn_and_judged_by_one_command(
     wrong = [replace(number, value=2 * number.value) for number in Case.load(name).expected()]
     monkeypatch.setattr(Case, "expected", lambda self: wrong)
     capsys.readouterr()
+    request.getfixturevalue("drawn_once")
     assert main([*words, "--measure"]) == 1
     assert len(capsys.readouterr().err.splitlines()) == len(wrong)
 

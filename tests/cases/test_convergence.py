@@ -72,6 +72,7 @@ def test_figure_draws_the_worst_row_of_every_wave_and_the_slope():
     assert np.ptp(np.log(reference.get_ydata())) == pytest.approx(2 * np.ptp(np.log(reference.get_xdata())))
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_command_prints_the_table_and_writes_the_figure(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(cv, "convergence", fake_curves)
     cv.main(["-o", str(tmp_path / "new" / "convergence.png")])

@@ -142,6 +142,7 @@ def sweeps(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return [str(path) for path in sorted(folder.iterdir())]
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_figure_of_all_kinds_of_sweeps_is_drawn(sweeps, tmp_path, capsys, monkeypatch):
     # Part of the grid of the zone for a line that is only drawn
     monkeypatch.setattr(disorder, "scattered", partial(disorder.scattered, grid=192, width=0.016))
@@ -245,6 +246,7 @@ def test_another_mass_than_the_run_has_is_seen(defect_runs, coarse_zone, monkeyp
     assert defects.compare(defect_runs["perfect"], defect_runs["heavy"]).difference > 0.1
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_figure_of_defects_is_drawn(scatterings, tmp_path):
     found = list(scatterings.values())
     save(defects.draw(found), tmp_path / "defects.png")

@@ -28,7 +28,9 @@ def printed() -> dict[tuple[int, float], np.ndarray]:
     return {(int(count), round(float(noise) / 100, 6)): np.array(found, dtype=float) for count, noise, *found in rows}
 
 
-@pytest.mark.parametrize(("points", "noise"), members(SETTINGS, (6, 0.01), (12, 0.01), (48, 0.01)))
+@pytest.mark.parametrize(
+    ("points", "noise"), members(SETTINGS, *(each for each in SETTINGS if each not in ((24, 0.05), (96, 0.01))))
+)
 def test_the_widths_on_the_page_are_those_of_the_theory(points: int, noise: float) -> None:
     # Of twenty noisy sets the mean width scatters by 2 % at 1 % noise; at 5 % it varies with the fitted values
     np.testing.assert_allclose(printed()[points, noise], widths(points, noise), rtol=0.1 if noise > 0.01 else 0.05)

@@ -36,6 +36,7 @@ def test_the_steps_that_the_page_recommends_have_the_errors_it_says() -> None:
     assert errors([stepped(20, SIXTH)])[0] < 1e-5
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_figure_of_an_impact_is_drawn(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -56,6 +57,7 @@ def test_the_table_has_a_line_for_each_run() -> None:
     assert lines[2].split()[:2] == ["LAMMPS", "10"]
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_figure_of_the_solitary_wave_is_drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(solitary, "RATIOS", np.array([1.1, 5.0]))
     monkeypatch.setattr(solitary, "MASSES", np.array([0.5, 2.0]))

@@ -116,6 +116,7 @@ def test_a_run_without_snapshots_is_one_line(tmp_path: Path) -> None:
         tones.main([str(tmp_path / "run"), "-o", str(tmp_path / "tones.png")])
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_figure_is_drawn(record: Record, rows: Rows, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert rows.count == 101
     assert tones.main([str(record.folder), "-o", str(tmp_path / "tones.png")]) == 0

@@ -50,7 +50,7 @@ def test_a_sheet_with_gaps_moves_as_the_network_does(tmp_path: Path) -> None:
     v = np.zeros((len(crystal), 2))
     v[3, 1] = scale.velocity
 
-    def network(radius: np.ndarray) -> np.ndarray:
+    def network(radius: np.ndarray, rtol: float = 1e-9) -> np.ndarray:
         spheres = Network(
             crystal.positions[:, :2] * ball.radius,
             radius * ball.radius,
@@ -58,13 +58,13 @@ def test_a_sheet_with_gaps_moves_as_the_network_does(tmp_path: Path) -> None:
             (Material(ball.youngs_modulus, ball.poisson_ratio),),
             friction=0.0,
         )
-        motion = integrate(spheres, start(spheres, 0.0, v), [6 * scale.time], rtol=1e-9, longest_step=scale.time / 5)
+        motion = integrate(spheres, start(spheres, 0.0, v), [6 * scale.time], rtol=rtol, longest_step=scale.time / 5)
         return np.asarray(motion.velocity[-1] / scale.velocity)
 
     velocity = (4 * fine.velocity[-1] - coarse.velocity[-1]) / 3
     # Each contact that closes or opens leaves an error of order 5/2: some percent of the pair's difference of 1.3e-4
     assert velocity == pytest.approx(network(crystal.arrays["radius"]), abs=5e-6)
-    assert np.max(np.abs(velocity - network(np.ones(len(crystal))))) > 0.1  # as if they touched
+    assert np.max(np.abs(velocity - network(np.ones(len(crystal)), 1e-5))) > 0.1  # as if they touched
     # Gaps store no energy: the striker's is kept to the error of velocity Verlet
     energy = coarse.energy()
     assert energy[1:] == pytest.approx(energy[0], abs=1e-4)
@@ -119,6 +119,7 @@ def test_gaps_of_a_hundredth_of_the_overlap_make_the_front_decay_faster(runs: li
         assert 0.6 < loose.speed[degrees][0] / equal.speed[degrees][0] < 0.9
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_figure_of_unequal_spheres_is_drawn_with_a_table(
     runs: list[ImpactRecord], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

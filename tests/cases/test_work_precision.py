@@ -154,6 +154,7 @@ def written(study: Study, folder: Path, record: Record) -> None:
     (folder / "cost.json").write_text(json.dumps(content(study)))
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_a_study_is_read_and_drawn(study: Study, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     written(study, tmp_path, study.record)
     loaded = Study.load(tmp_path)

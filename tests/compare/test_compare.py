@@ -294,6 +294,7 @@ def folder(small: Scene, tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_compare_prints_a_table_and_writes_json_and_a_figure(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -340,6 +341,7 @@ def test_a_figure_of_vectors_is_written_where_it_is_asked_for(tmp_path: Path) ->
     assert (tmp_path / "new" / "two.svg").stat().st_size > 1000
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_a_figure_is_written_where_it_is_asked_for(folder: Path, tmp_path: Path) -> None:
     assert figure3.main([str(folder), "-o", str(tmp_path / "new" / "three.png")]) == 0
     assert (tmp_path / "new" / "three.png").stat().st_size > 1000
@@ -430,6 +432,7 @@ def test_compare_is_imported_without_scipy() -> None:
     assert subprocess.run([sys.executable, "-c", said], capture_output=True, text=True).stderr == ""
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_a_sweep_is_drawn_with_theory_beside_its_runs(tmp_path: Path) -> None:
     scene = Scene.load("tr_periodic").with_values({"packing.rows": 8, "time.duration": 2.0})
     over = {"wave.wavenumber": [np.pi / 2, np.pi / 4], "wave.amplitude": [0.05, 0.1]}

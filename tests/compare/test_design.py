@@ -267,6 +267,7 @@ def test_a_line_is_as_wide_as_its_rate_says() -> None:
     assert wider - hair == pytest.approx(2 * (wide - hair))
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_map_is_drawn_for_any_wave(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mixing_map, "POINTS", 40)
     target = tmp_path / "new folder" / "mixing.png"

@@ -23,7 +23,16 @@ BOUND = 2e-2
 FAINT = 1e-4
 # Of each, a scene with the same kind of source, interface or strike stands beside it; test_reference.py has sliding
 MORE = ("tr_driven", "tr_sliding", "l_beam", "corner_source", "refraction", "point_impact", "tr_burst_scattering")
-MORE += ("two_tones", "tr_resonant", "tr_antiresonant")
+MORE += (
+    "two_tones",
+    "tr_resonant",
+    "tr_antiresonant",
+    "hcp_c_axis",
+    "compressed_chain",
+    "l_wave",
+    "monolayer_vertical",
+)
+MORE += ("rt_wave", "steel_compressed", "struck_sheet")
 
 
 @pytest.mark.parametrize(

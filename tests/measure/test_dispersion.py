@@ -76,6 +76,7 @@ def test_a_sheet_without_the_corners_is_refused(box: tuple[float, float]) -> Non
         dispersion.zone_path(np.array(box))
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_script_draws(sheet: dispersion.Sheet, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fields = {name: getattr(sheet, name) for name in dispersion.Sheet.__dataclass_fields__}
     np.savez(tmp_path / "sheet.npz", **fields)
@@ -207,6 +208,7 @@ def test_a_sheet_that_cannot_be_analysed_is_not_run(changes: dict[str, float], s
 @pytest.mark.parametrize(
     ("rows", "columns"), [(4, 3), *(pytest.param(*each, marks=pytest.mark.more) for each in ((6, 3), (4, 6)))]
 )
+@pytest.mark.usefixtures("drawn_once")
 def test_the_smallest_sheets_that_are_run_are_analysed(rows: int, columns: int, tmp_path: Path) -> None:
     smallest = {"packing.rows": rows, "packing.columns": columns, "wave.wavenumber": np.pi / 2, "time.duration": 12.0}
     run_kicked(SMALL.with_values(smallest), tmp_path / "run")

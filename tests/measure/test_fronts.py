@@ -100,6 +100,7 @@ def test_friction_makes_the_front_decay_faster(sheet: Callable[[float], ImpactRe
         assert rough[degrees].height[-1] < 0.8 * smooth[degrees].height[-1]
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_figure_of_fronts_is_drawn_with_a_table(
     sheet: Callable[[float], ImpactRecord], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

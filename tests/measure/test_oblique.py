@@ -117,6 +117,7 @@ def test_other_runs_are_refused_with_a_reason(changes: dict[str, object], reason
 
 
 @pytest.mark.parametrize("runs", ["16"], indirect=True)
+@pytest.mark.usefixtures("drawn_once")
 def test_the_script_prints_a_table_and_draws_a_figure(
     runs: list[Record], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

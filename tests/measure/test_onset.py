@@ -85,6 +85,7 @@ def test_a_figure_of_runs_that_differ_in_more_is_refused(runs: list[Record]) -> 
         figure.draw([*runs, *sliding], found)
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_figure_shows_map_harmonic_and_friction(runs: list[Record], tmp_path: Path) -> None:
     found = figure.points(runs)
     assert figure.table(found).count("running") == 1

@@ -252,6 +252,7 @@ def at(record: Record, amplitude: float, scale: float = 1.0) -> Record:
     return replace(record.with_signals(p=scale * ratio * record.p), scene=scene)
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_a_sweep_over_the_amplitude_is_a_family_for_each(
     folder: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -156,7 +156,7 @@ def test_a_page_takes_no_size(seen: Path, tmp_path: Path) -> None:
 
 
 def test_a_movie_has_a_frame_for_each_snapshot(seen: Path, tmp_path: Path) -> None:
-    assert view.view(seen, tmp_path / "movie.gif", rows=4) == []
+    assert view.view(seen, tmp_path / "movie.gif", rows=4, size=(320, 200)) == []
     with Image.open(tmp_path / "movie.gif") as movie:
         assert getattr(movie, "n_frames", 1) == 5
         first = np.asarray(movie.convert("RGB"))
@@ -189,6 +189,7 @@ def test_an_mp4_without_ffmpeg_is_refused_in_one_line(
     assert not (tmp_path / "movie.mp4").exists()
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_a_run_without_snapshots_is_drawn_as_its_trajectory_and_says_what_is_missing(
     small: Scene, tmp_path: Path
 ) -> None:
@@ -227,6 +228,7 @@ def test_what_a_run_cannot_show_is_refused(options: dict[str, Any], message: str
         view.view(seen, tmp_path / "picture.doc")
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_a_sweep_is_a_curve_for_each_value_of_the_shorter_key(swept: Sweep, tmp_path: Path) -> None:
     (axes,) = view.sweep_figure(swept, "largest_q").axes
     assert axes.get_xlabel() == "wave number (rad per row, ξ)"
@@ -320,6 +322,7 @@ def test_scene_record_and_sweep_are_one_short_line(seen: Path, swept: Sweep) -> 
         assert len(repr(shown).replace(str(seen), "").replace(str(swept.folder), "")) < 120
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_plot_of_a_record_is_a_picture_that_a_notebook_shows(seen: Path) -> None:
     record = Record.load(seen)
     figure = record.plot()
@@ -362,6 +365,7 @@ def test_with_xarray_the_tables_hold_the_same_numbers(seen: Path, swept: Sweep) 
     np.testing.assert_array_equal(swept.to_xarray()["largest_p"].to_numpy().ravel(), swept.column("largest_p"))
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_a_run_that_is_not_finished_is_drawn_with_a_note_and_an_empty_one_refused(small: Scene, tmp_path: Path) -> None:
     record = run(small, tmp_path / "run")
     write_status(tmp_path / "run", record.info | {"status": "interrupted", "message": "stopped"})
@@ -418,6 +422,7 @@ def test_a_struck_sheet_is_drawn_at_rest_with_its_gaps_and_a_pressed_chain_with_
     assert np.asarray(pressed.get_array()) == pytest.approx(np.full(42, force), rel=1e-9)
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_a_crystal_at_rest_needs_imperfections_and_a_picture(tmp_path: Path) -> None:
     with pytest.raises(ViewError, match="its spheres and contacts are all equal"):
         view.view("tr_periodic", tmp_path / "rest.png", at_rest=True)

@@ -1,7 +1,6 @@
 """Contacts by the JKR law: its constants, theory, and what is refused. LAMMPS: `test_adhesion_laws_in_lammps`."""
 
 from dataclasses import replace
-from itertools import product
 from math import cbrt, pi
 from pathlib import Path
 from typing import Any
@@ -34,7 +33,7 @@ from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import sliding_force
 from granular_lmp.errors import SceneError
 from granular_lmp.studies.kick import run_kicked
-from tests.conftest import members
+from tests.conftest import latin, members
 from tests.polarisations import spoilt
 
 PERIODIC = Scene.load("tr_periodic")
@@ -221,7 +220,7 @@ CASES = [
 ] + [("RT", "secant", 0.0, 2e-3)]
 
 
-@pytest.mark.parametrize(("name", "law", "share", "eta"), members(CASES, CASES[0], CASES[1], CASES[5]))
+@pytest.mark.parametrize(("name", "law", "share", "eta"), members(CASES, CASES[0], CASES[1], CASES[5], CASES[6]))
 def test_second_order_is_exact_at_small_amplitude(name: ModeName, law: Any, share: float, eta: float) -> None:
     contact = Contact(0.17, law=law, prestress=share, overlap_ratio=eta, adhesion_law="jkr")
     tau, amplitudes = np.linspace(0.5, 30, 60), (0.04, 0.02)
@@ -267,7 +266,7 @@ def test_resonance_and_antiresonance_move_by_a_sixth() -> None:
 
 
 def test_antiresonance_and_resonance_of_the_law_are_in_the_zone_for_every_poisson_ratio_and_do_not_cross() -> None:
-    for nu in np.linspace(-1, 0.5, 31):
+    for nu in np.linspace(-1, 0.5, 16):
         contact = Contact(float(nu), adhesion_law="jkr")
         pole, zero = resonance(contact), antiresonance(contact)
         assert pole is not None and zero is not None  # noqa: PT018
@@ -352,9 +351,7 @@ def test_spheres_and_crystals_of_the_library_refuse_what_the_law_does_not_hold()
         find_contacts(unit_cell(JKR), [JKR, DMT])
 
 
-@pytest.mark.parametrize(
-    ("share", "wavenumber"), members(product([0.0, 0.4], [0.802, 1.3083]), (0.0, 1.3083), (0.4, 0.802))
-)
+@pytest.mark.parametrize(("share", "wavenumber"), latin([0.0, 0.4], [0.802, 1.3083]))
 def test_third_order_holds_the_law(wavenumber: float, share: float) -> None:
     tau, amplitudes = np.linspace(0.5, 60, 120), (0.1, 0.05)
     waves = [Wave.of_mode("TR", wavenumber, a, Contact(0.17, prestress=share, adhesion_law="jkr")) for a in amplitudes]

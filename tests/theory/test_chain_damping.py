@@ -18,7 +18,7 @@ from granular_analysis.theory.chain import (
 from granular_analysis.theory.chain_damping import damping_ratio, decay, power
 from granular_analysis.theory.chain_motion import SIXTH, collision_time, follow, integrate, march, peak
 from granular_analysis.theory.solitary import solitary_wave
-from tests.conftest import members
+from tests.conftest import latin, members
 
 T = collision_time(1.0, 1.0, 1.0)
 
@@ -30,8 +30,10 @@ def lossy(chain: Chain, restitution: float) -> Chain:
 # --- two spheres ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("restitution", [0.9, 0.5, 0.1])
-@pytest.mark.parametrize(("other", "velocity"), [(1.0, 1.0), (1.0, 1e-3), (7.0, 1.0), (np.inf, 1.0)])
+@pytest.mark.parametrize(
+    ("other", "velocity", "restitution"),
+    latin([(1.0, 1.0), (1.0, 1e-3), (7.0, 1.0), (np.inf, 1.0)], [0.9, 0.5, 0.1]),
+)
 def test_two_spheres_part_with_the_restitution(restitution: float, other: float, velocity: float) -> None:
     chain = lossy(compressed([1.0, other], [0.0, 2.0, 0.0]), restitution)
     _, (v,) = integrate(chain, np.zeros(2), np.array([velocity, 0.0]), [20 * velocity**-0.2], 1e-10)

@@ -80,6 +80,7 @@ def test_lammps_moves_the_dimer_as_the_theory_does(run: Runs, ratio: float) -> N
     assert abs(rattle(ratio) - rattle(ratio + 0.005)) > 1e-3
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_figure_has_a_line_for_each_run(
     run: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,7 +17,7 @@ from granular_analysis.theory.bloch import BONDS, branch_index, wavevector_of
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.hierarchy import hierarchy_orders
 from granular_analysis.theory.wave import Wave, nonlinearity, trajectory
-from tests.conftest import members
+from tests.conftest import latin, members
 from tests.polarisations import (
     bloch_matrix,
     doubled_wave,
@@ -170,9 +170,10 @@ def closed_form(name: str, xi: NDArray, poisson_ratio: float, inertia: float) ->
 GRID = np.linspace(0.05, 3.1, 62)
 
 
-@pytest.mark.parametrize("name", ["L", "TR", "RT"])
-@pytest.mark.parametrize("poisson_ratio", [-1.0, -0.5, 0.0, SILICA, 0.35, 0.5])
-@pytest.mark.parametrize("inertia", [0.4, 0.5])
+@pytest.mark.parametrize(
+    ("inertia", "poisson_ratio", "name"),
+    latin([0.4, 0.5], [-1.0, -0.5, 0.0, SILICA, 0.35, 0.5], ["L", "TR", "RT"]),
+)
 def test_along_y_the_closed_form_is_met_for_any_material(name, poisson_ratio, inertia):
     k, contact = along_y(GRID), Contact(poisson_ratio, inertia=inertia)
     branch = branch_index(name, k, contact)
@@ -245,8 +246,10 @@ def test_bloch_matrix_is_hermitian_and_periodic_and_has_the_modes(k):
     assert largest_error(np.linalg.norm(shapes, axis=-1), np.ones(3)) < ROUNDING
 
 
-@pytest.mark.parametrize("branch", [0, 1, 2])
-@pytest.mark.parametrize("sixths", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize(
+    ("sixths", "branch"),
+    latin([1, 2, 3, 4, 5], [0, 1, 2]),
+)
 def test_rotation_by_60_degrees_rotates_the_second_harmonic(branch, sixths):
     turn = rotation(sixths * np.pi / 3)
     for k in OBLIQUE.values():
@@ -300,10 +303,9 @@ def test_long_waves_have_the_isotropic_speeds():
 AMPLITUDES = [0.02, 0.01, 0.005]
 
 
-@pytest.mark.parametrize("branch", members([0, 1, 2], 1))
-@pytest.mark.parametrize("k", OBLIQUE.values(), ids=OBLIQUE.keys())
-def test_exact_lattice_approaches_the_second_order_field_as_the_square_of_the_amplitude(k, branch):
-    times = np.linspace(0.5, 20.0, 40)
+@pytest.mark.parametrize(("branch", "oblique"), latin([0, 1, 2], OBLIQUE))
+def test_exact_lattice_approaches_the_second_order_field_as_the_square_of_the_amplitude(oblique, branch):
+    k, times = OBLIQUE[oblique], np.linspace(0.5, 20.0, 40)
     site = (3, -2)
     phase = float(np.dot(k, 3 * BONDS[0] - 2 * BONDS[1]))
     errors = [
@@ -414,8 +416,10 @@ def test_along_y_modes_and_second_order_are_the_closed_form(contacts, name, xi):
     assert largest_error(np.array(fields), np.array(closed)) < 1e-12
 
 
-@pytest.mark.parametrize("direction", DEGREES)
-@pytest.mark.parametrize(("contacts", "name"), WAVES)
+@pytest.mark.parametrize(
+    ("contacts", "name", "direction"),
+    latin(WAVES, DEGREES),
+)
 def test_the_exact_lattice_runs_in_the_modes_of_any_direction(contacts, name, direction):
     options = CONTACTS[contacts]
     mode = bloch.mode(name, 1.1, direction, Contact(SILICA, **options))
@@ -463,8 +467,10 @@ def even_parts(name, direction, amplitude, theory=None, **options):
     return amplitude * frame @ second_order_parts(tuple(k), branch, Contact(SILICA, **contacts)), exact
 
 
-@pytest.mark.parametrize("direction", DEGREES)
-@pytest.mark.parametrize(("contacts", "name"), WAVES)
+@pytest.mark.parametrize(
+    ("contacts", "name", "direction"),
+    latin(WAVES, DEGREES),
+)
 def test_the_relative_error_of_the_second_harmonic_falls_as_amplitude_squared_for_all_contacts(
     contacts, name, direction
 ):
@@ -579,6 +585,7 @@ def test_the_map_never_meets_gamma():
 
 
 @pytest.mark.parametrize("poisson_ratio", members([-1.0, 0.5], -1.0))  # silica's is drawn below
+@pytest.mark.usefixtures("drawn_once")
 def test_the_map_is_written_for_any_material(tmp_path, poisson_ratio, monkeypatch):
     monkeypatch.setattr(zone_map, "POINTS", 12)
     target = tmp_path / "new folder" / "map.png"
@@ -598,13 +605,13 @@ def test_the_map_is_written_for_any_material(tmp_path, poisson_ratio, monkeypatc
     ],
 )
 def test_the_map_draws_the_lattice_of_its_options(options, contact, title, monkeypatch):
-    monkeypatch.setattr(zone_map, "POINTS", 40)
+    monkeypatch.setattr(zone_map, "POINTS", 16)
     drawn = []
     monkeypatch.setattr(zone_map, "save", lambda figure, path: drawn.append(figure))
     zone_map.main(options)
     (legend,) = drawn[0].legends
     assert legend.get_title().get_text() == title
-    k = zone_map.wave_vectors(40)
+    k = zone_map.wave_vectors(16)
     for branch, panel in enumerate(drawn[0].axes[:3]):
         expected = np.linalg.norm(second_harmonic_amplitude(k, branch, contact), axis=-1)
         # Here ε is divided out before the norm is taken: a rounding or two apart

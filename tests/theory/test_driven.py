@@ -201,7 +201,7 @@ STRIPS = [
     ("L", 0.802, 0.01, "secant"),
     ("L", 1.3, 0.0, "secant"),
 ]
-MORE = [("TR", 2.127, 0.0, "secant"), ("TR", 0.802, 0.01, "secant"), ("L", 1.3, 0.0, "secant")]
+MORE = [each for each in STRIPS if each[:3] not in (("TR", 0.802, 0.0), ("L", 0.802, 0.01))]
 
 
 @pytest.mark.parametrize(("name", "xi", "eta", "law"), members(STRIPS, *MORE))
@@ -350,6 +350,7 @@ def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("mode", members(["L", "TR"], "L"))
+@pytest.mark.usefixtures("drawn_once")
 def test_the_script_prints_deviations_and_writes_a_figure(
     mode: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -372,7 +373,7 @@ def far_slope(name: sh.ModeName, xi: float, nu: float) -> float:
 
 @pytest.mark.parametrize("nu", members(TURNS, 0.0, 0.3))
 def test_the_lattice_is_pushed_or_pulled_as_the_page_says(nu: float) -> None:
-    for xi in np.linspace(0.1, 3.0, 30):
+    for xi in np.linspace(0.1, 3.0, 15):
         assert far_slope("L", xi, nu) > 0 > far_slope("RT", xi, nu)
         assert (far_slope("TR", xi, nu) > 0) == (xi < TURNS[nu])
     assert sh.antiresonance(sh.ratios(nu)) == pytest.approx(TURNS[nu], abs=6e-4)

@@ -22,6 +22,7 @@ from granular_analysis.theory.wave import (
     shifted_second_order,
     trajectory,
 )
+from tests.conftest import latin
 from tests.polarisations import spoilt
 
 NU = 0.17
@@ -59,8 +60,10 @@ def first_order(mode, **effects):
     return np.max(np.abs(order - np.stack(wave, axis=1)))
 
 
-@pytest.mark.parametrize("xi", [0.802, 2.127, np.pi])
-@pytest.mark.parametrize(("effects", "name"), WAVES)
+@pytest.mark.parametrize(
+    ("effects", "name", "xi"),
+    latin(WAVES, [0.802, 2.127, np.pi]),
+)
 def test_the_lattice_runs_in_its_linear_modes(effects, name, xi):
     mode = bloch.mode(name, xi, 90.0, Contact(NU, **EFFECTS[effects]))
     assert first_order(mode, **EFFECTS[effects]) < 1e-9  # 100 rtol, and then some
@@ -92,8 +95,10 @@ def test_a_prestress_does_nothing_where_normals_do_not_turn():
     assert np.allclose(with_it, without, rtol=0, atol=1e-9)  # the integrator's own steps
 
 
-@pytest.mark.parametrize(("xi", "law"), [(0.802, "secant"), (1.9, "incremental")])
-@pytest.mark.parametrize(("effects", "name"), WAVES)
+@pytest.mark.parametrize(
+    ("effects", "name", "xi", "law"),
+    latin(WAVES, [(0.802, "secant"), (1.9, "incremental")]),
+)
 def test_second_harmonic_is_exact_at_small_amplitude(effects, name, xi, law):
     phase = 0.4  # what the start leaves in the contacts is there too
     wave = Wave.of_mode(name, xi, SMALL, Contact(NU, law=law, **EFFECTS[effects]), phase)
@@ -205,11 +210,13 @@ def test_the_potential_law_goes_with_options_of_the_lattice(name, effects):
 
 
 @pytest.mark.parametrize(
-    "effects",
-    [*EFFECTS.values(), {"law": "incremental"}, {"law": "incremental", "overlap_ratio": ETA}, {"law": "potential"}],
+    ("name", "effects"),
+    latin(
+        ["TR", "L"],
+        [*EFFECTS.values(), {"law": "incremental"}, {"law": "incremental", "overlap_ratio": ETA}, {"law": "potential"}],
+    ),
     ids=str,
 )
-@pytest.mark.parametrize("name", ["TR", "L"])
 def test_the_hierarchy_holds_the_lattice_with_every_effect(name, effects):
     mode = bloch.mode(name, 0.802, 90.0, Contact(NU, **effects))
     exact = lattice.torus(Wave(mode, 0.02, Contact(NU, **effects)), SHORT, points=21, rtol=1e-9)
@@ -221,8 +228,10 @@ def test_the_hierarchy_holds_the_lattice_with_every_effect(name, effects):
         assert np.max(np.abs(np.subtract(secant, exact))) > 1e-4
 
 
-@pytest.mark.parametrize("effects", ["no rotation", "no shear"])
-@pytest.mark.parametrize(("name", "xi"), [("TR", 0.95), ("L", 0.95), ("TR", 2.6)])
+@pytest.mark.parametrize(
+    ("name", "xi", "effects"),
+    latin([("TR", 0.95), ("L", 0.95), ("TR", 2.6)], ["no rotation", "no shear"]),
+)
 def test_frequency_shift_and_three_waves_hold_without_rotation_and_shear(name, xi, effects):
     wave, tau = Wave.of_mode(name, xi, 0.05, Contact(NU, **EFFECTS[effects])), np.linspace(0, 60, 121)
     exact = lattice.torus(wave, tau, points=21, rtol=1e-9)

@@ -76,8 +76,8 @@ def test_a_packing_in_the_plane_moves_in_space_as_there(changes) -> None:
     turning = (np.pad(each[:, None], ((0, 0), (2, 0))) for each in (rotation, spin))
     # Steps, not rtol, set these errors; halves of them change only those of sliding
     options = {"rtol": 1e-8, "longest_step": TIME / (40 if "friction" in changes else 20)}
-    flat = integrate(plane, start(plane, way, velocity, rotation, spin), [3 * TIME], **options).motion[0]
-    deep = integrate(space, start(space, *moving, *turning), [3 * TIME], **options).motion[0]
+    flat = integrate(plane, start(plane, way, velocity, rotation, spin), [TIME], **options).motion[0]
+    deep = integrate(space, start(space, *moving, *turning), [TIME], **options).motion[0]
     size = np.abs(flat).max(axis=1, keepdims=True)
     # Errors of steps that differ, as more numbers are in their mean; those of sliding are of second order
     np.testing.assert_allclose(
@@ -200,7 +200,7 @@ def test_the_ledger_closes_with_the_work_of_the_shear_law_alone(law, adhesion) -
     places, cell = sheet(4, 6)
     network = packing(places, cell=cell, walls=(FLOOR,), law=law, adhesion=adhesion)
     state = start(network, *disturbed(network, 0.05 * OVERLAP))
-    run = integrate(network, state, np.linspace(0, 20, 21) * TIME, rtol=1e-10)
+    run = integrate(network, state, np.linspace(0, 8, 9) * TIME, rtol=1e-10)
     moving = energy(network, run.final).kinetic
     assert np.max(np.abs(run.heat)) < 1e-7 * moving
     assert np.max(np.abs(run.energy - run.energy[0])) > 1e-4 * moving

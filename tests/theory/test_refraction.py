@@ -241,6 +241,7 @@ def test_a_front_is_refracted_by_the_law_of_angles(measured: Any) -> None:
     assert back < 25.0
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_figure_is_drawn_with_a_table(
     run: ImpactRecord,
     measured: Any,

@@ -4,6 +4,7 @@ import csv
 from itertools import product
 from math import pi
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.second_order import Mixed, branch_of
 from granular_analysis.theory.selection import forbidden, mirrors
 from granular_lmp import Scene, run
+from tests.conftest import members
 
 ROOT3 = np.sqrt(3)
 LAYERS = {"every": 2, "density": 4400.0}
@@ -104,7 +106,8 @@ def _space(name: str, orientation: str) -> Crystal:
 
 
 @pytest.mark.parametrize(
-    ("lattice", "degrees"), [(("fcc", "[001]"), 23.0), (("hcp", "c"), 71.0), (("cubic", "[001]"), 23.0)]
+    ("lattice", "degrees"),
+    members([(("fcc", "[001]"), 23.0), (("hcp", "c"), 71.0), (("cubic", "[001]"), 23.0)], (("hcp", "c"), 71.0)),
 )
 def test_an_oblique_direction_and_its_mirror_image_have_one_list(lattice: tuple[str, str], degrees: float) -> None:
     """Rounding differs between the two, as it does between processors."""
@@ -115,7 +118,7 @@ def test_an_oblique_direction_and_its_mirror_image_have_one_list(lattice: tuple[
     assert [each.wavenumber for each in one] == pytest.approx([each.wavenumber for each in image], rel=1e-9)
 
 
-@pytest.mark.parametrize("degrees", [23.0, 45.0])
+@pytest.mark.parametrize("degrees", members([23.0, 45.0], 23.0))
 def test_an_antiresonance_is_where_a_force_changes_its_sign_and_a_forbidden_branch_has_none(degrees: float) -> None:
     crystal, along = _space("fcc", "[001]"), padded(frame(degrees)[0])
     silent = [each for each in matches(crystal, along) if each.kind == "antiresonance"]
@@ -187,27 +190,30 @@ def test_lammps_has_the_resonances_of_a_layered_crystal(
     assert np.linalg.norm(even - theory) < 3e-3 * np.linalg.norm(theory)
 
 
-def test_lammps_has_the_growth_of_the_best_layers_and_along_a_row(tmp_path: Path) -> None:
-    short = {"wave.mode": "L", "packing.columns": 3, "time.duration": 60.0, "time.sample": 1.0, "output.particles": 1.0}
-    layers = {"packing.rows": 130, "wave.wavenumber": 1.111643, "wave.amplitude": 0.0025}
-    layers |= {"inclusion": [LAYERS | {"rows": [0, 129], "density": 5293.4}]}
-    row = {"wave.mode": "TR", "packing.rows": 4, "packing.columns": 53, "wave.direction": "x"}
-    row |= {"wave.wavenumber": 1.540018, "wave.amplitude": 0.005}
-    for name, values in (("layers", layers), ("row", row)):
-        scene = Scene.load("tr_periodic").with_values(short | values)
-        folders = [tmp_path / name / f"{phase:.0f}" for phase in (pi, 0)]
-        for phase, folder in zip((pi, 0.0), folders, strict=True):
-            run(scene.with_values({"wave.phase": phase}), folder)
-        (records,) = growth.pairs(list(map(str, folders)))
-        each = growth.Growing.of(scene)
-        found = growth.measured(each, records)
-        assert found == pytest.approx(each.theory, rel=1e-2)
-        assert found != pytest.approx(1.03 * each.theory, rel=1e-2)
-        assert found > 5 * growth.UNIFORM
-        with pytest.raises(ValueError, match="needs one partner whose wave.phase is larger by pi"):
-            growth.pairs([str(folders[0])])
+BEST_LAYERS = {"wave.mode": "L", "packing.rows": 130, "wave.wavenumber": 1.111643, "wave.amplitude": 0.0025}
+BEST_LAYERS |= {"packing.columns": 3, "inclusion": [LAYERS | {"rows": [0, 129], "density": 5293.4}]}
+ALONG_A_ROW = {"wave.mode": "TR", "packing.rows": 4, "packing.columns": 53, "wave.direction": "x"}
+ALONG_A_ROW |= {"wave.wavenumber": 1.540018, "wave.amplitude": 0.005}
 
 
+@pytest.mark.parametrize("values", members([BEST_LAYERS, ALONG_A_ROW], ALONG_A_ROW), ids=["layers", "row"])
+def test_lammps_has_the_growth_of_the_best_layers_and_along_a_row(values: dict[str, Any], tmp_path: Path) -> None:
+    short = {"time.duration": 60.0, "time.sample": 1.0, "output.particles": 1.0}
+    scene = Scene.load("tr_periodic").with_values(short | values)
+    folders = [tmp_path / f"{phase:.0f}" for phase in (pi, 0)]
+    for phase, folder in zip((pi, 0.0), folders, strict=True):
+        run(scene.with_values({"wave.phase": phase}), folder)
+    (records,) = growth.pairs(list(map(str, folders)))
+    each = growth.Growing.of(scene)
+    found = growth.measured(each, records)
+    assert found == pytest.approx(each.theory, rel=1e-2)
+    assert found != pytest.approx(1.03 * each.theory, rel=1e-2)
+    assert found > 5 * growth.UNIFORM
+    with pytest.raises(ValueError, match="needs one partner whose wave.phase is larger by pi"):
+        growth.pairs([str(folders[0])])
+
+
+@pytest.mark.usefixtures("drawn_once")
 def test_the_command_prints_a_table_and_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     script.main(["tr_periodic", "-o", str(tmp_path / "new" / "a.png")])
     text = capsys.readouterr().out
@@ -222,6 +228,7 @@ def test_the_command_prints_a_table_and_writes_it(tmp_path: Path, capsys: pytest
     assert (tmp_path / "new" / "a.png").stat().st_size > 10_000
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_map_of_a_square_crystal_has_its_symmetry(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     script.main(["tr_square", "--map", "5", "-o", str(tmp_path / "map.png")])
     assert "a = 0.2: contacts are not stretched in first order and slide below" in capsys.readouterr().out

@@ -22,7 +22,7 @@ from granular_analysis.theory.wave import nonlinearity
 from granular_lmp import Record, Scene, run
 from granular_lmp.crystal.lattices import Shape, lattice_constant, packed
 from granular_lmp.crystal.sphere import Sphere
-from tests.conftest import members
+from tests.conftest import latin, members
 from tests.polarisations import modes, second_order_at
 from tests.sheet import Sheet, evolve
 from tests.stand_in import of_first_format
@@ -86,8 +86,10 @@ def test_a_field_is_the_sum_of_its_waves(columns: int) -> None:
 # ---- first order
 
 
-@pytest.mark.parametrize("branch", [0, 1, 2])
-@pytest.mark.parametrize(("columns", "x", "y"), [(3, 0, 1), (6, 1, 2), (6, 3, 1), (7, -2, 3)])
+@pytest.mark.parametrize(
+    ("columns", "x", "y", "branch"),
+    latin([(3, 0, 1), (6, 1, 2), (6, 3, 1), (7, -2, 3)], [0, 1, 2]),
+)
 def test_a_plane_wave_stays_one_to_first_order(columns: int, x: int, y: int, branch: int) -> None:
     sheet = Sheet(8, columns, SILICA)
     field, rate = plane_wave(sheet, wavevector(sheet, x, y), branch, TAU)
@@ -118,8 +120,10 @@ def test_the_time_step_of_a_run_is_in_the_first_order_exactly() -> None:
 # ---- second order, against closed forms
 
 
-@pytest.mark.parametrize("name", ["L", "TR", "RT"])
-@pytest.mark.parametrize("cycles", [1, 3, 5])
+@pytest.mark.parametrize(
+    ("cycles", "name"),
+    latin([1, 3, 5], ["L", "TR", "RT"]),
+)
 def test_a_wave_along_y_makes_the_second_harmonic_of_the_closed_form(name: Any, cycles: int) -> None:
     sheet, tau = Sheet(12, 3, SILICA), np.array([0.0, 1.0, 7.5, 20.0])
     ratios = second_harmonic.ratios(SILICA)
@@ -369,8 +373,10 @@ def test_the_second_order_of_an_oblique_wave_is_around_0_and_2k() -> None:
 # ---- LAMMPS
 
 
-@pytest.mark.parametrize("branch", [0, 1, 2])
-@pytest.mark.parametrize("overlap_ratio", [0.001, 0.05])
+@pytest.mark.parametrize(
+    ("overlap_ratio", "branch"),
+    latin([0.001, 0.05], [0, 1, 2]),
+)
 def test_the_geometry_of_contacts_is_that_of_a_plane_wave(branch: int, overlap_ratio: float) -> None:
     sheet, amplitude = Sheet(8, 7, SILICA, overlap_ratio), 0.02
     k = wavevector(sheet, 2, 1)
@@ -445,6 +451,7 @@ def test_the_time_step_of_the_run_has_to_be_in_the_theory(lammps: Record) -> Non
     assert relative(c.second, c.run - exact) > 0.04
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_script_draws(lammps: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([str(lammps.folder), "-o", str(tmp_path / "figure.png"), "--tau", "7.2"]) == 0
     assert (tmp_path / "figure.png").stat().st_size > 0

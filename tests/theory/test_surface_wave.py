@@ -219,6 +219,7 @@ def rows(printed: str, kind: str) -> list[dict[str, float]]:
     return [dict(zip(head[-len(line) + 1 :], map(float, line[1:]), strict=True)) for line in lines]
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_command_prints_resonances_and_writes_all_waves(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -264,11 +265,11 @@ def test_the_command_takes_a_plate_and_a_film(
     monkeypatch.setattr(saw, "POINTS", 2)  # of the file, which is not read here
     monkeypatch.setattr(saw, "save", lambda figure, path: None)
     plate = ["monolayer_vertical", "--thickness", "2e-6", "-o", str(tmp_path / "saw.png")]
-    saw.main([*plate, "--limit", "0.2"])
+    saw.main([*plate, "--limit", "0.06"])
     assert not rows(capsys.readouterr().out, "resonance")  # nothing leaks from a plate
-    saw.main([*plate, "--below", "73e9", "0.17", "2200", "--limit", "0.2"])  # of the substrate's own material
+    saw.main([*plate, "--below", "73e9", "0.17", "2200", "--limit", "0.06"])  # of the substrate's own material
     film = rows(capsys.readouterr().out, "resonance")
-    saw.main(["monolayer_vertical", "-o", str(tmp_path / "saw.png"), "--limit", "0.2"])
+    saw.main(["monolayer_vertical", "-o", str(tmp_path / "saw.png"), "--limit", "0.06"])
     for one, other in zip(film, rows(capsys.readouterr().out, "resonance"), strict=True):
         assert one["Hz"] == pytest.approx(other["Hz"], rel=1e-5)
 

@@ -31,7 +31,7 @@ from granular_analysis.theory.hierarchy import hierarchy_orders
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record
 from granular_lmp.scene.sections import Envelope
-from tests.conftest import PAPER
+from tests.conftest import PAPER, latin
 from tests.stand_in import Changed
 
 TAU = np.arange(0.0, 30.0, 0.5)
@@ -223,8 +223,11 @@ def test_what_was_computed_is_kept(with_physics: With, monkeypatch: pytest.Monke
         first[0][0] = 1.0
 
 
-@pytest.mark.parametrize("direction", [0.0, 17.0, -41.0])
-@pytest.mark.parametrize("changes", [changes for changes, *_ in PHYSICS], ids=str)
+@pytest.mark.parametrize(
+    ("changes", "direction"),
+    latin([changes for changes, *_ in PHYSICS], [0.0, 17.0, -41.0]),
+    ids=str,
+)
 def test_theories_of_any_direction_are_close_to_the_lattice(
     changes: dict[str, object], direction: float, with_physics: With
 ) -> None:

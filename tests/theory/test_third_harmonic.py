@@ -172,8 +172,10 @@ CONTACTS = {
 
 CUBIC: list[tuple[ModeName, float, float]] = [("TR", 0.802, 90.0), ("TR", 1.1, 17.0), ("L", 0.9, 0.0)]
 EVERY = [(*wave, contact) for wave in CUBIC for contact in CONTACTS]
-# Waves oblique, along x and along y in turn: one of each contact is left to `make test`
+# Waves oblique, along x and along y in turn: one of each contact is left to `make test`, but for JKR, whose cubic term
+# the shift of the frequency has
 LEFT = [(*CUBIC[number], contact) for number, contact in zip((1, 2, 1, 0, 2, 1), CONTACTS, strict=True)]
+LEFT = [each for each in LEFT if each[-1] != "JKR"]
 
 
 @pytest.mark.parametrize(

@@ -337,8 +337,8 @@ def _shapes(axes: Axes, found: Found) -> None:
         xi, waves = np.linspace(min(shape), max(shape), 100), next(iter(shape.values()))
         place = perfect_resonance(waves.contact) or np.nan
         stretched = place + (xi - place - fit.shift.value) / fit.width.value
-        line = [perfect_strength(float(each), waves.contact, found.amplitude, waves.tau) for each in stretched]
-        axes.plot(xi, 1e3 * fit.height.value * np.array(line), color=colour, linewidth=1)
+        line = perfect_strength(stretched, waves.contact, found.amplitude, waves.tau)
+        axes.plot(xi, 1e3 * fit.height.value * line, color=colour, linewidth=1)
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"second harmonic ($10^{-3} D_0$)", ylim=(0, None))
     axes.legend(frameon=False, fontsize="small")
 
