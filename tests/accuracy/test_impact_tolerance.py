@@ -102,7 +102,7 @@ def test_the_estimate_of_a_chain_is_above_its_error(changes: dict[str, Any], tol
     [
         {"disorder.density": 0.2, "disorder.seed": 7},
         pytest.param({"effects.friction": 0.25, "effects.shear_law": "secant"}, marks=pytest.mark.more),
-        {"effects.friction": 0.25, "effects.shear_law": "incremental", "disorder.density": 0.15},
+        {"effects.friction": 0.25, "effects.shear_law": "incremental", "disorder.density": 0.15, "time.duration": 3.0},
     ],
     ids=["smooth", "secant", "incremental"],
 )
@@ -180,7 +180,7 @@ def test_a_tolerance_that_is_not_met_is_refused_with_its_runs(tmp_path: Path, mo
 
 
 def test_the_folder_holds_the_answer_and_its_runs(tmp_path: Path) -> None:
-    scene = SHEET.with_values({"effects.friction": 0.2, "time.duration": 4.0})
+    scene = SHEET.with_values({"effects.friction": 0.2, "time.duration": 2.0})
     record = run_impact(scene, tmp_path / "run")
     again = ImpactRecord.load(tmp_path / "run")
     # The text has all digits; the sums of positions and displacements are rounded otherwise

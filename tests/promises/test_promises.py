@@ -125,7 +125,7 @@ def wave_section(data: Path) -> np.ndarray:
 
 
 # A run to a tolerance is many runs, each on the path of a plain one
-MANY = "standing", "JKR", "quiet ends", "two ranks", "kernel", "sweep", "thread"
+MANY = "standing", "driven", "JKR", "quiet ends", "lmp", "two ranks", "kernel", "sweep", "thread"
 
 
 @on("error estimate", *MANY)
@@ -162,8 +162,12 @@ def test_the_error_of_a_step_is_at_most_what_the_budget_says(path: Path_, runs: 
 LENGTHS = {"driven": 6, "sources and monitors": 10, "quiet ends": 6, "imperfect": 12, "impact": 10, "two ranks": 4}
 
 
-# A driven row stands in tests/validation/test_waves_in_lammps.py, plain lmp in tests/hard/test_honesty.py
-@on("same bytes after resume", "standing", "JKR", "collision", "thread", "driven", "lmp")
+# A driven row stands in tests/validation/test_waves_in_lammps.py, a strike in test_strikes_at_rest.py, lmp in
+# tests/hard/test_honesty.py, and its ranks in tests/runs/test_continued.py
+CONTINUED = "standing", "driven", "quiet ends", "JKR", "impact", "collision", "lmp", "two ranks", "thread"
+
+
+@on("same bytes after resume", *CONTINUED)
 def test_a_stopped_run_is_continued_to_the_same_bytes(path: Path_, tmp_path: Path, fast_looks: None) -> None:
     scene = path.scene()
     spheres = scene.shape.spheres

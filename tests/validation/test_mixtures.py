@@ -104,7 +104,7 @@ HELD = {"rows": 41, "columns": 3, "ends": "fixed"}
     [
         ({}, None),
         pytest.param({"form": "standing"}, None, marks=pytest.mark.more),
-        ({"form": "driven"}, {**HELD, "rows": 9}),
+        pytest.param({"form": "driven"}, {**HELD, "rows": 9}, marks=pytest.mark.more),
     ],
     ids=["running", "standing", "driven"],
 )

@@ -59,8 +59,10 @@ def disturbed(network: Network) -> tuple[np.ndarray, ...]:
     return way, rate / TIME, turn / RADIUS, spin / RADIUS / TIME
 
 
-def lammps(network: Network, friction: float, moving: tuple[np.ndarray, ...], every: float, steps: int) -> np.ndarray:
-    """Return displacements and turns (SAMPLES, 6, N) at multiples of `every`, in so many steps each."""
+def lammps(
+    network: Network, friction: float, moving: tuple[np.ndarray, ...], every: float, steps: int, samples: int
+) -> np.ndarray:
+    """Return displacements and turns (samples, 6, N) at multiples of `every`, in so many steps each."""
     (way, velocity, rotation, spin), step, count = moving, every / steps, len(network.position)
     x, y, z = (5000.0 if np.isinf(period) else period for period in network.cell)
     edges = ["f" if np.isinf(period) else "p" for period in network.cell]
@@ -109,7 +111,7 @@ def lammps(network: Network, friction: float, moving: tuple[np.ndarray, ...], ev
         lmp.commands_string(f"run 1 post no\nunfix move\nreset_timestep 0\ntimestep {step!r}")
         put(velocity, spin)
         lmp.command("fix move all nve/bpm/sphere")
-        fields = np.empty((SAMPLES, 6, count))
+        fields = np.empty((samples, 6, count))
         for sample in fields:
             lmp.command(f"run {steps} post no")
             ids = lmp.numpy.extract_atom("id")[:count] - 1
@@ -119,9 +121,11 @@ def lammps(network: Network, friction: float, moving: tuple[np.ndarray, ...], ev
     return fields
 
 
-def without_step(network: Network, friction: float, moving: tuple[np.ndarray, ...], steps: int = 100) -> np.ndarray:
+def without_step(
+    network: Network, friction: float, moving: tuple[np.ndarray, ...], steps: int = 100, samples: int = SAMPLES
+) -> np.ndarray:
     """Return the fields of LAMMPS, extrapolated from three steps to none, free of errors of first and second order."""
-    coarse, middle, fine = (lammps(network, friction, moving, TIME, n * steps) for n in (1, 2, 4))
+    coarse, middle, fine = (lammps(network, friction, moving, TIME, n * steps, samples) for n in (1, 2, 4))
     return (8 * fine - 6 * middle + coarse) / 3
 
 
@@ -154,7 +158,7 @@ def test_a_packing_in_space_moves_as_in_lammps(packing, changes) -> None:
 def test_contacts_slide_in_space_as_in_lammps() -> None:
     network = layer(friction=0.1)
     moving = disturbed(network)
-    fields = without_step(network, 0.1, moving, 200)[:1]  # many contacts slide from the start
+    fields = without_step(network, 0.1, moving, 200, samples=1)  # many contacts slide from the start
     # 3e-6, measured: LAMMPS's step leaves as much, and the network's sixteen times as much at TIME / 40
     assert apart(network, moving, fields, longest_step=TIME / 160) < 1e-5
     assert apart(replace(network, friction=np.inf), moving, fields) > 0.05
@@ -164,7 +168,7 @@ def test_contacts_slide_in_space_as_in_lammps() -> None:
 def test_damped_contacts_slide_in_space_as_in_lammps() -> None:
     network = layer(friction=0.1, viscosity=VISCOSITY)
     moving = disturbed(network)
-    fields = without_step(network, 0.1, moving, 200)[:1]  # many contacts slide from the start
+    fields = without_step(network, 0.1, moving, 200, samples=1)  # many contacts slide from the start
     coarse, fine = (apart(network, moving, fields, longest_step=TIME / n) for n in (40, 160))
     # 2e-5, measured, of first order in the longest step where dashpots turn the force of a slip
     assert fine < 5e-5

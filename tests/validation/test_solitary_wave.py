@@ -62,9 +62,14 @@ def test_each_run_has_the_error_of_its_step(pair: tuple[Row, Row]) -> None:
     assert found == pytest.approx([0.9075651, 0.9074938], abs=2e-7)
 
 
-def test_lammps_is_velocity_verlet_to_rounding() -> None:
-    _, velocities, _ = lammps(20, 0.1, 100, 20, (0, 20))
-    v = np.eye(20)[0]
+@pytest.fixture(scope="module")
+def short() -> np.ndarray:
+    """Velocities (6, 20) of a row that is struck at the velocity 1, each 20 steps."""
+    return np.asarray(lammps(20, 0.1, 100, 20, (0, 20))[1])
+
+
+def test_lammps_is_velocity_verlet_to_rounding(short: np.ndarray) -> None:
+    velocities, v = short, np.eye(20)[0]
     _, expected = march(uniform(20), 0 * v, v, 0.1, 100, every=20)
     # Positions of 1e4 overlaps carry 1e-12, over 100 steps
     assert velocities[1:] == pytest.approx(expected, abs=1e-9)
@@ -72,9 +77,8 @@ def test_lammps_is_velocity_verlet_to_rounding() -> None:
 
 
 @pytest.mark.parametrize("velocity", members([1e-6, 1e-3, 1e2], 1e-3, 1e2))
-def test_strikers_of_any_velocity_make_the_same_wave_in_lammps(velocity: float) -> None:
-    scale = velocity**-0.2
-    _, plain, _ = lammps(20, 0.1, 100, 100, (0, 20))
+def test_strikers_of_any_velocity_make_the_same_wave_in_lammps(velocity: float, short: np.ndarray) -> None:
+    scale, plain = velocity**-0.2, short
     _, found, _ = lammps(20, 0.1 * scale, 100, 100, (0, 20), velocity)
     # Positions of 2e4 carry 4e-12, overlaps are v^{4/5}: 2e-7 of them at 1e-6, summed over 100 steps
     allowed = 1e-9 + 3e-11 * velocity**-0.8

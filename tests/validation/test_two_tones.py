@@ -82,7 +82,7 @@ def seen_and_pair(name: str, sign: int) -> tuple[Complexes, Pair, Floats]:
 
 # A pair of the same directions with another branch stands beside each of these
 MORE = ["along y, L and TR", "along y, RT and TR", "along x, lower and middle", "oblique, lower and middle"]
-MORE += ["difference phase-matched to 0.005", "along y, TR and TR"]
+MORE += ["difference phase-matched to 0.005", "along y, TR and TR", "along x, lower and upper"]
 
 
 @pytest.mark.parametrize("sign", [1, -1])

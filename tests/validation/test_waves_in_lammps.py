@@ -64,7 +64,7 @@ def test_a_wave_that_runs_down_is_the_mirror_of_one_that_runs_up(tmp_path: Path)
         np.testing.assert_allclose(getattr(down, name), getattr(up, name), atol=1e-9)
 
 
-@pytest.mark.parametrize("scene", members(ALL, OBLIQUE, BEAM, PULSE), ids=lambda scene: scene.name)
+@pytest.mark.parametrize("scene", members(ALL, OBLIQUE, BEAM, PULSE, GRATING), ids=lambda scene: scene.name)
 def test_module_and_program_write_the_same_bytes(scene: Scene, tmp_path: Path) -> None:
     for launcher in ("module", "lmp"):
         run(scene, tmp_path / launcher, launcher=launcher)
