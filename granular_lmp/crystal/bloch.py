@@ -29,6 +29,8 @@ This is a numerical derivation from the geometry, kept apart from the closed for
 ``granular_analysis.second_harmonic``.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -117,17 +119,18 @@ def effective_rolling(contacts: Contacts, physics: Physics) -> NDArray:
     return physics.rolling / (1 - contacts.overlap / contacts.radii)
 
 
-def stretch_rows(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, list[NDArray], list[NDArray]]:
-    """Return rows (..., C, 6N) of a shape (u, f): −i times δN, and of both tangents δT and δS − δT; k in 1/m."""
+def stretch_rows(
+    contacts: Contacts, wavevectors: NDArray, ways: Sequence[int] = (0, 1)
+) -> tuple[NDArray, list[NDArray], list[NDArray]]:
+    """Return rows (..., C, 6N) of a shape (u, f): −i times δN, and of the tangents δT and δS − δT; k in 1/m."""
     phase_i, phase_j = _phases(contacts, wavevectors)
 
     def moves(way: NDArray) -> NDArray:
         part = np.hstack([way, np.zeros_like(way)])
         return _rows(contacts, 1j * phase_i * part, -1j * phase_j * part)
 
-    tangents = [contacts.tangents[:, way] for way in range(2)]
-    turns = [_turn_rows(contacts, way, -phase_i, -phase_j) for way in tangents]
-    return moves(contacts.normals), [moves(way) for way in tangents], turns
+    turns = [_turn_rows(contacts, way, -phase_i, -phase_j) for way in ways]
+    return moves(contacts.normals), [moves(contacts.tangents[:, way]) for way in ways], turns
 
 
 def twist_rows(contacts: Contacts, wavevectors: NDArray) -> NDArray:
@@ -137,9 +140,10 @@ def twist_rows(contacts: Contacts, wavevectors: NDArray) -> NDArray:
     return _rows(contacts, phase_i * part, phase_j * part)
 
 
-def _turn_rows(contacts: Contacts, tangent: NDArray, on_i: NDArray, on_j: NDArray) -> NDArray:
+def _turn_rows(contacts: Contacts, way: int, on_i: NDArray, on_j: NDArray) -> NDArray:
     """Return the rows (..., C, 6N) of the rotations about n × t, from factors (..., C, 1) of spheres i and j."""
-    part = np.hstack([np.zeros_like(tangent), np.cross(contacts.normals, tangent)])
+    about = contacts.turns[:, way]
+    part = np.hstack([np.zeros_like(about), about])
     return _rows(contacts, on_i * part, on_j * part)
 
 
@@ -154,7 +158,7 @@ def _torque_rows(contacts: Contacts, wavevectors: NDArray) -> list[NDArray]:
         (1 - pairs * contacts.overlap / (2 * contacts.radius[end])) / mean[end] - 1 for end in (contacts.i, contacts.j)
     )
     factors = -phase_i * more_i[:, None], -phase_j * more_j[:, None]
-    return [_turn_rows(contacts, contacts.tangents[:, way], *factors) for way in range(2)]
+    return [_turn_rows(contacts, way, *factors) for way in range(2)]
 
 
 def _exact(matrix: NDArray) -> tuple[NDArray, NDArray]:
@@ -211,11 +215,11 @@ def _springs(
     rows of the slips, [] where arms are alike. All rows are divided by the roots of the masses.
     """
     k = wavevectors / sphere.radius
-    normal, sideways, turn = stretch_rows(contacts, k)
+    ways = range(2 if physics.space else 1)  # in the plane nothing moves along the second tangent
+    normal, sideways, turn = stretch_rows(contacts, k, ways)
     mass = np.repeat([contacts.mass, effective_inertia(contacts)], 3, axis=0).T.ravel()
     inverse_root_mass = np.sqrt(sphere.mass / mass)
     per_mass = sphere.time_scale**2 / sphere.mass
-    ways = range(2 if physics.space else 1)  # in the plane nothing moves along the second tangent
     springs = [(contacts.normal_stiffness, normal)]
     springs += [(contacts.shear_stiffness, sideways[way] + turn[way]) for way in ways if physics.shear]
     if physics.rolling and physics.rotation:

@@ -117,6 +117,12 @@ class Contacts:
         return np.stack([first, np.cross(self.normals, first)], axis=1)
 
     @cached_property
+    def turns(self) -> Floats:
+        """Axes n × t about which spheres that turn move along each tangent, (C, 2, 3)."""
+        second = self.tangents[:, 1]  # n × t1
+        return np.stack([second, np.cross(self.normals, second)], axis=1)
+
+    @cached_property
     def radii(self) -> Floats:
         """Ri + Rj of each contact, (C,), m; Ri at a wall."""
         return self.radius[self.i] + np.where(self.on_wall, 0.0, self.radius[self.j])

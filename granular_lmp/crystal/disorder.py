@@ -191,8 +191,8 @@ def imperfect(
         material[chosen] = kinds.index(kind)
 
     crystal = lattice.copy()
-    crystal.arrays["radius"] = radius * (1 + disorder.radius * _deviates(len(lattice), disorder.seed, _RADIUS))
-    density = density * (1 + disorder.density * _deviates(len(lattice), disorder.seed, _DENSITY))
+    crystal.arrays["radius"] = radius * _spread(len(lattice), disorder.radius, disorder.seed, _RADIUS)
+    density = density * _spread(len(lattice), disorder.density, disorder.seed, _DENSITY)
     crystal.set_array("density", density)
     crystal.set_array("material", material)
     isolated = ~missing & ~held & _alone(lattice, missing) if missing.any() else np.zeros_like(missing)
@@ -305,20 +305,24 @@ def _stream(seed: int, stream: int) -> "np.random.RandomState":
     return np.random.RandomState([seed, stream])  # noqa: NPY002 (the streams of Generator may change)
 
 
-def _deviates(count: int, seed: int, stream: int) -> Floats:
-    """Return Gaussian deviates of unit variance, those beyond `CUT` drawn again, (N,)."""
+def _spread(count: int, deviation: float, seed: int, stream: int) -> Floats | float:
+    """Return numbers of mean 1 with a Gaussian deviation, those beyond `CUT` times it drawn again, (N,)."""
+    if not deviation:
+        return 1.0
     random = _stream(seed, stream)
     deviates = random.standard_normal(count)
     while (beyond := np.abs(deviates) > CUT).any():
         deviates[beyond] = random.standard_normal(beyond.sum())
-    return deviates
+    return 1 + deviation * deviates
 
 
 def _drawn(free: NDArray[np.bool_], share: float, seed: int, stream: int, name: str) -> Integers:
     """Return a share of the free spheres; a larger share holds those of a smaller one."""
+    if not share:
+        return np.empty(0, dtype=int)
     order = _stream(seed, stream).permutation(np.flatnonzero(free))
     count = round(share * len(order))
-    if share and not count:
+    if not count:
         raise CrystalError(f"{name} = {share!r}: is no sphere of {len(order)} free ones; must be 0, or more of them")
     return order[:count]
 

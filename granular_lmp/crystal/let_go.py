@@ -60,7 +60,8 @@ def let_go(
                 slip = shear.carried_over(known, pairs, slip)
             stiffness = shear.stiffest(pairs, state) if friction else pairs.contact_stiffness(state.overlap)
             dt = _time_step(pairs, stiffness, len(potential.crystal))
-        velocity = (velocity + dt * force) / (1 + DRAG * dt)
+        velocity += dt * force
+        velocity /= 1 + DRAG * dt
         rate = (rate + dt * stress / box) / (1 + _BOX_DRAG * dt)
         before, state = state, potential.state(pairs, state.u + dt * velocity, state.e + dt * rate)
         force, stress = state.force, state.stress
@@ -88,7 +89,8 @@ def let_go_near(potential: Potential, pairs: Pairs, state: State, moving: NDArra
             if part.residual(now) < SETTLED:
                 break
             dt = _time_step(near, near.contact_stiffness(now.overlap), len(part.crystal))
-        velocity = (velocity + dt * now.force) / (1 + DRAG * dt)
+        velocity += dt * now.force
+        velocity /= 1 + DRAG * dt
         now = part.state(near, now.u + dt * velocity, now.e)
     u = state.u.copy()
     u[bodies] = now.u

@@ -97,13 +97,13 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Energy of each pair and the forces, at displacements u (N, D) and strains e (D,).
+    """Forces of pairs and on spheres, at displacements u (N, D) and strains e (D,).
 
     Attributes
     ----------
     vector : (D, C) array
         From sphere to sphere.
-    length, overlap, contact_force, energy : (C,) arrays
+    length, overlap, contact_force : (C,) arrays
         The overlap is negative where there is a gap.
     force : (N, D) array
         −∂E/∂u; 0 on held spheres.
@@ -111,15 +111,20 @@ class State:
         −∂E/∂e, less the loads; 0 along axes on which the box does not breathe.
     """
 
+    pairs: Pairs
     u: Floats
     e: Floats
     vector: Floats
     length: Floats
     overlap: Floats
     contact_force: Floats
-    energy: Floats
     force: Floats
     stress: Floats
+
+    @cached_property
+    def energy(self) -> Floats:
+        """Energy of each pair, (C,); few steps of a relaxation ask for it."""
+        return np.asarray(self.pairs.bearing * self.pairs.law.energy(self.overlap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,32 +254,32 @@ class Potential:
 
     def state(self, pairs: Pairs, u: Floats, e: Floats) -> State:
         """Return energies and forces at a displacement and a strain."""
-        # Component by component and in place: the many steps of a relaxation spend their time here
-        vector, squared = np.empty_like(pairs.vector), np.zeros(len(pairs.i))
-        for axis, place in enumerate(pairs.vector):
-            along_axis = np.ascontiguousarray(u[:, axis])
-            apart = along_axis.take(pairs.j)
-            apart -= along_axis.take(pairs.i)
-            apart *= 1 + e[axis]
-            apart += e[axis] * place
-            apart[pairs.between :] *= place[pairs.between :] != 0  # along a wall its foot point follows the sphere
-            np.add(place, apart, out=vector[axis])
-            apart *= vector[axis] + place
-            squared += apart  # |d + w|² − |d|²
-        length = np.sqrt(sum(part * part for part in vector))
-        overlap = squared / (length + pairs.length)
+        # In place: the many steps of a relaxation spend their time here
+        count, scale, place = len(u), (1 + e)[:, None], pairs.vector
+        along_axes = np.ascontiguousarray(u.T)
+        apart = along_axes.take(pairs.j, axis=1)
+        apart -= along_axes.take(pairs.i, axis=1)
+        if e.any():
+            apart *= scale
+            apart += e[:, None] * place
+        if len(pairs.face):  # along a wall its foot point follows the sphere
+            apart[:, pairs.between :] *= place[:, pairs.between :] != 0
+        vector = place + apart
+        apart *= vector + place
+        length = np.sqrt(np.add.reduce(vector * vector))
+        overlap = np.add.reduce(apart)  # |d + w|² − |d|²
+        overlap /= length + pairs.length
         np.subtract(pairs.overlap, overlap, out=overlap)
-        push, energy = pairs.law.push_and_energy(overlap)
+        push = pairs.law.push(overlap)
         push *= pairs.bearing
-        energy *= pairs.bearing
-        over_length, force, stress = push / length, np.empty_like(u), np.empty(self.axes)
-        for axis in range(self.axes):
-            along = over_length * vector[axis]
-            force[:, axis] = np.bincount(pairs.j, along, len(u)) - np.bincount(pairs.i, along, len(u))
-            stress[axis] = np.einsum("c,c", along, vector[axis]) / (1 + e[axis])
-        force *= self.free[:, None] * (1 + e)
-        stress = np.where(self.breathing, stress - self.load, 0.0)
-        return State(u, e, vector, length, overlap, push, energy, force, stress)
+        along = push / length * vector
+        force, stress = np.empty_like(u), np.zeros(self.axes)
+        for axis, part in enumerate(along):
+            force[:, axis] = np.bincount(pairs.j, part, count) - np.bincount(pairs.i, part, count)
+            if self.breathing[axis]:
+                stress[axis] = np.einsum("c,c", part, vector[axis]) / (1 + e[axis]) - self.load[axis]
+        force *= self.free[:, None] * scale.T
+        return State(pairs, u, e, vector, length, overlap, push, force, stress)
 
     def stiffness(self, pairs: Pairs, state: State, normal: Floats, across: Floats) -> tuple[Any, Floats, Floats]:
         """Return second derivatives of the energy: by u (sparse, DN × DN), by u and e (DN, D), and by e (D, D).

@@ -81,15 +81,17 @@ def _images(crystal: ase.Atoms, reach: float) -> tuple[Integers, Integers]:
     scaled = positions @ np.linalg.inv(cell)
     most = np.where(crystal.pbc, np.ceil(reach / heights + np.ptp(scaled, axis=0)), 0).astype(int)
     low, high = positions.min(axis=0) - reach, positions.max(axis=0) + reach
+    every = np.array(list(product(*(range(-count, count + 1) for count in most))))
+    offsets = every @ cell
+    near = (positions.max(axis=0) + offsets >= low) & (positions.min(axis=0) + offsets <= high)
     owners, shifts = [], []
-    for shift in product(*(range(-count, count + 1) for count in most)):
-        offset = shift @ cell
+    for image in np.flatnonzero(near.all(axis=1)):
         inside = np.arange(len(positions))
-        for axis in np.argsort(-np.abs(offset)):  # few are left of an image that is far away
-            place = positions[inside, axis] + offset[axis]
+        for axis in np.flatnonzero(offsets[image]):  # few are left of an image
+            place = positions[inside, axis] + offsets[image, axis]
             inside = inside[(low[axis] <= place) & (place <= high[axis])]
         owners.append(inside)
-        shifts.append(np.broadcast_to(shift, (len(inside), 3)))
+        shifts.append(np.broadcast_to(every[image], (len(inside), 3)))
     return np.concatenate(owners), np.concatenate(shifts)
 
 

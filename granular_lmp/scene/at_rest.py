@@ -5,6 +5,7 @@ In a perfect lattice the two are the same. Otherwise `granular_lmp.crystal.disor
 """
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import ase
@@ -83,16 +84,14 @@ def crystal_of(scene: Scene, progress: "Progress | None" = None) -> CrystalAtRes
     CrystalError
         If imperfections do not fit into the lattice, or the spheres do not come to rest.
     """
-    if scene.loose:
-        return _touching(scene)
-    if scene.perfect:
+    if scene.perfect and not scene.loose:
         return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene))
     packing, walls = scene.packing, (scene.wall, scene.rigid)
     imperfections = scene.disorder, scene.inclusion, scene.pair
-    way = packing.relax, packing.relax_friction, packing.relax_by
+    way = (scene.material, packing) if scene.loose else (packing.relax, packing.relax_friction, packing.relax_by)
     key = scene.sphere, scene.shape, scene.space, *imperfections, *walls, *way
     if key not in _KEPT:
-        _KEPT[key] = _relaxed(scene, progress)
+        _KEPT[key] = _touching(scene) if scene.loose else _relaxed(scene, progress)
         while len(_KEPT) > _MOST_KEPT:
             del _KEPT[next(iter(_KEPT))]
     return _KEPT[key]
@@ -252,6 +251,7 @@ def sphere_count(scene: Scene) -> int:
     return scene.shape.spheres if scene.perfect else len(places(scene))
 
 
+@lru_cache(maxsize=2)  # the number of spheres is asked for before they come to rest
 def _imperfect(
     sphere: Sphere, shape: Shape, disorder: Disorder, inclusions: tuple[Inclusion, ...], pairs: tuple[Pair, ...]
 ) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
