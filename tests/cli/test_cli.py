@@ -331,8 +331,8 @@ def test_modes_prints_the_paper_s_modes_and_draws_them(tmp_path: Path, capsys: p
     ("scene", "radius", "unit"),
     [
         ("tr_nonresonant", 0.5e-6, "MHz"),  # 180 MHz at the top
-        ("tr_nonresonant", 0.5e-7, "GHz"),
-        ("steel_compressed", 4.76e-3, "kHz"),
+        pytest.param("tr_nonresonant", 0.5e-7, "GHz", marks=pytest.mark.more),
+        pytest.param("steel_compressed", 4.76e-3, "kHz", marks=pytest.mark.more),
         ("steel_compressed", 0.9, "Hz"),
     ],
 )

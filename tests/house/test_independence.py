@@ -82,16 +82,18 @@ PREPARED = ("problem", "rest", "energies", "energy", "kinetic_energy")  # of a r
 
 
 def asked_of_records(source: str) -> set[str]:
-    """Return the attributes named like a record's own physics that a source asks of anything named like a record."""
+    """Return the attributes named like a record's own physics that a source asks of anything named like a record.
+
+    The problem is one of a record, however that is named.
+    """
+    if not any(name in source for name in PREPARED):  # most sources, which need not be parsed
+        return set()
     return {
         node.attr
         for node in ast.walk(ast.parse(source))
         if isinstance(node, ast.Attribute)
         and node.attr in PREPARED
-        and isinstance(node.value, ast.Name | ast.Attribute)
-        and (node.value.id if isinstance(node.value, ast.Name) else node.value.attr).endswith("record")
-    } | {
-        node.attr for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Attribute) and node.attr == "problem"
+        and (node.attr == "problem" or ast.unparse(node.value).endswith("record"))
     }
 
 

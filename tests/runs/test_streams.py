@@ -7,15 +7,19 @@ import subprocess
 import sys
 import time
 import tomllib
+from contextlib import chdir
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+from granular_analysis.cli import program
 from granular_analysis.plotting import start
 from granular_lmp import Scene
+from granular_lmp.cli import main
 from granular_lmp.runs.routes import FEWEST_FILES
 from granular_lmp.studies.sweep import sweep
+from tests.cli.test_cli import cli
 from tests.conftest import members
 
 SCRIPTS = (
@@ -46,7 +50,7 @@ def shell(line: str, folder: Path) -> tuple[int, str, str]:
         ("", "effects tr_periodic"),
         pytest.param("", "modes tr_periodic", marks=pytest.mark.more),
         pytest.param("", "doctor", marks=pytest.mark.more),
-        ("", "run small.toml -o run"),
+        pytest.param("", "run small.toml -o run", marks=pytest.mark.more),
         ("1", "effects tr_periodic"),
         pytest.param("1", "run small.toml -o run", marks=pytest.mark.more),
     ],
@@ -61,10 +65,14 @@ def test_a_full_standard_output_is_one_line_and_status_1(
     )
 
 
-def test_a_full_standard_error_does_not_stop_a_run(small_toml: Path, tmp_path: Path) -> None:
-    command = f"{GRANULAR} run small.toml --set time.timestep=0.3 -o run"
-    assert "note: time.timestep" in shell(command, tmp_path)[2]  # there is something to be written
-    status, out, _ = shell(f"{command} --force 2> /dev/full", tmp_path)
+def test_a_full_standard_error_does_not_stop_a_run(
+    small_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = "small.toml --set time.timestep=0.3"
+    with chdir(tmp_path):
+        assert main(["effects", *words.split()]) == 0
+    assert "note: time.timestep" in capsys.readouterr().err  # there is something to be written
+    status, out, _ = shell(f"{GRANULAR} run {words} -o run 2> /dev/full", tmp_path)
     assert status == 0
     assert "24 spheres" in out
 
@@ -80,12 +88,18 @@ def test_a_script_ends_as_a_command_does(door: str, small: Scene, tmp_path: Path
     assert shell(f"{compare} sweep > /dev/full", tmp_path)[::2] == (1, "this machine: No space left on device\n")
     assert shell(f"set -o pipefail; {compare} sweep | true", tmp_path)[::2] == (0, "")
     assert shell(f"{compare} sweep <&- >&- 2>&-", tmp_path)[0] == 0
-    assert shell(f"{compare} nowhere", tmp_path) == (2, "", "nowhere: not a run folder (there is no run.json)\n")
 
 
-def test_the_installed_command_is_the_one_whose_errors_are_one_line() -> None:
+def test_the_installed_command_is_the_one_whose_errors_are_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["scripts"]["granular-analysis"] == "granular_analysis.cli:program"
+    monkeypatch.setattr(sys, "argv", ["granular-analysis", "compare", "nowhere"])
+    with pytest.raises(SystemExit) as refused:
+        program()
+    assert refused.value.code == 2
+    assert capsys.readouterr() == ("", "nowhere: not a run folder (there is no run.json)\n")
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
@@ -138,6 +152,7 @@ def test_a_deleted_working_directory_is_one_line_and_status_2(tmp_path: Path) ->
     members(
         ["run small.toml", "run small.toml --lmp", "kick small.toml --set time.duration=4", "collide test2"],
         "run small.toml --lmp",
+        "kick small.toml --set time.duration=4",
         "collide test2",
     ),
 )
@@ -159,10 +174,13 @@ def test_as_many_open_files_as_are_asked_for_are_enough(small_toml: Path, tmp_pa
 
 
 @pytest.mark.parametrize("seed", ["-1", "1.5", "x"])
-def test_a_seed_that_is_none_is_refused(seed: str, small_toml: Path, tmp_path: Path) -> None:
-    status, _, err = shell(f"{GRANULAR} kick small.toml --seed {seed} -o run", tmp_path)
+def test_a_seed_that_is_none_is_refused(
+    seed: str, small_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, _, err = cli(capsys, "kick", str(small_toml), "--seed", seed, "-o", str(tmp_path / "run"))
     assert status == 2
     assert err.endswith(f"error: argument --seed: '{seed}' must be a whole number of at least 0\n")
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_kick_that_is_stopped_says_how_to_go_on(small_toml: Path, tmp_path: Path) -> None:
