@@ -1,6 +1,5 @@
 """Spheres that can no longer affect the record leave the run, and the record does not show it."""
 
-import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from math import pi
@@ -14,12 +13,12 @@ from granular_lmp import Deck, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.cone import leave, mean_count
-from granular_lmp.lammps.installation import environment, lmp_command
 from granular_lmp.lammps.outputs import DUMP, LOG, read_log
 from granular_lmp.problem import prepare
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import Record
 from tests.conftest import kernel_lacks, members
+from tests.instance import run_deck
 
 # Of the largest displacement, or velocity: what docs/promises.md says
 CHANGE = 1e-9
@@ -88,10 +87,7 @@ def test_the_cone_follows_a_duration_that_lmp_is_given(duration: float, tmp_path
     found = {}
     for name, each in (("whole", with_all(deck)), ("left", deck)):
         each.write(tmp_path / name)
-        subprocess.run(
-            [*lmp_command(1), "-in", deck.input_name, "-var", "duration", str(duration), "-log", LOG],
-            cwd=tmp_path / name, env=environment(1), check=True, capture_output=True,
-        )  # fmt: skip
+        run_deck(tmp_path / name, deck.input_name, f"duration={duration}")
         rows = (tmp_path / name / DUMP).read_text().splitlines()[9::10]
         found[name] = np.array([row.split() for row in rows], dtype=float)
         assert read_log(tmp_path / name / LOG).table["v_open"].max() == 0

@@ -26,7 +26,7 @@ from granular_lmp.runs.record import read_status, write_status
 
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 20.0})
 SHEET = ImpactScene.load("point_impact").with_values(
-    {"packing.rows": 8, "packing.columns": 9, "striker.1.spheres": [[0, 4]], "time.duration": 6.0}
+    {"packing.rows": 8, "packing.columns": 9, "striker.1.spheres": [[0, 4]], "time.duration": 6.0, "time.sample": 2.0}
 )
 
 
@@ -148,14 +148,14 @@ def test_what_a_command_cannot_do_with_an_impact_is_said(
 def test_view_draws_a_chain_a_sheet_and_a_movie(folders: dict[str, Path], tmp_path: Path) -> None:
     calls: list[tuple[str, str, dict[str, Any]]] = [
         ("chain", "a.png", {}),
-        ("sheet", "b.png", {"tau": 3.0}),
+        ("sheet", "b.png", {"tau": 4.0}),
         ("sheet", "c.gif", {}),
     ]
     for name, file, options in calls:
         assert view(folders[name], tmp_path / file, **options) == []
         assert (tmp_path / file).stat().st_size > 5000
     with Image.open(tmp_path / "c.gif") as movie:
-        assert movie.n_frames == 7
+        assert movie.n_frames == 4
 
 
 def test_init_writes_an_impact_to_begin_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

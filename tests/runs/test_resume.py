@@ -253,7 +253,8 @@ def test_a_run_that_a_guard_failed_is_called_failed(often: dict[str, Any], tmp_p
 def test_an_impact_that_a_guard_failed_is_called_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     # As in tests/studies/test_far_sphere.py: two spheres would overlap by 0.0497 of the diameter, a row of them is more
     scene = ImpactScene.from_dict(
-        CHAIN.with_values({"packing.last": "wall"}).to_dict() | {"striker": [{"rows": [0, 3], "velocity": 118.0}]}
+        CHAIN.with_values({"packing.last": "wall", "time.duration": 20.0}).to_dict()
+        | {"striker": [{"rows": [0, 3], "velocity": 118.0}]}
     )
     with pytest.raises(EffectError, match="largest_overlap"):
         run_impact(scene, tmp_path / "run")
