@@ -35,11 +35,10 @@ def test_processes_that_are_started_early_answer_the_calls_and_none_starts_witho
 
 
 def test_leaving_by_an_exception_does_not_wait_for_processes_that_start() -> None:
-    began = time.monotonic()
     with suppress(KeyboardInterrupt), Workers(2) as workers:
-        workers.start(partial(time.sleep, 30.0), 2)
+        calls = workers.start(partial(time.sleep, 30.0), 2)
         raise KeyboardInterrupt
-    assert time.monotonic() - began < 15
+    assert all(call.cancelled() or call.exception() for call in calls)  # none slept to its end
 
 
 def test_an_error_of_a_call_is_the_caller_s() -> None:
