@@ -477,6 +477,143 @@ void plane_stages(whole threads, const Stages *s)
   sweep(threads, s->pairs, 1 + 2 * (int)(s->last - s->first + 1), staged, s);
 }
 
+/* Pairs of `network_state.Pairs` with any of their laws, in the plane or in space: of d components, and T = d − 1
+   tangents. `loss` is √5 ζ of a restitution, negative without one. */
+typedef struct {
+  whole spheres, pairs, dimension, jkr, incremental, shear, adheres;
+  double friction, viscosity, loss;
+  const whole *first, *second;
+  const double *apart, *length, *overlap, *radii, *shortened, *mass, *A, *B, *F, *frame;
+  const unsigned char *begun;
+} Contacts;
+
+INLINE double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+/* The normal force of a contact: `network_laws.py` */
+typedef struct {
+  double closed, overlap, radius, repulsion, spreading;
+} Normal;
+
+INLINE Normal normal_of(const Contacts *c, double depth, double A, double F, int begun)
+{
+  if (!c->jkr) {
+    const double closed = depth > 0, overlap = closed ? depth : 0, root = sqrt(overlap);
+    return (Normal){closed, overlap, root, A * overlap * root - F * closed, 2 * overlap};
+  }
+  const double unit = cbrt(9 * F / A * F / A) / 3, x = depth / unit;
+  if (!(depth > 0 || (begun && x > -cbrt(1.0 / 16)))) return (Normal){0};
+  const double fourth = 4 * x / 9, one = cbrt(2.0 / 9 + sqrt(4.0 / 81 + fourth * fourth * fourth));
+  const double u = one - fourth / one, guess = (sqrt(u) + sqrt(4 / (3 * sqrt(u)) - u)) / 2, cube = guess * guess * guess;
+  const double s = guess - (3 * cube * guess - 2 * guess - x) / (12 * cube - 2), y = s * s * s;
+  return (Normal){1, depth, sqrt(3 * unit) * s * s, 3 * F * (y * y - y), unit * (6 * s * y - s)};
+}
+
+/* Tangents along[a] of a normal, about[a] = n × along[a], and how these lean: `network_tangents.py` */
+INLINE void tangents(const Contacts *c, whole m, const double *n, double along[2][3], double about[2][3], double *lean)
+{
+  const double plane[2][2][3] = {{{-n[1], n[0], 0}}, {{0, 0, 1}}};
+  for (int a = 0; a < 2; a++)
+    for (int k = 0; k < 3; k++) {
+      along[a][k] = plane[0][a][k];
+      about[a][k] = plane[1][a][k];
+    }
+  if (c->dimension == 2) return;
+  double frame[3][3];
+  for (int e = 0; e < 3; e++)
+    for (int k = 0; k < 3; k++) frame[e][k] = c->frame[(3 * e + k) * c->pairs + m];
+  for (int a = 0; a < 2; a++) {
+    lean[a] = dot(frame[a], n) / (1 + dot(frame[2], n));
+    for (int k = 0; k < 3; k++) along[a][k] = frame[a][k] - lean[a] * (n[k] + frame[2][k]);
+  }
+  for (int k = 0; k < 3; k++) {
+    about[0][k] = along[1][k];
+    about[1][k] = -along[0][k];
+  }
+}
+
+/* Forces and torques (f, N) of pairs, and the rates of their memory (T, M): `network_state.contacts` and `resultants`.
+   Returns dW/dt of the ledger. */
+double touched(const Contacts *c, const double *motion, const double *memory, double *load, double *memory_rate)
+{
+  const whole N = c->spheres, M = c->pairs, d = c->dimension, T = d - 1, f = d == 2 ? 3 : 6;
+  const whole turn = d == 2 ? 2 : 0; /* the first of the turns about x, y and z */
+  double power = 0;
+  for (whole i = 0; i < f * N; i++) load[i] = 0;
+  for (whole m = 0; m < M; m++) {
+    const whole i = c->first[m], j = c->second[m];
+    const double R = c->radii[m], Q = c->radii[M + m], A = c->A[m], F = c->F[m];
+    double way[3] = {0}, rate[3] = {0}, turning[3] = {0}, spins[3] = {0}, now[3] = {0}, both[3] = {0};
+    for (whole k = 0; k < d; k++) {
+      const double *place = motion + k * N, *speed = place + f * N;
+      way[k] = (j < N ? place[j] : 0) - place[i];
+      rate[k] = (j < N ? speed[j] : 0) - speed[i];
+      now[k] = c->apart[k * M + m] + way[k];
+      both[k] = c->apart[k * M + m] + now[k];
+    }
+    for (whole k = 0; k < f - d; k++) {
+      const double *spin = motion + (f + d + k) * N, other = j < N ? spin[j] : 0;
+      turning[turn + k] = R * spin[i] + Q * other;
+      spins[turn + k] = spin[i] + other;
+    }
+    /* the distance less the one at rest, written so that no digits cancel */
+    const double distance = sqrt(dot(now, now)), stretch = dot(both, way) / (distance + c->length[m]);
+    const double n[3] = {now[0] / distance, now[1] / distance, now[2] / distance}, opening = dot(n, rate);
+    double along[2][3], about[2][3], lean[2] = {0};
+    tangents(c, m, n, along, about, lean);
+    const Normal normal = normal_of(c, c->overlap[m] - stretch, A, F, c->begun[m]);
+    const double stiffness = c->B[m] * normal.radius;
+    double repulsion = normal.repulsion, limit = repulsion + 2 * (c->jkr ? 0.75 : 1) * F, dashpot = 0;
+    if (c->viscosity != 0 || c->loss >= 0) {
+      dashpot = c->loss >= 0 ? sqrt(A * c->mass[m] * normal.radius) * c->loss : normal.radius > 0 ? c->viscosity : 0;
+      repulsion -= dashpot * opening;
+      if (!c->adheres) limit = fabs(repulsion);
+    }
+    double across[2], slipped[2] = {0}, spring[2] = {0}, shear[2] = {0}, grown[2] = {0}, square = 0;
+    for (whole a = 0; a < T; a++) {
+      slipped[a] = memory[a * M + m];
+      across[a] = dot(along[a], rate);
+      const double slip_rate = (across[a] - dot(about[a], turning)) * normal.closed;
+      spring[a] = !c->incremental ? stiffness * slipped[a] : normal.closed != 0 ? slipped[a] : 0;
+      shear[a] = spring[a] + c->shear * dashpot * slip_rate;
+      grown[a] = c->incremental ? stiffness * slip_rate : slip_rate;
+      square += shear[a] * shear[a];
+    }
+    const double size = sqrt(square);
+    limit *= c->friction;
+    if (c->friction < INFINITY && size > limit) { /* slides; in space the slip also turns faster than the limit alone takes it */
+      const double follows = (grown[0] * shear[0] + grown[1] * shear[1]) / square;
+      for (whole a = 0; a < T; a++) {
+        if (d == 3 && limit > 0) grown[a] += (size / limit - 1) * (grown[a] - follows * shear[a]);
+        const double left = shear[a] * (limit / size);
+        spring[a] = left - (shear[a] - spring[a]);
+        shear[a] = left;
+      }
+    }
+    if (d == 3) {
+      const double turns = (across[0] * lean[1] - lean[0] * across[1]) / distance;
+      grown[0] += turns * slipped[1];
+      grown[1] -= turns * slipped[0];
+    }
+    for (whole a = 0; a < T; a++) memory_rate[a * M + m] = grown[a];
+    const double arm = c->shortened[m] * normal.overlap, work = 2 * stiffness * normal.spreading;
+    double twist[3];
+    for (int k = 0; k < 3; k++) twist[k] = shear[0] * about[0][k] + shear[1] * about[1][k];
+    for (whole k = 0; k < d; k++) {
+      const double push = shear[0] * along[0][k] + shear[1] * along[1][k] - repulsion * n[k];
+      load[k * N + i] += push;
+      if (j < N) load[k * N + j] -= push;
+    }
+    for (whole k = 0; k < f - d; k++) {
+      load[(d + k) * N + i] += (R - arm) * twist[turn + k];
+      if (j < N) load[(d + k) * N + j] += (Q - arm) * twist[turn + k];
+    }
+    if (work > 0)
+      power += (c->incremental ? opening : -opening) * (spring[0] * spring[0] + spring[1] * spring[1]) / work;
+    power -= arm * dot(twist, spins);
+  }
+  return power;
+}
+
 /* Spheres in a row of chain.py without dashpots: displacements and velocities in units of chain_motion.py. */
 typedef struct {
   whole spheres;

@@ -56,6 +56,7 @@ def library() -> ctypes.CDLL | None:
     found.errors.argtypes = [size, size, size, *[pointer] * 4]
     found.plane.argtypes = [size, *[pointer] * 6]
     found.plane_stages.argtypes = [size, pointer]
+    found.touched.argtypes = [pointer] * 5
     found.chain.argtypes = found.torus.argtypes = found.torus_complex.argtypes = [pointer] * 3
     found.stepped.argtypes = [*[pointer] * 3, number, size]
     found.marched.argtypes = [*[pointer] * 3, size, pointer, size, size]
@@ -74,6 +75,7 @@ def library() -> ctypes.CDLL | None:
     )
     for name in names:
         getattr(found, name).restype = None
+    found.touched.restype = number
     return found
 
 

@@ -1,9 +1,9 @@
 """Contacts of a network in the plane that stay closed and do not slide, in one pass of
 `granular_analysis.theory.loops`.
 
-The laws are those of `granular_analysis.theory.network_state.contacts`, which is the reference, and to which all else
-is left: other laws, networks in space, and moments at which a contact slides, or is open and has yet to forget its
-slip.
+The laws are those of `granular_analysis.theory.network_state.contacts`, which is the reference. All else is left to it
+or to `granular_analysis.theory.network_loop`: other laws, networks in space, and moments at which a contact slides, or
+is open and has yet to forget its slip.
 """
 
 import ctypes
@@ -167,6 +167,6 @@ def closed_pairs(network: Network, pairs: Pairs) -> ClosedPairs | None:
     """Return the pairs of a network for the compiled loop, or None, with a sentence in the log, where it holds none."""
     loop, why = loops.library(), refusal(network)
     if loop is None or why:
-        logging.getLogger(__name__).info("contacts are summed by NumPy: %s", why or "there is no compiled loop")
+        logging.getLogger(__name__).info("stages of a step are made one by one: %s", why or "there is no compiled loop")
         return None
     return ClosedPairs(loop, network, pairs)

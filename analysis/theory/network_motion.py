@@ -6,9 +6,10 @@ estimate; the slip of every contact is a part of the state, and so is the work W
 contact that is open forgets its slip, one that slides keeps the slip of its limit, and where a sphere has moved far
 enough for new contacts, the step is taken back and the pairs are searched again.
 
-Good values: rtol from 1e-6 (a figure) to 1e-11 (a witness). An evaluation of all forces takes 0.1 µs of processor time
-per contact, and 0.01 µs in the compiled loop (`granular_analysis.theory.network_closed`). A wave in a crystal needs 7
-(rtol 1e-6), 16 (1e-9) or 27 (1e-11) in a unit of time t0: with the loop a quarter to 1 µs per sphere and t0.
+Good values: rtol from 1e-6 (a figure) to 1e-11 (a witness). An evaluation of all forces takes 0.2 µs of processor time
+per contact, a third of that in the compiled loop (`granular_analysis.theory.network_loop`), and 0.01 µs in that of
+closed contacts (`granular_analysis.theory.network_closed`). A wave in a crystal needs 7 (rtol 1e-6), 16 (1e-9) or 27
+(1e-11) in a unit of time t0: with the latter a quarter to 1 µs per sphere and t0.
 
 Breaks where much happens at once in a large network: the adhesive force jumps when a contact opens or closes, and every
 jump costs all spheres some thirty evaluations. 1e4 spheres of unequal radii (3e-4) that are let go out of equilibrium
@@ -28,6 +29,7 @@ from granular_analysis.theory.integrator import Solver, Step
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_closed import closed_pairs
 from granular_analysis.theory.network_ledger import energy, kinetic_energy, work_rate
+from granular_analysis.theory.network_loop import contact_loop
 from granular_analysis.theory.network_outside import imposed, pushes
 from granular_analysis.theory.network_state import State, contacts, present, resultants, searched_again, settled
 from granular_analysis.theory.network_tangents import dot
@@ -231,14 +233,15 @@ class _Rates:
     Attributes
     ----------
     evaluations : how many there were.
-    closed : the pairs of a compiled loop, None where it does not hold them.
+    closed : the pairs of the compiled loop for closed contacts, None where it does not hold them.
     plain : whether that loop held them at the last evaluation.
+    loop : the compiled loop for all other contacts, None where there is none.
     places : how many numbers of a state are places.
     """
 
     def __init__(self, network: Network, start: State) -> None:
         self.network, self.start = network, start
-        self.closed = closed_pairs(network, start.pairs)
+        self.closed, self.loop = closed_pairs(network, start.pairs), contact_loop(network, start)
         self.evaluations, self.plain, self.places = 0, False, start.motion.size // 2
 
     def stages(
@@ -280,6 +283,8 @@ class _Rates:
         self.plain = bool(sums)
         if sums:
             return sums.work_rate
+        if self.loop:
+            return self.loop(motion, shear, load, shear_rate)
         now = contacts(self.network, motion, self.start.pairs, shear, self.start.begun)
         load[...] = resultants(self.start.pairs, now, load.shape[1])
         shear_rate[...] = now.memory_rate

@@ -9,6 +9,7 @@ turns by 1e-9 of the way of that one, relative to R.
 """
 
 from dataclasses import dataclass, replace
+from math import hypot, log, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -182,9 +183,13 @@ def dashpots(network: Network, pairs: Pairs, root: Floats) -> Floats:
     """Return η of pairs whose overlap has the root `root`, 0 where open, (M,)."""
     if network.restitution is None:
         return np.where(root > 0, network.viscosity, 0.0)
-    loss = -np.log(network.restitution)
-    ratio = loss / np.hypot(np.pi, loss)
-    return np.asarray(np.sqrt(5 * pairs.A * pairs.mass * root) * ratio, dtype=np.float64)
+    return np.asarray(np.sqrt(5 * pairs.A * pairs.mass * root) * damping_ratio(network.restitution), dtype=np.float64)
+
+
+def damping_ratio(restitution: float) -> float:
+    """Return ζ of a restitution e."""
+    loss = -log(restitution)
+    return loss / hypot(pi, loss)
 
 
 def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats, begun: Bools | bool = False) -> Contacts:

@@ -9,6 +9,7 @@ from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 from threading import Barrier
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -24,11 +25,13 @@ from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.integrator import Step
 from granular_analysis.theory.lattice_loop import torus_slope
 from granular_analysis.theory.neighbours import ring_neighbours, torus_neighbours
+from granular_analysis.theory.network import Law as NetworkLaw
 from granular_analysis.theory.network import Material, Network, Wall
 from granular_analysis.theory.network_closed import closed_pairs, refusal
 from granular_analysis.theory.network_ledger import energy, kinetic_energy, work_rate
+from granular_analysis.theory.network_loop import contact_loop
 from granular_analysis.theory.network_motion import _Rates, integrate
-from granular_analysis.theory.network_state import BLOCK, State, contacts, resultants, start
+from granular_analysis.theory.network_state import BLOCK, State, contacts, present, resultants, start
 from granular_analysis.theory.wave import Wave
 
 compiled = pytest.mark.skipif(loops.library() is None, reason="no C compiler")
@@ -95,6 +98,44 @@ def test_forces_are_those_of_the_network(changes: dict[str, object]) -> None:
     assert sums.work_rate == pytest.approx(work_rate(network, state.pairs, now), rel=1e-11)
     whole = sums.normal + sums.shear + kinetic_energy(network, state)
     assert whole == pytest.approx(energy(network, state).total, rel=1e-13)
+
+
+LAWS = [
+    *(
+        {"adhesion": "jkr", "law": law, "friction": friction}
+        for law in get_args(NetworkLaw)
+        for friction in (0.1, 10.0)
+    ),
+    {"law": "incremental", "friction": 1e-3, "viscosity": 1e-2},
+    {"materials": (Material(1.0, 0.2), Material(3.0, 0.3)), "friction": 0.3, "restitution": 0.7},
+    {"shear": False, "viscosity": 1e-2, "friction": 0.0},
+]
+
+
+@compiled
+@pytest.mark.parametrize("changes", LAWS, ids=str)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_forces_of_any_law_are_those_of_the_network(changes: dict[str, object], dimension: int) -> None:
+    deep = np.zeros((60, dimension - 2)) + RNG.uniform(-0.05, 0.05, (60, dimension - 2))
+    floor = Wall((0.0, -0.98, 0.0)[:dimension], (0.0, -1.0, 0.0)[:dimension], STEEL)
+    flat = packing()
+    network = replace(
+        flat,
+        position=np.hstack([flat.position, deep]),
+        cell=(*flat.cell, np.inf)[:dimension],
+        walls=(floor,),
+        **changes,
+    )
+    spins = RNG.normal(0, 2e-3, (60, 3) if dimension == 3 else 60)
+    state = start(network, *RNG.normal(0, 2e-3, (2, 60, dimension)), spins, spins)
+    state = replace(state, shear=state.shear + RNG.normal(0, 1e-4, state.shear.shape))
+    now, acting = present(network, state), contact_loop(network, state)
+    load, rate = np.empty((network.freedoms, 60)), np.empty_like(state.shear)
+    assert acting is not None
+    work = acting(state.motion, state.shear, load, rate)
+    assert np.allclose(load, resultants(state.pairs, now, 60), rtol=0, atol=1e-13 * np.abs(load).max())
+    assert np.allclose(rate, now.memory_rate, rtol=0, atol=1e-13 * np.abs(rate).max())
+    assert work == pytest.approx(work_rate(network, state.pairs, now), rel=1e-10)
 
 
 @compiled

@@ -201,11 +201,7 @@ def test_a_head_on_collision_has_the_time_and_depth_of_hertz(measured):
     reference="analytic: the impulse across is μ times the normal one",
     tolerance=0.002,
     reason="the line of centres turns by 6e-5 on the way, which adds 6e-4 of the normal speed",
-    mutant=Mutant(
-        "analysis/theory/network_state.py",
-        "wanted, limit = shear, network.friction * limit",
-        "wanted, limit = shear, 1.01 * network.friction * limit",
-    ),
+    mutant=Mutant("analysis/theory/loops.c", "limit *= c->friction;", "limit *= 1.01 * c->friction;"),
 )
 def test_a_sliding_collision_turns_the_momentum_by_the_friction(measured):
     # Gross sliding: the tangential impulse is μ times the normal one, whatever the law of the contact.
@@ -354,11 +350,7 @@ def test_spheres_stick_below_the_sticking_speed_of_lammps(speed, sticks):
     reference="analytic: conserved; over the momentum times R",
     tolerance=1e-06,
     reason="it is not linear in the state, so it is kept to rtol = 1e-8 of each step only",
-    mutant=Mutant(
-        "analysis/theory/network_state.py",
-        "summed(levers[0] * each, levers[1] * each)",
-        "summed(levers[0] * each, levers[0] * each)",
-    ),
+    mutant=Mutant("analysis/theory/loops.c", "(Q - arm) * twist[turn + k]", "(R - arm) * twist[turn + k]"),
 )
 def test_momentum_and_angular_momentum_are_conserved(law, measured):
     network, state = cluster(law=law)
@@ -378,9 +370,7 @@ def test_momentum_and_angular_momentum_are_conserved(law, measured):
     reference="analytic: constant; share of the kinetic energy",
     tolerance=1e-07,
     reason="a thousand times rtol = 1e-10, for the steps add up",
-    mutant=Mutant(
-        "analysis/theory/network_ledger.py", "work = 2 * now.stiffness * pairs", "work = 1.99 * now.stiffness * pairs"
-    ),
+    mutant=Mutant("analysis/theory/loops.c", "work = 2 * stiffness *", "work = 1.99 * stiffness *"),
 )
 def test_the_ledger_closes_with_the_work_of_the_shear_law_alone(law, adhesion, measured):
     network = crystal(6, 4, law=law, adhesion=adhesion)
