@@ -357,18 +357,19 @@ def test_effects_prints_no_infinite_number(capsys: pytest.CaptureFixture[str]) -
     assert "warning: effects.sliding is off, but contacts open, and an open one bears no shear force" in err
 
 
+@pytest.fixture
+def fast_doctor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lets doctor find a kernel as fast as LAMMPS, without a run, which tests/lammps/test_kernel.py has."""
+    monkeypatch.setattr("granular_lmp.doctor.speed", lambda scene, kernel=False: (1e6, 0.1))
+
+
+@pytest.mark.usefixtures("fast_doctor")
 def test_doctor_finds_lammps_and_passes_its_self_test(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = cli(capsys, "doctor")
     assert status == 0
     assert "self-test    passed" in out
     for word in ("LAMMPS", "GRANULAR", "MPI", "cores", "mpiexec"):
         assert word in out
-
-
-@pytest.fixture
-def fast_doctor(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lets doctor find a kernel as fast as LAMMPS, without a run."""
-    monkeypatch.setattr("granular_lmp.doctor.speed", lambda scene, kernel=False: (1e6, 0.1))
 
 
 def test_doctor_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -299,7 +299,7 @@ def test_a_run_that_the_machine_failed_is_continued_where_it_has_a_checkpoint(
     checkpoint: bool, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(routes, "_POLL", 1e-3)
-    scene = small.with_values({"time.duration": 1000.0})
+    scene = small.with_values({"time.duration": 300.0})
     part = tmp_path / "sweep" / "runs" / scene_hash(scene)
     with pytest.raises(RunInterrupted):
         run(scene, part, progress=interrupt)
