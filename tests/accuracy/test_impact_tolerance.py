@@ -179,6 +179,7 @@ def test_a_tolerance_that_is_not_met_is_refused_with_its_runs(tmp_path: Path, mo
         ImpactRecord.load(tmp_path / "run")
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_folder_holds_the_answer_and_its_runs(tmp_path: Path) -> None:
     scene = SHEET.with_values({"effects.friction": 0.2, "time.duration": 2.0})
     record = run_impact(scene, tmp_path / "run")

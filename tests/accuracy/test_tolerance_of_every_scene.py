@@ -45,6 +45,8 @@ MORE = (
     "tr_oblique",
     "tr_damped",
     "struck_sheet",
+    "corner_source",
+    "tr_grating",
 )
 
 

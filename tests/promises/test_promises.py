@@ -162,9 +162,9 @@ def test_the_error_of_a_step_is_at_most_what_the_budget_says(path: Path_, runs: 
 LENGTHS = {"driven": 6, "sources and monitors": 10, "quiet ends": 6, "imperfect": 12, "impact": 10, "two ranks": 4}
 
 
-# A driven row stands in tests/validation/test_waves_in_lammps.py, a strike in test_strikes_at_rest.py, lmp in
-# tests/hard/test_honesty.py, and its ranks in tests/runs/test_continued.py
-CONTINUED = "standing", "driven", "quiet ends", "JKR", "impact", "collision", "lmp", "two ranks", "thread"
+# A driven row stands in tests/validation/test_waves_in_lammps.py, a strike in a crystal that is not perfect in
+# test_strikes_at_rest.py, lmp in tests/hard/test_honesty.py, and its ranks in tests/runs/test_continued.py
+CONTINUED = "standing", "driven", "quiet ends", "imperfect", "JKR", "impact", "collision", "lmp", "two ranks", "thread"
 
 
 @on("same bytes after resume", *CONTINUED)

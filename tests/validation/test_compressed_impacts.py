@@ -209,6 +209,7 @@ def test_a_wave_close_to_sound_runs_unchanged(run: Runs) -> None:
     assert np.max(np.abs(velocity - wave.start(rows, crest=80.1)[1])) > 1e-2 * float(v.max())
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_figure_has_the_points_of_its_runs(run: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     spots = [[at, 0] for at in (59, 60, 79, 80)]
     changes = {"packing.rows": 90, "packing.contact_force": 10.0, "output.spheres": spots}

@@ -318,6 +318,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return made
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_figure_is_drawn_and_says_how_far_it_is_off(
     folders: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -132,12 +132,12 @@ def forces_in_lammps(scene: Scene, folder: Path) -> np.ndarray:
     return forces / unit
 
 
-# Of each, a case with one feature more stands beside it
+# Of each, a case with one feature more stands beside it; honeycomb stands in test_strikes_on_a_layer
 MORE = ("a layer", "a layer that lost contacts", "a layer of 1 % spheres", "a layer in a box", "an island")
 MORE += ("a layer that is pressed together", "a larger sphere", "rows of steel on a substrate")
 MORE += ("fcc", "fcc under load", "hcp", "a film", "a layer with measured stiffnesses")
 MORE += ("a layer between held rows", "a layer between two plates", "a cover of steel", "fcc of JKR spheres")
-MORE += ("rows of steel in hcp", "spheres on three others")
+MORE += ("rows of steel in hcp", "spheres on three others", "a honeycomb")
 
 
 @pytest.mark.parametrize("name", members(CASES, *MORE))

@@ -66,7 +66,7 @@ def test_a_crystal_that_is_not_perfect_moves_as_its_network(feature: str, tmp_pa
 @pytest.mark.parametrize(
     "changes",
     [
-        {"inclusion": [OTHER]},
+        pytest.param({"inclusion": [OTHER]}, marks=pytest.mark.more),  # its like stands above
         CHAIN,
         {"packing.contact_force": 5e-8},
         pytest.param({"packing.relax_friction": 0.3}, marks=pytest.mark.more),

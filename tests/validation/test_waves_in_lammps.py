@@ -72,7 +72,8 @@ def test_module_and_program_write_the_same_bytes(scene: Scene, tmp_path: Path) -
         assert (tmp_path / "module" / name).read_bytes() == (tmp_path / "lmp" / name).read_bytes()
 
 
-@pytest.mark.parametrize("scene", members([OBLIQUE, HEARD], HEARD), ids=lambda scene: scene.name)
+@pytest.mark.more  # as the paper's wave in tests/runs/test_launch.py
+@pytest.mark.parametrize("scene", [OBLIQUE, HEARD], ids=lambda scene: scene.name)
 def test_two_ranks_agree_with_one(scene: Scene, tmp_path: Path) -> None:
     one, two = (run(scene, tmp_path / str(ranks), ranks=ranks) for ranks in (1, 2))
     for name in ("p", "q", "phi"):
