@@ -4,7 +4,7 @@ import csv
 import io
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import chain, islice
 from math import isfinite, nan
@@ -42,6 +42,7 @@ DUMP_COLUMNS = (
     ["id", "ux", "uy", "uz", "vx", "vy", "vz", "omegax", "omegay", "omegaz"],
     ["id", "ux", "uy", "uz", "vx", "vy", "vz"],
 )
+FOR_VIEWERS = ("type", "x", "y", "z", "radius", "mass")  # columns of spheres that a reader has from the scene
 _LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump; _SNAPSHOT is the first
 _SNAPSHOT = b"ITEM: TIMESTEP\n"
 _OF_PAIRS = b"ITEM: NUMBER OF ENTRIES\n"  # a dump of spheres says "ATOMS"
@@ -103,10 +104,11 @@ def _draft(path: Path) -> Path:
     return path.with_name(path.name + ".part")
 
 
-def read_snapshot(stream: TextIO) -> tuple[int, list[str], NDArray[np.float64]] | None:
+def read_snapshot(stream: TextIO, but: Collection[str] = ()) -> tuple[int, list[str], NDArray[np.float64]] | None:
     """Return step, column names and table (entries, columns) of the next snapshot of a LAMMPS text dump.
 
-    None stands for the end of the file, and for a snapshot that a killed run wrote half of.
+    The table lacks the columns named in `but`, since numbers of 17 digits take most of the time. None stands for the
+    end of the file, and for a snapshot that a killed run wrote half of.
 
     Raises
     ------
@@ -122,11 +124,20 @@ def read_snapshot(stream: TextIO) -> tuple[int, list[str], NDArray[np.float64]] 
     lines = list(islice(stream, entries))
     if len(lines) < entries or (lines and not lines[-1].endswith("\n")):
         return None
-    return step, names, np.array("".join(lines).split(), dtype=float).reshape(entries, len(names))
+    words = "".join(lines).split()
+    if len(words) != entries * len(names):
+        raise ValueError(f"{len(words)} words at step {step}, expected {entries} lines of {len(names)}")
+    kept = [number for number, name in enumerate(names) if name not in but]
+    table = np.empty((entries, len(kept)))
+    for column, number in enumerate(kept):
+        table[:, column] = [*map(float, words[number :: len(names)])]
+    return step, names, table
 
 
-def read_snapshots(path: str | Path) -> Iterator[tuple[int, list[str], NDArray[np.float64]]]:
+def read_snapshots(path: str | Path, but: Collection[str] = ()) -> Iterator[tuple[int, list[str], NDArray[np.float64]]]:
     """Yield step, column names and table (entries, columns) of each whole snapshot of a LAMMPS text dump.
+
+    The table lacks the columns named in `but`.
 
     Raises
     ------
@@ -135,16 +146,18 @@ def read_snapshots(path: str | Path) -> Iterator[tuple[int, list[str], NDArray[n
     """
     try:
         with Path(path).open(encoding="utf-8") as stream:
-            while (snapshot := read_snapshot(stream)) is not None:
+            while (snapshot := read_snapshot(stream, but)) is not None:
                 yield snapshot
     except (OSError, ValueError) as error:
         raise RunFolderError(f"{path}: not a LAMMPS dump: {one_line(error)}") from error
 
 
-def read_dump(path: str | Path, spheres: int | None, *allowed: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+def read_dump(
+    path: str | Path, spheres: int | None, *allowed: Sequence[str], but: Collection[str] = ()
+) -> dict[str, NDArray[np.float64]]:
     """Return ``step`` (T,) and the columns by name, (T, spheres) each, of a dump whose columns are one of `allowed`.
 
-    Without a number of spheres it is that of the first snapshot.
+    Columns named in `but` are left out. Without a number of spheres it is that of the first snapshot.
 
     Raises
     ------
@@ -152,7 +165,7 @@ def read_dump(path: str | Path, spheres: int | None, *allowed: Sequence[str]) ->
         If the file cannot be read, or holds other columns or another number of spheres.
     """
     steps, tables = [], []
-    for step, names, table in read_snapshots(path):
+    for step, names, table in read_snapshots(path, but):
         spheres = len(table) if spheres is None else spheres
         if names not in map(list, allowed) or len(table) != spheres:
             raise RunFolderError(
@@ -162,8 +175,9 @@ def read_dump(path: str | Path, spheres: int | None, *allowed: Sequence[str]) ->
         allowed = (names,)  # the same in all snapshots
         steps.append(step)
         tables.append(table)
-    values = np.array(tables).reshape(-1, spheres or 0, len(allowed[0]))
-    return {"step": np.array(steps, dtype=float)} | dict(zip(allowed[0], np.moveaxis(values, 2, 0), strict=True))
+    names = [name for name in allowed[0] if name not in but]
+    values = np.array(tables).reshape(-1, spheres or 0, len(names))
+    return {"step": np.array(steps, dtype=float)} | dict(zip(names, np.moveaxis(values, 2, 0), strict=True))
 
 
 def read_centre(path: str | Path) -> dict[str, NDArray[np.float64]]:

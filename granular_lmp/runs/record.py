@@ -20,7 +20,7 @@ from granular_lmp.crystal.scale import Scale
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import dataclass
-from granular_lmp.lammps.outputs import DUMP, SNAPSHOTS, read_centre, read_dump, writable
+from granular_lmp.lammps.outputs import DUMP, FOR_VIEWERS, SNAPSHOTS, read_centre, read_dump, writable
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs import energy, tables
 from granular_lmp.runs.agreement import (
@@ -187,7 +187,7 @@ class Record(HasCard):
             from granular_lmp.runs.moved import at_the_instant, moved_spheres  # kept out of start-up
             from granular_lmp.runs.snapshots import dimensionless, force_on, step_of
 
-            table = read_dump(folder / (dump or SNAPSHOTS), None, *_sphere_columns(scene.space))
+            table = read_dump(folder / (dump or SNAPSHOTS), None, *_sphere_columns(scene.space), but=FOR_VIEWERS)
             steps = table["step"].tolist()
             if len(steps) < 2 and scene.time.tolerance is not None:
                 raise RunFolderError(f"{folder / SNAPSHOTS}: lacks records")

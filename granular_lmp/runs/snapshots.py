@@ -20,7 +20,14 @@ from granular_lmp.card import HasCard
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import dataclass
-from granular_lmp.lammps.outputs import PER_SAMPLE, SNAPSHOTS, SnapshotPlace, read_snapshot, whole_snapshots
+from granular_lmp.lammps.outputs import (
+    FOR_VIEWERS,
+    PER_SAMPLE,
+    SNAPSHOTS,
+    SnapshotPlace,
+    read_snapshot,
+    whole_snapshots,
+)
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.moved import Moved, at_the_instant, moved_spheres
 from granular_lmp.runs.scales import length_of
@@ -239,11 +246,12 @@ class Snapshots(HasCard):
         try:
             with self.path.open(encoding="utf-8") as stream:
                 stream.seek(where.begin)
-                snapshot = read_snapshot(stream)
+                snapshot = read_snapshot(stream, FOR_VIEWERS)
             if snapshot is None:
                 raise ValueError(f"the snapshot of step {where.step} is cut off")
             step, names, table = snapshot
-            return self._dimensionless(step, dict(zip(names, table.T, strict=True)))
+            read = [name for name in names if name not in FOR_VIEWERS]
+            return self._dimensionless(step, dict(zip(read, table.T, strict=True)))
         except (OSError, ValueError, KeyError) as error:
             raise RunFolderError(f"{self.path}: not a dump of our spheres: {error!r}") from error
 
