@@ -9,6 +9,7 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError, fields
 from functools import cache
+from operator import attrgetter
 from reprlib import recursive_repr
 from typing import TYPE_CHECKING, Any
 
@@ -48,12 +49,16 @@ def _refuse_deletion(self: Any, name: str) -> None:
 
 
 @cache
-def _compared(kind: Any) -> tuple[str, ...]:
-    return tuple(item.name for item in fields(kind) if item.compare)
+def _reader(kind: Any) -> Callable[[Any], tuple[Any, ...]]:
+    """Return the function that reads the compared values of a kind of record."""
+    names = [item.name for item in fields(kind) if item.compare]
+    if len(names) > 1:
+        return attrgetter(*names)
+    return lambda record: tuple(getattr(record, name) for name in names)
 
 
 def _values(record: Any) -> tuple[Any, ...]:
-    return tuple([getattr(record, name) for name in _compared(record.__class__)])
+    return _reader(record.__class__)(record)
 
 
 def _equal(self: Any, other: object) -> Any:

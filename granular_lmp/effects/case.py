@@ -40,11 +40,12 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with the effects that have been decided so far, and the modes that were asked for."""
+    """A scene with the effects that have been decided so far, and the modes and slips that were asked for."""
 
     scene: Scene
     on: Mapping[str, bool] = field(default_factory=dict)
     modes: dict[Physics, Mode] = field(default_factory=dict)
+    slips: dict[tuple[object, ...], float] = field(default_factory=dict)
 
     @cached_property
     def mode(self) -> Mode:
@@ -54,8 +55,13 @@ class Case:
         """
         if self.scene.wave is None:
             return None  # what needs a mode asks for the wave first
+        return self.mode_with(self._own_physics)
+
+    @property
+    def _own_physics(self) -> Physics:
+        """Degrees of freedom with these effects; undecided ones count as on."""
         shear = self.on.get("shear", True)
-        return self.mode_with(self.physics(shear, self.on.get("rotation", shear), self.rolling))
+        return self.physics(shear, self.on.get("rotation", shear), self.rolling)
 
     def physics(self, shear: bool = True, rotation: bool = True, rolling: float = 0.0) -> Physics:
         """Return the degrees of freedom with some effects, in as many dimensions as the scene has."""
@@ -254,8 +260,15 @@ class Case:
 
         with the shear stiffness g = B δ^{1/2} and f_N + 2F = A δ^{3/2} + F in the DMT law.
 
-        It is infinite if contacts without adhesion open, because they slide before they open.
+        It is infinite if contacts without adhesion open, because they slide before they open. It is found once for
+        cases of the same lattice, dashpots and adhesion.
         """
+        key = self._own_physics, self.dashpot, self.on.get("adhesion", True)
+        if key not in self.slips:
+            self.slips[key] = self._largest_slip()
+        return self.slips[key]
+
+    def _largest_slip(self) -> float:
         (normal, shear), law, overlaps, most = self.stretches, self._law, self.overlaps, 0.0
         friction = self.friction
         for block in blocks(len(shear)):  # only contacts that may slip more than those before, each kind once

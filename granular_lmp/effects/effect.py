@@ -153,8 +153,8 @@ class Chosen:
         Title of the guard in the deck, or "" without one.
     cost : str
         Cost in time, measured (docs/verification.md).
-    loss : str
-        Loss without the effect; "nothing" if the scene does not call for it.
+    lost : callable
+        Function that finds `loss`, which takes as long as all else and is seldom asked for.
     """
 
     name: str
@@ -165,7 +165,12 @@ class Chosen:
     reason: str
     guard: str
     cost: str
-    loss: str
+    lost: Callable[[], str] = field(repr=False, compare=False)
+
+    @property
+    def loss(self) -> str:
+        """Loss without the effect; "nothing" if the scene does not call for it."""
+        return self.lost()
 
     @property
     def finding(self) -> str:

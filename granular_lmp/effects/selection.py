@@ -1,6 +1,7 @@
 """The selection of effects: the list of all effects, and the choice among them for a scene."""
 
 from collections.abc import Iterable
+from functools import partial
 
 from granular_lmp.crystal.modes import Mode, Physics
 from granular_lmp.effects.adhesion import ADHESION
@@ -57,23 +58,28 @@ def select(scene: Scene) -> list[Chosen]:
     on: dict[str, bool] = {}
     chosen = []
     modes: dict[Physics, Mode] = {}
+    slips: dict[tuple[object, ...], float] = {}
     for effect in of(scene):
         rule = effect.rule(scene)
         assert rule is not None
-        case, possible = Case(scene, dict(on), modes), on.get(effect.needs, True)
+        case, possible = Case(scene, dict(on), modes, slips), on.get(effect.needs, True)
         needed = Finding(False, 0.0, f"{effect.name} needs {effect.needs}, which is off")
         finding = rule(case) if possible else needed
         on[effect.name] = _is_on(effect, scene, finding.called_for, possible)
-        loss = effect.loss(case) if finding.called_for and not scene.loose else "nothing"
+        lost = partial(effect.loss, case) if finding.called_for and not scene.loose else _nothing
         guard = effect.guard_name(scene, on)
         decided = (effect.name, effect.key, on[effect.name], *finding)
-        chosen.append(Chosen(*decided, guard=guard, cost=effect.cost, loss=loss))
-    complete = Case(scene, on, modes)
+        chosen.append(Chosen(*decided, guard=guard, cost=effect.cost, lost=lost))
+    complete = Case(scene, on, modes, slips)
     for effect in () if scene.loose else of(scene):
         reason = effect.refuse(complete)
         if reason:
             raise SceneError(reason)
     return chosen
+
+
+def _nothing() -> str:
+    return "nothing"
 
 
 def _is_on(effect: Effect, scene: Scene, called_for: bool, possible: bool) -> bool:

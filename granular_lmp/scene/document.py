@@ -178,8 +178,9 @@ class Document:
         """Return nested plain values without the defaults, which never change: what a file has to say."""
         tables = self.to_dict()
         for key in self.sections:
-            defaults = {each.name: each.default for each in self.keys_of(key)}
-            said = {name: value for name, value in tables.pop(key, {}).items() if repr(value) != repr(defaults[name])}
+            defaults, table = {each.name: each.default for each in self.keys_of(key)}, tables.pop(key, {})
+            given = ((name, value) for name, value in table.items() if value is not defaults[name])
+            said = {name: value for name, value in given if repr(value) != repr(defaults[name])}
             tables |= {key: said} if said else {}
         return tables
 

@@ -122,7 +122,7 @@ class Start:
     @property
     def moves(self) -> bool:
         """True if spheres are displaced or move at the beginning."""
-        return bool(self.noise or self.motion.any())
+        return bool(self.noise or (self.state and self.motion.any()))
 
     def fastest(self, radius: float) -> float:
         """Return the largest velocity, m/s, also of the surface of a sphere of this radius that turns."""
