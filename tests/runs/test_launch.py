@@ -230,7 +230,7 @@ def dump_of(record: Record) -> bytes:
 def test_an_interrupted_run_resumes_to_the_same_bytes(whole: Record, tmp_path: Path) -> None:
     process = started(tmp_path / "run", 5_000, *LONG_RUN)
     process.send_signal(signal.SIGINT)
-    process.communicate(timeout=30)
+    process.communicate(timeout=200)
     assert 0 < read_status(tmp_path / "run")["samples"] < len(whole.tau)
     record = launch.resume(tmp_path / "run")
     assert record.info["status"] == "finished"
@@ -252,7 +252,7 @@ def test_a_killed_run_resumes_from_its_last_checkpoint_to_the_same_bytes(
     process = started(tmp_path / "run", 20_000, *LONG_RUN, f"output.checkpoint={OFTEN}", *switch)
     children = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True, check=False).stdout
     process.kill()
-    process.communicate(timeout=30)
+    process.communicate(timeout=200)
     if children:  # the program has outlived its parent, and still holds the folder
         with pytest.raises(RunFolderError, match="another run is at work there"):
             launch.resume(tmp_path / "run")
@@ -293,7 +293,7 @@ def test_two_runs_aimed_at_one_folder_do_not_meet(small: Scene, tmp_path: Path) 
             run(small, tmp_path / "run", force=True)
     finally:
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=30)
+        process.communicate(timeout=200)
     assert read_status(tmp_path / "run")["name"] == "tr_nonresonant"
 
 

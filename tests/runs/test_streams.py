@@ -190,7 +190,7 @@ def test_a_kick_that_is_stopped_says_how_to_go_on(small_toml: Path, tmp_path: Pa
         assert process.poll() is None
         time.sleep(0.05)
     process.send_signal(signal.SIGTERM)  # as a batch system does
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=200)
     assert process.returncode == 130
     how = f"continue with: granular-lmp resume {tmp_path / 'run'}"
     assert err.endswith(f"granular-lmp: error: {tmp_path / 'run'}: interrupted; what was recorded is kept; {how}\n")
