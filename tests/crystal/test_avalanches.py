@@ -4,6 +4,8 @@ Lengths in Δ0 and forces in k1 Δ0 of `SILICA`.
 """
 
 from dataclasses import replace
+from functools import cache
+from itertools import product
 from types import ModuleType
 
 import numpy as np
@@ -25,9 +27,11 @@ from tests.crystal.test_equilibrium_in_space import CRYSTALS
 from tests.crystal.test_equilibrium_in_space import forces as forces_in_space
 from tests.crystal.test_sphere import SILICA
 
+ENDS = ("periodic", "fixed")
 JKR = replace(SILICA, adhesion_law="jkr")
 
 
+@cache
 def by(
     way: str, s: float, seed: int = 1, ends: str = "periodic", sphere: Sphere = SILICA, **other: object
 ) -> Equilibrium:
@@ -36,8 +40,10 @@ def by(
     return relax(*imperfect(packed(sphere, Shape(12, 10, ends)), sphere, disorder), by=way, **other)
 
 
-@pytest.mark.parametrize("ends", ["periodic", "fixed"])
-@pytest.mark.parametrize("s", members([0.12, 0.8, 4.0, 12.0], 0.8, 4.0))
+@pytest.mark.parametrize(
+    ("s", "ends"),
+    members(product([0.12, 0.8, 4.0, 12.0], ENDS), *product([0.8, 4.0], ENDS), (0.12, "periodic"), (12.0, "fixed")),
+)
 def test_no_force_is_left_on_any_free_sphere_nor_on_the_box(s: float, ends: str) -> None:
     rest = by("avalanches", s, ends=ends)
     free = ~rest.lattice.arrays["fixed"]
@@ -51,7 +57,7 @@ def test_no_force_is_left_on_any_free_sphere_nor_on_the_box(s: float, ends: str)
 def test_a_jkr_crystal_one_that_rubs_and_one_in_a_box_that_stays_come_to_rest() -> None:
     for rest in (
         by("avalanches", 2.0, sphere=JKR),
-        by("avalanches", 2.0, friction=0.3),
+        by("avalanches", 0.8, friction=0.3),
         by("avalanches", 2.0, box="fixed"),
     ):
         assert rest.residual <= BALANCED
@@ -86,19 +92,19 @@ def test_the_rest_is_stable() -> None:
 
 
 def test_the_same_seed_gives_the_same_rest_to_the_last_bit() -> None:
-    one, other = by("avalanches", 4.0), by("avalanches", 4.0)
+    one, other = by("avalanches", 4.0), by.__wrapped__("avalanches", 4.0)
     assert (one.displacement == other.displacement).all()
     assert (one.strain == other.strain).all()
 
 
-@pytest.mark.parametrize("s", members([0.8, 2.0, 4.0], 2.0))
+@pytest.mark.parametrize("s", members([0.8, 2.0, 4.0], 0.8, 2.0))
 def test_as_many_contacts_are_left_as_by_newton_steps(s: float) -> None:
     """Over 24 crystals of 1020 spheres the means differ by 0.0007(12) at s = 4 and by 0.0002(5) at s = 8.
 
     The same seeds, so that only what the ways differ in counts; one contact more is 0.017 of Z. A crystal of 120 then
-    differs by 0.009 and the mean of six by 0.0035, a sixth of the bound.
+    differs by 0.009 and the mean of four by 0.0045, a fourth of the bound.
     """
-    seeds = range(1, 7)
+    seeds = range(1, 5)
     contacts = {way: [by(way, s, seed).contacts_per_sphere for seed in seeds] for way in ("whole", "avalanches")}
     more = np.subtract(contacts["avalanches"], contacts["whole"])
     assert abs(more.mean()) < 0.02
@@ -122,7 +128,7 @@ def test_a_scene_names_the_way_and_an_older_scene_keeps_its_own() -> None:
         "sphere": {name: getattr(SILICA, name) for name in ("radius", "youngs_modulus", "poisson_ratio", "density")}
         | {"work_of_adhesion": SILICA.work_of_adhesion},
         "packing": {"rows": 12, "columns": 10, "ends": "periodic"},
-        "disorder": {"radius": 4.0 * SILICA.overlap_ratio},
+        "disorder": {"radius": 0.8 * SILICA.overlap_ratio},
         "wave": {"mode": "TR", "wavenumber": 0.785398, "amplitude": 0.01},
         "time": {"duration": 1.0},
     }

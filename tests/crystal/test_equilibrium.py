@@ -22,7 +22,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
 from granular_lmp.lammps import contact
 from granular_lmp.units import NANO
-from tests.conftest import members
+from tests.conftest import latin, members
 from tests.crystal.test_sphere import SILICA
 from tests.instance import silent_lammps
 
@@ -81,8 +81,7 @@ def test_a_perfect_lattice_is_returned_as_it_is(sphere: Sphere, ends: str) -> No
     assert len(rest.contacts) == len(find_contacts(lattice, [sphere]))
 
 
-@pytest.mark.parametrize("ends", ["periodic", "fixed"])
-@pytest.mark.parametrize("s", [0.12, 0.8, 4.0])
+@pytest.mark.parametrize(("s", "ends"), latin([0.12, 0.8, 4.0], ["periodic", "fixed"]))
 def test_no_force_is_left_on_any_free_sphere_nor_on_the_box(s: float, ends: str) -> None:
     rest = disordered(s, ends=ends)
     free = ~rest.lattice.arrays["fixed"]

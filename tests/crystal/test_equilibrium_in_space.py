@@ -15,6 +15,7 @@ from granular_lmp.crystal.potential import box_load, potential_of
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import Face, Wall
 from granular_lmp.errors import CrystalError
+from tests.conftest import latin
 from tests.crystal.test_equilibrium import FORCE, HERTZ, ROUNDED, UNIT, overlap_of, spread
 from tests.crystal.test_sphere import SILICA
 from tests.manual import Measure, Mutant, verifies
@@ -153,8 +154,7 @@ def test_a_perfect_crystal_in_space_is_returned_as_it_is(name: str) -> None:
     assert rest.steps == 0
 
 
-@pytest.mark.parametrize("name", CRYSTALS)
-@pytest.mark.parametrize("s", [0.12, 2.0])
+@pytest.mark.parametrize(("s", "name"), latin([0.12, 2.0], CRYSTALS))
 def test_no_force_is_left_in_space(name: str, s: float) -> None:
     rest = at_rest(name, s)
     free = ~rest.lattice.arrays["fixed"]

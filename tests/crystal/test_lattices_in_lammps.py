@@ -169,7 +169,7 @@ def test_a_chain_is_the_same_pressed_together_or_held_together_by_adhesion(tmp_p
 @pytest.mark.parametrize(
     "changes",
     [
-        {},
+        pytest.param({}, marks=pytest.mark.more),
         {"disorder.radius": 1e-5},
         {"inclusion": [{"rows": [2, 3], "density": 4000.0}]},
         {"striker": [{"spheres": [[1, 0]], "velocity": 0.05}]},

@@ -121,8 +121,8 @@ def test_the_network_knows_factors_from_its_own_formulas() -> None:
     [
         BASE.with_values({"disorder.stiffness": 0.1}),
         BASE.with_values(LAYERS | {"pair": PAIRS, "disorder.stiffness": 0.05, "inclusion.1.youngs_modulus": 9e10}),
-        BASE.with_values({"disorder.stiffness": 0.1, "sphere.adhesion_law": "jkr"}),
-        LAYER.with_values({"disorder.stiffness": 0.1}),
+        BASE.with_values({"disorder.stiffness": 0.1, "sphere.adhesion_law": "jkr", "time.duration": 10.0}),
+        LAYER.with_values({"disorder.stiffness": 0.1, "time.duration": 10.0}),
         BASE.with_values(  # The last classes of the other material have no sphere
             {"disorder.stiffness": 0.05, "inclusion": [{"spheres": [[25, 0], [2, 1]], "work_of_adhesion": 0.07}]}
         ),

@@ -14,6 +14,7 @@ from granular_lmp.effects.creep import SHARE
 from granular_lmp.effects.selection import select
 from granular_lmp.errors import EffectError
 from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
+from tests.conftest import latin
 from tests.manual import Measure, Mutant, off, verifies
 
 LAYER = Scene.load("monolayer_rocking").with_values(
@@ -28,9 +29,11 @@ def predicted(scene: Scene) -> Any:
     return next((each for each in select(scene) if each.name == "creep"), None)
 
 
-@pytest.mark.parametrize("law", ["secant", "incremental"])
-@pytest.mark.parametrize("mode", ["1", "2", "3", "4", "5", "6"])
-@pytest.mark.parametrize("values", [{}, {"packing.lattice": "square"}, OBLIQUE, FILM], ids=str)
+@pytest.mark.parametrize(
+    ("values", "mode", "law"),
+    latin([{}, {"packing.lattice": "square"}, OBLIQUE, FILM], "123456", ["secant", "incremental"]),
+    ids=str,
+)
 @verifies(
     "Creep of layers and films as slip winds up, six branches, two shear laws",
     reference="other code: the second-order theory",

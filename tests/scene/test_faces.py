@@ -23,7 +23,7 @@ from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.runs.launch import resume
 from granular_lmp.studies.identity import names_of
-from tests.conftest import PAPER, members
+from tests.conftest import PAPER, latin, members
 from tests.manual import Measure, Mutant, verifies
 from tests.scene.test_sources import crystal_of, worst
 from tests.scene.test_sources import extrapolated as extrapolated_fields
@@ -73,6 +73,7 @@ FACES: dict[str, dict[str, Any]] = {
 MORE = ("free sides", "an oblique wave between sides", "a wall", "walls along three sides", "walls under load")
 MORE += ("walls that adhere under load", "a chain between walls under load", "unequal spheres between walls")
 MORE += ("a square sheet between four walls", "vacancies between walls under load", "a free end", "unequal spheres")
+MORE += ("a finite sheet", "held sides")
 
 
 @pytest.mark.parametrize("name", members(FACES, *MORE))
@@ -190,8 +191,7 @@ def test_half_of_the_push_at_a_corner_runs_along_the_face_as_the_page_says(tmp_p
 # --- the echo --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("changes", [SIDES, {"packing.sides": HELD}, ENDS], ids=["free", "held", "ends"])
-@pytest.mark.parametrize("mode", ["L", "TR"])
+@pytest.mark.parametrize(("changes", "mode"), latin([SIDES, {"packing.sides": HELD}, ENDS], ["TR", "L"]), ids=str)
 def test_the_record_of_the_centre_is_that_of_the_endless_sheet_until_the_echo(
     changes: dict[str, Any], mode: str, tmp_path: Path
 ) -> None:
@@ -265,13 +265,14 @@ def test_held_sides_hold_the_first_and_the_last_column() -> None:
 
 
 def test_a_box_follows_spheres_at_free_faces() -> None:
-    lines = {name: build(SHEET.with_values(changes)).input_text for name, changes in FACES.items()}
-    boundary = {name: text.split("boundary     ")[1].partition("\n")[0] for name, text in lines.items()}
-    assert boundary["a free end"] == "p m p"
-    assert boundary["held sides"] == "f f p"
-    assert boundary["a finite sheet"] == "m m p"
-    assert boundary["sides along periodic rows"] == "m p p"
-    assert boundary["a free chain"] == "f m p"
+    def boundary(name: str) -> str:
+        return build(SHEET.with_values(FACES[name])).input_text.split("boundary     ")[1].partition("\n")[0]
+
+    assert boundary("a free end") == "p m p"
+    assert boundary("held sides") == "f f p"
+    assert boundary("a finite sheet") == "m m p"
+    assert boundary("sides along periodic rows") == "m p p"
+    assert boundary("a free chain") == "f m p"
 
 
 def test_spheres_turn_at_sides_also_in_a_wave_that_turns_none() -> None:

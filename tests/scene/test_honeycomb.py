@@ -46,7 +46,7 @@ def phase_error(scene: Scene) -> float:
     "scene",
     [
         branch(2),
-        branch(3),
+        pytest.param(branch(3), marks=pytest.mark.more),
         branch(6),
         branch(2, wave_direction="x", wave_wavenumber=3.4),
         branch(3, wave_direction=30.0, wave_wavenumber=1.0, packing_columns=24),

@@ -58,7 +58,7 @@ def drift(signal: np.ndarray, tau: np.ndarray, rate: float) -> tuple[float, floa
     "scene",
     [
         layers(),
-        layers(wave__mode=6),
+        pytest.param(layers(wave__mode=6), marks=pytest.mark.more),
         layers(wave__mode=2, wave__form="standing"),
         pytest.param(
             layers(wave__mode=3, wave__direction=30.0, wave__wavenumber=1.0, packing__columns=24),
