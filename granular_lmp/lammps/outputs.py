@@ -352,23 +352,20 @@ def _log_of(text: str) -> RunLog:
     tables: dict[tuple[str, ...], list[list[float]]] = {}
     seconds: dict[tuple[str, ...], float] = {}
     names: tuple[str, ...] = ()
+    rows: list[list[float]] = []
     inside = False
     for line in text.split("\n")[:-1]:
         words = line.split()
-        if words[:1] == ["Step"]:
+        if inside and len(words) == len(names) and (row := _numbers(words)):
+            while rows and rows[-1][0] > row[0]:
+                rows.pop()  # a continuation repeats the lines after its checkpoint
+            rows.append(row)
+        elif words[:1] == ["Step"]:
             names, inside = tuple(words), True
-            tables.setdefault(names, [])
+            rows = tables.setdefault(names, [])
         elif words[:3] == ["Loop", "time", "of"]:
             seconds[names] = seconds.get(names, 0.0) + _seconds(" ".join(words[3:4]))
             inside = False
-        elif inside and len(words) == len(names):
-            try:
-                row = [nan if word == UNKNOWN else float(word) for word in words]
-            except ValueError:
-                continue  # a warning between two thermo lines
-            while tables[names] and tables[names][-1][0] > row[0]:
-                tables[names].pop()  # a continuation repeats the lines after its checkpoint
-            tables[names].append(row)
     names = next((each for each in reversed(tables) if len(each) > 1), names)  # on its way to a look a run has one
     rows = tables.get(names, [])
     table = np.array(rows, dtype=float).reshape(len(rows), len(names))
@@ -376,6 +373,14 @@ def _log_of(text: str) -> RunLog:
     sections = _sections(text, loop) if isfinite(loop) else {}
     every = _EVERY.findall(text)
     return RunLog(dict(zip(names, table.T, strict=True)), loop, sections, int(every[-1]) if every else 1)
+
+
+def _numbers(words: list[str]) -> list[float] | None:
+    """Return the numbers in a line of a thermo table; None of a warning between two lines."""
+    try:
+        return [*map(float, words)] if UNKNOWN not in words else [nan if w == UNKNOWN else float(w) for w in words]
+    except ValueError:
+        return None
 
 
 def _seconds(word: str) -> float:

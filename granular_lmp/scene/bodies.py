@@ -9,7 +9,7 @@ from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.crystal.walls import BELOW, BOTH
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.places import rows_rule, spheres_rule
-from granular_lmp.scene.schema import ArrayRule, Bare, Interval, Rule, choice, number
+from granular_lmp.scene.schema import ArrayRule, Bare, Interval, Rule, Rules, choice, number
 
 _MEASURED, _STIFFEST = "measured, at rest; left out: what the moduli give", (1e-6, 1e12)
 _STIFFNESS = ("N/m", _MEASURED, *_STIFFEST)
@@ -52,57 +52,57 @@ class Substrate:
 # The ranges stand here because `Sphere` is plain physics, which `analysis` uses too. Within them the numbers of the
 # deck stay far from underflow and overflow.
 _ADHESION = Rule(float, "J/m2", "of two spheres; 0: Hertz contacts", Interval(1e-6, 100, or_zero=True))
-SPHERE_RULES = {
-    "radius": Rule(float, "m", "", Interval(1e-9, 1)),
-    "youngs_modulus": Rule(float, "Pa", "", Interval(1e3, 1e13)),
-    "poisson_ratio": Rule(float, "", "", Interval(-1, 0.5, open_low=True)),
-    "work_of_adhesion": replace(_ADHESION, bare=Bare(_ADHESION, 0.0)),
-    "density": Rule(float, "kg/m3", "", Interval(1, 1e5)),
-}
-LATTICE_SPHERE_RULES = SPHERE_RULES | {
-    "adhesion_law": Rule(str, "", "jkr: also beyond contact", words=tuple(ADHESION_LAWS)),
-}
-PAIR_RULES = {
-    "of": ArrayRule(
+SPHERE_RULES = Rules(
+    radius=Rule(float, "m", "", Interval(1e-9, 1)),
+    youngs_modulus=Rule(float, "Pa", "", Interval(1e3, 1e13)),
+    poisson_ratio=Rule(float, "", "", Interval(-1, 0.5, open_low=True)),
+    work_of_adhesion=replace(_ADHESION, bare=Bare(_ADHESION, 0.0)),
+    density=Rule(float, "kg/m3", "", Interval(1, 1e5)),
+)
+LATTICE_SPHERE_RULES = Rules(
+    **SPHERE_RULES,
+    adhesion_law=Rule(str, "", "jkr: also beyond contact", words=tuple(ADHESION_LAWS)),
+)
+PAIR_RULES = Rules(
+    of=ArrayRule(
         int,
         "",
         "two kinds of spheres: 0 those of the lattice, n those of the n-th [[inclusion]]",
         Interval(0, 10_000_000),
         entries=("kind", "kind"),
     ),
-    "normal_stiffness": Rule(float, "N/m", _MEASURED, Interval(*_STIFFEST)),
-    "shear_stiffness": Rule(float, "N/m", _MEASURED, Interval(*_STIFFEST)),
-}
-DISORDER_RULES = {
-    "radius": Rule(
+    normal_stiffness=Rule(float, "N/m", _MEASURED, Interval(*_STIFFEST)),
+    shear_stiffness=Rule(float, "N/m", _MEASURED, Interval(*_STIFFEST)),
+)
+DISORDER_RULES = Rules(
+    radius=Rule(
         float, "", "relative standard deviation, Gaussian, cut at 3; of a struck sheet: one-sided", Interval(0, 0.1)
     ),
-    "density": Rule(float, "", "relative standard deviation, Gaussian, cut at 3", Interval(0, 0.33)),
-    "vacancies": Rule(float, "", "share of the free spheres that is left out", Interval(0, 0.99)),
-    "seed": Rule(int, "", "of the random numbers", Interval(0, 2**32 - 1)),
-    "stiffness": Rule(float, "", "relative standard deviation of contacts, eight classes of spheres", Interval(0, 0.3)),
-}
-INCLUSION_RULES = {
-    "rows": rows_rule(),
-    "every": Rule(int, "", "of rows: the first and each so many after it", Interval(1, 10_000_000)),
-    "spheres": spheres_rule(),
-    "disc": ArrayRule(
+    density=Rule(float, "", "relative standard deviation, Gaussian, cut at 3", Interval(0, 0.33)),
+    vacancies=Rule(float, "", "share of the free spheres that is left out", Interval(0, 0.99)),
+    seed=Rule(int, "", "of the random numbers", Interval(0, 2**32 - 1)),
+    stiffness=Rule(float, "", "relative standard deviation of contacts, eight classes of spheres", Interval(0, 0.3)),
+)
+INCLUSION_RULES = Rules(
+    rows=rows_rule(),
+    every=Rule(int, "", "of rows: the first and each so many after it", Interval(1, 10_000_000)),
+    spheres=spheres_rule(),
+    disc=ArrayRule(
         float,
         "",
         "[row, column, radius in lattice constants]",
         Interval(0, 10_000_000),
         entries=("row", "column", "radius"),
     ),
-    "half_plane": ArrayRule(
+    half_plane=ArrayRule(
         float,
         "",
         "[row, column, degrees]: left of a line, or on it",
         Interval(-180, 10_000_000),
         entries=("row", "column", "degrees"),
     ),
-    "share": Rule(float, "", "of the free spheres, at random by disorder.seed", Interval(0, 1)),
-    "layers": rows_rule("first and last layer along z, counted from 0"),
-    **SPHERE_RULES,
-    "work_of_adhesion": _ADHESION,
-    "vacancy": Rule(bool, "", "the places are empty"),
-}
+    share=Rule(float, "", "of the free spheres, at random by disorder.seed", Interval(0, 1)),
+    layers=rows_rule("first and last layer along z, counted from 0"),
+    **SPHERE_RULES | {"work_of_adhesion": _ADHESION},
+    vacancy=Rule(bool, "", "the places are empty"),
+)

@@ -96,7 +96,7 @@ def record(kind: type, table: Any, name: str, rules: Rules | None = None, *, bar
 
 def plain(record: Any, rules: Rules | None = None, *, bare: bool = False) -> dict[str, Any]:
     """Return the declared values of a record by name."""
-    return {key.name: getattr(record, key.name) for key in declared_keys(type(record), rules, bare=bare)}
+    return {key.name: getattr(record, key.name) for key in declared_keys(record.__class__, rules, bare=bare)}
 
 
 def toml_lines(kind: type, values: Mapping[str, Any], rules: Rules | None = None, *, bare: bool = False) -> list[str]:
@@ -127,21 +127,13 @@ class DeclaredKey:
         return self.default is MISSING
 
 
+@cache  # a scene asks for them dozens of times
 def declared_keys(kind: type, rules: Rules | None = None, *, bare: bool = False) -> Sequence[DeclaredKey]:
     """Return the keys of a record that a scene file holds; `bare` is true for a scene without ``[wave]``."""
-    return _own_keys(kind, bare) if rules is None else _keys(kind, rules, bare)
-
-
-def _keys(kind: type, rules: Rules, bare: bool) -> tuple[DeclaredKey, ...]:
-    known = ((item, rules.get(item.name) or item.metadata.get("rule")) for item in _fields(kind))
+    own = rules or Rules()
+    known = ((item, own.get(item.name) or item.metadata.get("rule")) for item in fields(kind))
     found = (_declared(item, rule, bare) for item, rule in known if rule is not None)
     return tuple(key for key in found if key is not None)
-
-
-@cache
-def _own_keys(kind: type, bare: bool) -> tuple[DeclaredKey, ...]:
-    """Return the keys of a record whose fields carry their rules; a scene asks for them dozens of times."""
-    return _keys(kind, {}, bare)
 
 
 def _declared(item: "Field[Any]", rule: Rule, bare: bool) -> DeclaredKey | None:
@@ -151,6 +143,3 @@ def _declared(item: "Field[Any]", rule: Rule, bare: bool) -> DeclaredKey | None:
     if not bare or other.rule is None:
         return None
     return DeclaredKey(item.name, other.rule, other.default)
-
-
-_fields = cache(fields)  # kept by kind of record, which are few; a scene asks for them a hundred times

@@ -188,7 +188,11 @@ class NameRule(Rule):
         return value
 
 
-Rules = Mapping[str, Rule]  # for a record of another room, whose fields carry no rules
+class Rules(dict[str, Rule]):
+    """Rules for a record of another room, whose fields carry none; hashed by identity, so that its keys are kept."""
+
+    def __hash__(self) -> int:  # type: ignore[override]  # none is changed
+        return id(self)
 
 
 def number(
