@@ -244,7 +244,7 @@ def test_the_paper_s_resonance_is_on_the_map() -> None:
 
 def test_the_widest_line_of_the_figure_is_that_of_the_page() -> None:
     first = Tone(np.array([0.0, 2 * 0.802 / np.sqrt(3)]), 0)
-    rates = [rate.max() for _, _, rate in partners(first, 2, -1, Contact(0.17), points=120)]
+    rates = [rate.max() for _, _, rate in partners(first, 2, -1, Contact(0.17), points=60)]
     assert max(rates) == pytest.approx(0.045, abs=5e-4)
 
 
@@ -269,7 +269,7 @@ def test_a_line_is_as_wide_as_its_rate_says() -> None:
 
 @pytest.mark.usefixtures("drawn_once")
 def test_the_map_is_drawn_for_any_wave(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mixing_map, "POINTS", 40)
+    monkeypatch.setattr(mixing_map, "POINTS", 20)
     target = tmp_path / "new folder" / "mixing.png"
     mixing_map.main(["-o", str(target), "--mode", "L", "--direction", "17", "--poisson-ratio", "-0.5"])
     assert target.read_bytes().startswith(b"\x89PNG")

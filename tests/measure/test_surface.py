@@ -43,7 +43,9 @@ def test_stiffnesses_modulus_and_density_of_the_substrate_are_found_again() -> N
     keys = (K_N, K_S, E, RHO)
     truth = np.array([SCENE.value(key) for key in keys])
     start = SCENE.with_values({key: float(value * 1.01) for key, value in zip(keys, truth, strict=True)})
-    found = Fit(start, exact(), keys).answer()
+    found = Fit(
+        start, [exact()[n] for n in (1, 3, 4, 5, 7)], keys
+    ).answer()  # three waves of the slowest, two that leak
     np.testing.assert_allclose(found.values, truth, rtol=1e-8)
     assert not found.blind
 
@@ -100,11 +102,11 @@ def test_surface_waves_and_branches_on_a_rigid_substrate_stand_in_one_table(
 def test_points_are_drawn_over_the_waves_and_listed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(saw, "POINTS", 6)
+    monkeypatch.setattr(saw, "POINTS", 3)
     point, scene = exact()[0], tmp_path / "scene.toml"
     scene.write_text(SCENE.to_toml())
     data = table(tmp_path, f",0.08,{1.02e-6 * point.value},{0.01e-6 * point.value}\n")
-    words = [str(scene), "--limit", "0.1", "-o", str(tmp_path / "saw.png")]
+    words = [str(scene), "--limit", "0.085", "-o", str(tmp_path / "saw.png")]
     saw.main(words)
     plain = (tmp_path / "saw.png").read_bytes()
     capsys.readouterr()

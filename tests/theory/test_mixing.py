@@ -114,7 +114,7 @@ EXACT = 1e-5
 
 
 MORE = ["along y, L and TR", "along x, lower and middle", "oblique, lower and middle", "oblique, upper and upper"]
-MORE += ["difference phase-matched to 0.005"]
+MORE += ["along y, RT and TR", "difference phase-matched to 0.005"]
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -411,9 +411,9 @@ def test_the_error_falls_with_the_eighth_power_of_the_step(measured):
 
 def test_a_run_goes_on_from_the_end_of_another():
     network, state = cluster()
-    whole = integrate(network, state, [2e-7], rtol=1e-9)
-    half = integrate(network, state, [1e-7], rtol=1e-9)
-    rest = integrate(network, half.final, [1e-7], rtol=1e-9)
+    whole = integrate(network, state, [8e-8], rtol=1e-9)
+    half = integrate(network, state, [4e-8], rtol=1e-9)
+    rest = integrate(network, half.final, [4e-8], rtol=1e-9)
     size = scales(network, state)[0]
     assert rest.motion[0, :2] == pytest.approx(whole.motion[0, :2], rel=0, abs=1e-5 * size)
 

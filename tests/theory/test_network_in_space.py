@@ -131,7 +131,7 @@ def test_forces_turn_with_a_packing_to_rounding() -> None:
 def test_a_slip_carried_around_a_cone_turns_by_its_solid_angle() -> None:
     lean = np.array([0.05, 0.8])  # two contacts
     frame = frames(np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]]))
-    steps = 500
+    steps = 250
     shear = np.array([[1.0, 1.0], [0.0, 0.0]])
 
     def rate(angle: float, shear: np.ndarray) -> np.ndarray:
@@ -216,7 +216,7 @@ def test_a_sphere_rocks_on_a_wall_as_the_closed_form_says_at_any_amplitude() -> 
     mass = float(network.mass[0])
     rate = sqrt(3.5 * B[0] * sqrt(SUNK) / mass)
     size = 3 * OVERLAP
-    times = np.linspace(0, 20, 41)
+    times = np.linspace(0, 10, 21)
     run = integrate(network, start(network, [[size, 0, 0]], [[0, size, 0]]), times, rtol=1e-11)
     # Of the slip 2/7 is the way of the centre, as the force 5/2 as much moves it by turning
     steady = np.stack([5 / 7 * size + 0 * times, 5 / 7 * size * times])
@@ -271,8 +271,8 @@ def of_case(case: str) -> tuple[Network, Crystal, np.ndarray]:
     return packing(places, cell=cell, walls=(FLOOR,)), crystal, k
 
 
-MORE = [("fcc", 1), ("fcc", 2), ("fcc", 4), ("layer", 0), ("layer", 3), ("layer", 5)]
-MORE += [("oblique", 0), ("oblique", 1), ("oblique", 3), ("oblique", 4)]
+LEFT = [("fcc", 0), ("fcc", 5), ("layer", 1), ("layer", 4), ("oblique", 2)]
+MORE = [each for each in product(["fcc", "layer", "oblique"], range(6)) if each not in LEFT]
 
 
 @pytest.mark.parametrize(("case", "branch"), members(product(["fcc", "layer", "oblique"], range(6)), *MORE))

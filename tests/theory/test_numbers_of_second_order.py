@@ -78,8 +78,9 @@ def test_every_wave_along_y(contact: Contact) -> None:
 
 
 SHIFTED = [held for held in HELD["waves"] if "shift" in held]
-# Of other spheres than the paper's the shorter waves are left to `make stability`
+# Of other spheres than the paper's the shorter waves are left to `make stability`, and of other materials L and RT
 SHORTER = [held for held in SHIFTED if held["contact"] != {"poisson_ratio": 0.17} and held["wavenumber"] > 2]
+SHORTER += [held for held in SHIFTED if held["contact"].get("poisson_ratio") != 0.17 and held["mode"] != "TR"]
 
 
 @pytest.mark.parametrize("held", members(SHIFTED, *SHORTER), ids=named)
