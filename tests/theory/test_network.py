@@ -411,11 +411,14 @@ def test_the_error_falls_with_the_eighth_power_of_the_step(measured):
 
 def test_a_run_goes_on_from_the_end_of_another():
     network, state = cluster()
-    whole = integrate(network, state, [8e-8], rtol=1e-9)
-    half = integrate(network, state, [4e-8], rtol=1e-9)
-    rest = integrate(network, half.final, [4e-8], rtol=1e-9)
+    half, whole = (integrate(network, state, [until], rtol=1e-9) for until in (5e-10, 1e-9))  # contacts part later
+    rest, slipped = (
+        integrate(network, replace(half.final, shear=share * half.final.shear), [5e-10], rtol=1e-9)
+        for share in (1.0, 0.9)
+    )
     size = scales(network, state)[0]
     assert rest.motion[0, :2] == pytest.approx(whole.motion[0, :2], rel=0, abs=1e-5 * size)
+    assert slipped.motion[0, :2] != pytest.approx(whole.motion[0, :2], rel=0, abs=1e-3 * size)
 
 
 def test_contacts_keep_their_shear_when_pairs_are_searched_again():

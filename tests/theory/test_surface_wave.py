@@ -269,6 +269,7 @@ def test_the_command_takes_a_plate_and_a_film(
     assert not rows(capsys.readouterr().out, "resonance")  # nothing leaks from a plate
     saw.main([*plate, "--below", "73e9", "0.17", "2200", "--limit", "0.06"])  # of the substrate's own material
     film = rows(capsys.readouterr().out, "resonance")
+    assert film
     saw.main(["monolayer_vertical", "-o", str(tmp_path / "saw.png"), "--limit", "0.06"])
     for one, other in zip(film, rows(capsys.readouterr().out, "resonance"), strict=True):
         assert one["Hz"] == pytest.approx(other["Hz"], rel=1e-5)
