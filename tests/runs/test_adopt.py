@@ -35,8 +35,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
         if ranks == 1:
             run_deck(folder, deck.input_name, *variables)
         else:
-            command = [*lmp_command(ranks), "-in", deck.input_name, "-screen", "none"]
-            subprocess.run(command, cwd=folder, check=True)
+            assert not variables
+            subprocess.run([*lmp_command(ranks), "-in", deck.input_name], cwd=folder, check=True, capture_output=True)
         return folder
 
     return folder_of
