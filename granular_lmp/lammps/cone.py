@@ -11,7 +11,8 @@ the waves ahead of its front fall like an Airy function of the distance over its
     d > w + WIDTHS (w + WIDTHS^{3/2})^{1/3}
 
 with the distance d from the centre and the way w of the fastest signal before the end, both in rows. Where all spheres
-of a row move alike whole rows leave, so that the wave stays plane, as guards of its symmetry ask.
+of a row move alike whole rows leave, so that the wave stays plane, as guards of its symmetry ask. Beside monitors whole
+rows leave too, and d is the distance from the outermost recorded spheres: those between two monitors stay to the end.
 """
 
 import numpy as np
@@ -32,15 +33,6 @@ _ALL = 2**31 - 1  # spheres that may leave at once
 # Widths of the front within which spheres stay: the record then changes by less than 1e-9 of its largest value
 WIDTHS = 5.0
 LOST = 6  # rows that the cone loses until spheres leave again; neighbour lists are made anew then
-
-# Where spheres leave, by whether all of a row move alike
-_FAR = {
-    True: [
-        "variable     low equal -v_lives",
-        "region       far block INF INF v_low v_lives INF INF side out units box",
-    ],
-    False: ["region       far cylinder z 0 0 v_lives INF INF side out units box"],
-}
 
 
 def inside_lines(problem: Problem) -> list[str]:
@@ -81,7 +73,7 @@ def around_lines(problem: Problem) -> list[str]:
 
 def leave(scene: Scene) -> bool:
     """Return whether spheres that can no longer affect the record leave the run."""
-    return watches_part(scene) and not scene.monitor and not scene.packing.contact_force and not by_pairs(scene)
+    return watches_part(scene) and not scene.packing.contact_force and not by_pairs(scene)
 
 
 def staying_lines(scene: Scene) -> list[str]:
@@ -100,7 +92,9 @@ def mean_count(problem: Problem) -> float:
     if not leave(scene):
         return float(len(crystal))
     row = scene.lattice.row_distance(scene.sphere.lattice_constant) / scene.sphere.radius
-    apart = np.sort(np.hypot(crystal.positions[:, 0] * (not scene.uniform_rows), crystal.positions[:, 1])) / row
+    (low, high), (x, y, _) = _recorded(problem), crystal.positions.T
+    along = np.maximum(np.maximum(low - y, y - high), 0.0)
+    apart = np.sort(along if _by_rows(scene) else np.hypot(x, along)) / row
     way = _speed(scene) * scene.time.duration * np.linspace(0.0, 1.0, 101)
     return float(np.searchsorted(apart, way + WIDTHS * np.cbrt(way + WIDTHS**1.5)).mean())
 
@@ -121,9 +115,39 @@ def _leaving(problem: Problem) -> list[str]:
         f"variable     front equal {row!r}*(v_way+{WIDTHS}*(v_way+{WIDTHS**1.5:.3f})^(1/3))",
         f"variable     beyond equal v_reach+{MARGIN * row!r}  # farther only if -var made the run shorter",
         "variable     lives equal ternary(v_front>v_beyond,v_front,v_beyond)",
-        *_FAR[scene.uniform_rows],
+        *_far(problem),
         f"fix          gone all evaporate {LOST * _interval(scene)} {_ALL} far 1",
     ]
+
+
+def _far(problem: Problem) -> list[str]:
+    """Return the lines of the region in which spheres leave."""
+    if not _by_rows(problem.scene):
+        return ["region       far cylinder z 0 0 v_lives INF INF side out units box"]
+    to_deck = problem.units.number(problem.scene.sphere.radius, length=1)
+    low, high = (each * to_deck for each in _recorded(problem))
+    return [
+        f"variable     low equal {low!r}-v_lives",
+        f"variable     high equal {high!r}+v_lives",
+        "region       far block INF INF v_low v_high INF INF side out units box",
+    ]
+
+
+def _by_rows(scene: Scene) -> bool:
+    """Return whether spheres leave by whole rows."""
+    return scene.uniform_rows or bool(scene.monitor)
+
+
+def _recorded(problem: Problem) -> tuple[float, float]:
+    """Return y of the first and the last recorded sphere, in radii of the declared sphere.
+
+    In a cell that is periodic along y both are as far from the centre as the farther one: a sphere farther out by some
+    distance is then at least as far from all that is recorded across the faces too.
+    """
+    y = np.concatenate([[0.0], *(problem.crystal.positions[each.spheres, 1] for each in problem.monitors)])
+    low, high = float(y.min()), float(y.max())
+    farther = max(-low, high)
+    return (-farther, farther) if problem.scene.shape.along_y else (low, high)
 
 
 def _row(problem: Problem) -> float:

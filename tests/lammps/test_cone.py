@@ -13,7 +13,7 @@ from granular_lmp import Deck, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.cone import leave, mean_count
-from granular_lmp.lammps.outputs import DUMP, LOG, read_log
+from granular_lmp.lammps.outputs import DUMP, LOG, MONITOR, read_log
 from granular_lmp.problem import prepare
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import Record
@@ -25,6 +25,7 @@ CHANGE = 1e-9
 USUAL = {"packing.rows": "auto", "packing.ends": "fixed", "time.duration": 50.0, "time.timestep": 1 / 6}
 STRIP = Scene.load("tr_nonresonant").with_values(USUAL)
 CELL = {"packing.rows": 60, "packing.columns": 60, "packing.ends": "periodic", "wave.wavenumber": pi / 2}
+MONITORS = [{"name": "behind", "rows": [58, 60], "what": "flux"}, {"name": "one", "spheres": [[90, 1]]}]
 SOURCE = {"rows": [20, 20], "force": "x", "ramp": 5.0, "frequency": 0.4}
 SCENES: dict[str, tuple[str, dict[str, Any]]] = {
     "strip": ("tr_nonresonant", {}),
@@ -45,6 +46,26 @@ SCENES: dict[str, tuple[str, dict[str, Any]]] = {
         "tr_nonresonant",
         {"packing.rows": 81, "wave.form": "none", "time.allow_echo": True, "source": [SOURCE]},
     ),
+    "monitors": ("tr_nonresonant", {"packing.rows": 151, "monitor": MONITORS}),
+    "at an end and a source": (
+        "tr_nonresonant",
+        {
+            "packing.rows": 151,
+            "wave.form": "none",
+            "time.allow_echo": True,
+            "source": [SOURCE],
+            "monitor": [{"name": "end", "rows": [1, 1]}, {"name": "source", "rows": [21, 21]}],
+        },
+    ),
+    "beside a beam": (
+        "tr_nonresonant",
+        CELL
+        | {
+            "envelope.width": 4.0,
+            "time.duration": 20.0,
+            "monitor": [{"name": "one", "spheres": [[34, 50]], "what": "contacts"}],
+        },
+    ),
 }
 
 
@@ -58,12 +79,17 @@ def spheres_at_the_end(folder: Path) -> int:
 
 
 def change(one: Record, other: Record) -> float:
-    """Return the largest change of a displacement or velocity over the largest of its kind."""
-    pairs = ((one.displacement, other.displacement), (one.velocity, other.velocity))
+    """Return the largest change of a displacement or velocity over the largest of its kind, monitors too."""
+    names = [each.name for each in one.scene.monitor]
+    motions = [(one, other), *((one.monitor(name), other.monitor(name)) for name in names)]
+    pairs = [pair for a, b in motions for pair in ((a.displacement, b.displacement), (a.velocity, b.velocity))]
     return max(float(np.abs(a - b).max() / np.abs(a).max()) for a, b in pairs)
 
 
-@pytest.mark.parametrize("name", members(SCENES, "strip", "rotation", "source", "beam", "wide"))
+@pytest.mark.parametrize(
+    "name",
+    members(SCENES, "strip", "rotation", "source", "beam", "wide", "at an end and a source", "beside a beam"),
+)
 def test_the_record_does_not_show_that_spheres_leave(name: str, tmp_path: Path) -> None:
     base, changes = SCENES[name]
     deck = build(Scene.load(base).with_values(USUAL | changes))
@@ -108,12 +134,15 @@ def test_a_run_is_continued_while_spheres_leave(
         if lack := kernel_lacks():
             pytest.skip(lack)
         request.getfixturevalue("kernel")
-    scene = STRIP.with_values({"time.duration": 100.0, "time.timestep": 0.05, "output.checkpoint": 3e-4})
+    watched = {"packing.rows": 151, "monitor": [MONITORS[0] | {"what": "motion"}]}
+    usual = {"time.duration": 100.0, "time.timestep": 0.05, "output.checkpoint": 3e-4}
+    scene = STRIP.with_values(usual | watched)
     whole = run(scene, tmp_path / "whole", **options)
     stop(scene, tmp_path / "cut", **options)
     resume(tmp_path / "cut")
     assert spheres_at_the_end(tmp_path / "cut") == spheres_at_the_end(tmp_path / "whole") < len(whole.problem.crystal)
-    assert (tmp_path / "cut" / DUMP).read_bytes() == (tmp_path / "whole" / DUMP).read_bytes()
+    for name in (DUMP, MONITOR.format("behind")):
+        assert (tmp_path / "cut" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 
 def test_a_run_that_began_with_other_guards_is_not_continued(stop: Callable[..., None], tmp_path: Path) -> None:
@@ -128,7 +157,6 @@ def test_a_run_that_began_with_other_guards_is_not_continued(stop: Callable[...,
     "changes",
     [
         {"output.particles": 5.0},
-        {"packing.rows": 151, "monitor": [{"name": "here", "rows": [75, 75]}]},
         {"packing.ends": "periodic"},
         {"sphere.work_of_adhesion": 0.0, "packing.contact_force": 1e-7},
         {"packing.rows": 151, "sphere.adhesion_law": "jkr", "disorder.radius": 1e-5},
