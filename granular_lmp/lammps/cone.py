@@ -95,8 +95,11 @@ def mean_count(problem: Problem) -> float:
     (low, high), (x, y, _) = _recorded(problem), crystal.positions.T
     along = np.maximum(np.maximum(low - y, y - high), 0.0)
     apart = np.sort(along if _by_rows(scene) else np.hypot(x, along)) / row
-    way = _speed(scene) * scene.time.duration * np.linspace(0.0, 1.0, 101)
-    return float(np.searchsorted(apart, way + WIDTHS * np.cbrt(way + WIDTHS**1.5)).mean())
+    every, time = LOST * _interval(scene), scene.time
+    steps = np.arange(every, time.steps, every)  # at which spheres leave
+    way = _speed(scene) * (time.duration - steps * time.step)
+    stay = np.searchsorted(apart, way + WIDTHS * np.cbrt(way + WIDTHS**1.5))
+    return float(np.average([len(apart), *stay], weights=np.diff([0, *steps, time.steps])))
 
 
 def _speed(scene: Scene) -> float:
