@@ -148,8 +148,8 @@ def test_a_long_sample_is_cut_for_the_short_run(tried: list[Scene]) -> None:
 
 @pytest.mark.skipif(not STATUS.is_file(), reason="the system does not tell the peak memory of a process")
 def test_the_memory_is_that_of_a_run(tried: list[Scene], tmp_path: Path) -> None:
-    # Few steps, and a record at each of them
-    scene = SHEET.with_values({"time.duration": 20.0, "time.sample": 0.1, "time.timestep": 0.1})
+    # Few steps, and a record at each of them, which takes more than all else
+    scene = SHEET.with_values({"time.duration": 30.0, "time.sample": 0.1, "time.timestep": 0.1})
     (tmp_path / "mine.toml").write_text(scene.to_toml())
     words = [sys.executable, "-c", PEAK, str(tmp_path / "mine.toml"), str(tmp_path / "run")]
     peak = float(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
