@@ -725,11 +725,17 @@ void stepped(const Torus *t, double *state, double *rate, double step, whole cou
 
 #else
 
-/* out = values of K points @ matrix (K, n) */
-INLINE void OF(shifted)(whole K, whole n, const NUMBER *values, const double *matrix, NUMBER *out)
+/* out = values of K points @ matrix (K, n), four rows at a time */
+INLINE void OF(shifted)(whole K, whole n, const NUMBER *values, const double *matrix, NUMBER *restrict out)
 {
+  whole k = 0;
   for (whole i = 0; i < n; i++) out[i] = 0;
-  for (whole k = 0; k < K; k++)
+  for (; k + 4 <= K; k += 4) {
+    const double *a = matrix + k * n, *b = a + n, *c = b + n, *d = c + n;
+    const NUMBER A = values[k], B = values[k + 1], C = values[k + 2], D = values[k + 3];
+    for (whole i = 0; i < n; i++) out[i] = out[i] + A * a[i] + B * b[i] + C * c[i] + D * d[i];
+  }
+  for (; k < K; k++)
     for (whole i = 0; i < n; i++) out[i] += values[k] * matrix[k * n + i];
 }
 
