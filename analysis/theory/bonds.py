@@ -267,7 +267,7 @@ class Bonds:
         """Return Σ f′|x|² − (f/ℓ)|P w|² + k|s|² (...), which is U†D U, without the cancellation of that product."""
         law = self.law
         total = law.stiffness * np.abs(strain.stretch) ** 2 + law.shear * _square(strain.slip)
-        return np.sum(total - law.push * self.curving * _square(strain.sideways), axis=-1)
+        return np.asarray((total - law.push * self.curving * _square(strain.sideways)).sum(axis=-1))
 
     def quadratic(self, one: Strain, other: Strain, frequencies: tuple[ArrayLike, ArrayLike]) -> Quadratic:
         """Return the second-order forces of two complex waves: what runs with e^{−i(ω₁+ω₂)t}, stays, and winds up.
@@ -361,7 +361,7 @@ class Bonds:
 
 
 def _square(vector: Complexes) -> Floats:
-    return np.sum(np.abs(vector) ** 2, axis=-1)
+    return np.asarray((np.abs(vector) ** 2).sum(axis=-1))
 
 
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # the axes after x, y, z, in turn, and before them

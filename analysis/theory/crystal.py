@@ -168,22 +168,27 @@ class Crystal:
         blocks = blocks[j >= 0, 2:].reshape(-1, *still.shape[2:])[order]
         return still, blocks, order, begin, np.stack([rows[order][begin], columns[order][begin]])
 
+    @cached_property
+    def _between(self) -> Floats:
+        """Return the vectors (3, P) from sphere to sphere of the contacts of two."""
+        return self.bonds.apart[self.bonds.second >= 0].T
+
     def stiffness(self, wavevector: ArrayLike) -> Complexes:
         """Return D(k) (..., F, F) of the F = B·freedoms that move; k (..., 3)."""
         still, blocks, order, begin, (rows, columns) = self._blocks
         # e^{ik·d} − 1, so that what translations share cancels before it is rounded
-        turns = np.expm1(1j * (padded(wavevector) @ self.bonds.apart[self.bonds.second >= 0].T))
+        turns = np.expm1(1j * (padded(wavevector) @ self._between))
         matrix = np.zeros((*turns.shape[:-1], *still.shape), dtype=complex)
         if len(blocks):
             both = np.stack([turns, turns.conj()], axis=-1).reshape(*turns.shape[:-1], len(order))
             phased = both[..., order, None, None] * blocks
-            # One after the other, so that what a contact and its reverse cancel leaves no rounding
-            matrix[..., rows, columns, :, :] = np.stack(
-                [sum(np.moveaxis(each, -3, 0)) for each in np.split(phased, begin[1:], axis=-3)], axis=-3
-            )
+            ends = [*begin[1:].tolist(), len(order)]
+            for row, column, first, end in zip(rows.tolist(), columns.tolist(), begin.tolist(), ends, strict=True):
+                # One after the other, so that what a contact and its reverse cancel leaves no rounding
+                matrix[..., row, column, :, :] = sum(phased[..., each, :, :] for each in range(first, end))
         matrix += still
         size = len(self) * len(self.freedoms)
-        return np.swapaxes(matrix, -3, -2).reshape(*turns.shape[:-1], size, size)
+        return matrix.swapaxes(-3, -2).reshape(*turns.shape[:-1], size, size)
 
     def moving(self, vector: Array) -> Array:
         """Return the components (..., F) that move of (..., B, 6)."""
@@ -225,13 +230,13 @@ class Crystal:
             if parted := self.symmetry is not None and _across(k, self.symmetry.normal):
                 # Even and odd ones, whatever their frequencies
                 matrix = matrix - self.highest**2 * self.symmetry.action
-            _, vectors = np.linalg.eigh(0.5 * (matrix + np.swapaxes(matrix, -1, -2).conj()))
-            inverse = np.swapaxes(vectors, -1, -2).conj()
+            _, vectors = np.linalg.eigh(0.5 * (matrix + matrix.swapaxes(-1, -2).conj()))
+            inverse = vectors.swapaxes(-1, -2).conj()
         else:
             values, vectors = np.linalg.eig(matrix)
             vectors = np.take_along_axis(vectors, np.argsort(values.real, axis=-1)[..., None, :], axis=-1)
             inverse = np.linalg.inv(vectors)
-        shapes = self.whole(np.swapaxes(vectors, -1, -2) / root)
+        shapes = self.whole(vectors.swapaxes(-1, -2) / root)
         duals = self.whole(inverse * root)
         if self.even:  # the energy keeps the digits of a low frequency, which eigh rounds to those of the highest
             squares = self.bonds.energy(self.bonds.strain(shapes, k[..., None, :]))
@@ -243,7 +248,7 @@ class Crystal:
             if np.any(np.abs(values.imag) > _SLOW * self.highest**2):
                 raise TheoryError("modes grow or decay: torques with unequal arms are not conservative here")
             squares = np.sort(values.real, axis=-1)
-        if np.any(squares < -((_SLOW * self.highest) ** 2)):
+        if (squares < -((_SLOW * self.highest) ** 2)).any():
             raise TheoryError(f"the crystal is unstable: a squared frequency is {squares.min():.3g}; compress it less")
         return squares, shapes, duals
 
@@ -371,14 +376,14 @@ def find_contacts(
     # Planes of the lattice are 1/|b| apart, b the reciprocal vector without 2π
     most = np.floor(reach * np.linalg.norm(np.linalg.pinv(vectors), axis=0) + _TOUCHES_TWICE).astype(int)
     found: list[tuple[int, int, tuple[int, ...]]] = []
+    near, others = radius[:, None] + radius, np.triu(np.ones((len(radius), len(radius)), dtype=bool), 1)
+    themselves = others | np.eye(len(radius), dtype=bool)
     for steps in product(*(range(-each, each + 1) for each in most)):
         shift = np.array(steps, dtype=float) @ vectors
         apart = position[None] + shift - position[:, None]
-        touch = np.linalg.norm(apart, axis=2) < radius[:, None] + radius
-        onward = next((step > 0 for step in steps if step), None)
-        upper = np.triu(touch, 1)
-        own = np.diag(np.diag(touch)) if onward else np.zeros_like(touch)
-        found += [(int(i), int(j), steps) for i, j in zip(*np.nonzero(upper | own), strict=True)]
+        onward = next((step > 0 for step in steps if step), False)
+        touch = (np.sqrt((apart**2).sum(axis=2)) < near) & (themselves if onward else others)
+        found += [(int(i), int(j), steps) for i, j in zip(*np.nonzero(touch), strict=True)]
     if not found:
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, len(vectors)))
     first, second, counts = zip(*found, strict=True)
@@ -407,11 +412,12 @@ def _touching(
 
 def _phase(shapes: Complexes, wavevector: Floats) -> Complexes:
     """Return the phase (...) that the leading component of each mode (..., J, B, 6) is to lose."""
-    size = np.sqrt(np.sum(wavevector**2, axis=-1, keepdims=True))
-    along = np.where(size > 0, wavevector / np.where(size > 0, size, 1.0), [0.0, 1.0, 0.0])
+    size = np.sqrt((wavevector**2).sum(axis=-1, keepdims=True))
+    along = np.divide(wavevector, size, out=np.zeros_like(wavevector) + [0.0, 1.0, 0.0], where=size > 0)
     frame = np.zeros((*along.shape[:-1], 3, 2))  # along k and across it, in the plane
     frame[..., 0], frame[..., 0, 1], frame[..., 1, 1] = along, -along[..., 1], along[..., 0]
-    parts = np.concatenate([shapes[..., :3] @ frame[..., None, :, :], shapes[..., 2:3], 1j * shapes[..., 3:]], axis=-1)
+    parts = 1j * shapes
+    parts[..., :2], parts[..., 2] = shapes[..., :3] @ frame[..., None, :, :], shapes[..., 2]
     size = np.abs(parts)
     highest = size.max(axis=-2)
     inside, least = highest[..., :2].max(axis=-1), _STILL * highest.max(axis=-1)

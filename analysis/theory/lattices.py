@@ -17,7 +17,7 @@ lie in a layer. `row` is the distance of rows, in which wave numbers count.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from granular_analysis.theory.errors import TheoryError
 
@@ -44,7 +44,9 @@ class Lattice(NamedTuple):
     @property
     def repeats(self) -> int:
         """Return the number of rows after which spheres lie above one another along y."""
-        return next(n for n in range(1, 13) if self._has([0.0, n * self.row, 0.0]))
+        counts = self.row * np.outer(np.arange(1, 13), np.linalg.pinv(self.vectors)[1])
+        whole = np.abs(counts - np.rint(counts)).max(axis=1) < 1e-9
+        return 1 + whole.tolist().index(True)
 
     def rows(self, period: int) -> tuple[Floats, Floats, NDArray[np.intp]]:
         """Return vectors (d, 3) of a crystal whose rows repeat after a period, the places in a cell, and their rows.
@@ -75,10 +77,6 @@ class Lattice(NamedTuple):
         """Return the vector that rises by the fewest rows."""
         rising = self.vectors[np.abs(self.vectors[:, 1]) > 1e-9]
         return np.asarray(rising[np.argmin(np.abs(rising[:, 1]))])
-
-    def _has(self, vector: ArrayLike) -> bool:
-        counts = np.asarray(vector) @ np.linalg.pinv(self.vectors)
-        return bool(np.abs(counts - np.rint(counts)).max() < 1e-9)
 
 
 def _lattice(row: float, vectors: Any, basis: Any = ((0.0, 0.0, 0.0),), layer: float | None = None) -> Lattice:

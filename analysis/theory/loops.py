@@ -34,6 +34,7 @@ SOURCE = Path(__file__).with_suffix(".c")
 FLAGS = ("-O3", "-fPIC", "-shared", "-pthread", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 LARGE = 1000  # numbers of a row
 LANES, PART = 64, 16384  # as in loops.c
+_BEGIN = ctypes.c_char * 0  # at the begin of an array, also of an empty one
 SHARED = 8 * PART  # numbers from which on a thread more takes less time than to begin it
 
 
@@ -114,8 +115,9 @@ def threads(numbers: int) -> int:
 
 
 def address(array: Array) -> int:
-    """Return where the numbers of a contiguous array lie."""
-    return array.__array_interface__["data"][0]
+    """Return where the numbers of a contiguous array lie, by its buffer, which takes a third of the time of `ctypes`."""
+    view = array.data
+    return array.ctypes.data if view.readonly else ctypes.addressof(_BEGIN.from_buffer(view))
 
 
 class Tolerance(ctypes.Structure):

@@ -73,15 +73,19 @@ class Jkr:
     def radius(self, overlap: Floats, closed: Bools) -> Floats:
         """Return r, 0 where open."""
         x = np.where(closed, overlap, 0.0) / self.depth
-        first = np.cbrt(2 / 9 + np.sqrt(4 / 81 + (4 * x / 9) ** 3))
-        u = first - 4 * x / 9 / first
-        s = (np.sqrt(u) + np.sqrt(4 / (3 * np.sqrt(u)) - u)) / 2
-        s = s - (3 * s**4 - 2 * s - x) / (12 * s**3 - 2)  # digits that cancel in u where x is large
+        fourth = 4 * x / 9
+        first = np.cbrt(2 / 9 + np.sqrt(4 / 81 + fourth * fourth * fourth))
+        u = first - fourth / first
+        root = np.sqrt(u)
+        s = (root + np.sqrt(4 / (3 * root) - u)) / 2
+        cube = s * s * s
+        s = s - (3 * cube * s - 2 * s - x) / (12 * cube - 2)  # digits that cancel in u where x is large
         return np.asarray(closed * np.sqrt(3 * self.depth) * s**2)
 
     def repulsion(self, overlap: Floats, radius: Floats, closed: Bools) -> Floats:
         """Return P, 0 where open."""
-        y = self._s(radius) ** 3
+        s = self._s(radius)
+        y = s * s * s
         return np.asarray(3 * self.F * (y * y - y))
 
     def energy(self, overlap: Floats, radius: Floats) -> Floats:
