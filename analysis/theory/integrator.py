@@ -129,15 +129,15 @@ class Step:
         if self.lean and self.fused:
             slopes, speeds = self.slopes[:, : self.fused.places], self.numbers[:, self.fused.places :]
             for row, slope in enumerate(slopes[:first]):
-                loops.weighted(weights[row, : row + 1], speeds[:, : len(slope)], slope)
+                loops.weighted(weights[row : row + 1, : row + 1], speeds[:, : len(slope)], slope[None])
             self.lean = False
         if isinstance(self.slope, loops.Slope):
             self.slope.stages(first, last, weights, self.stack, self.trial)
             return None
         times = (self.time + length * tableau().times).tolist()
-        place = _real(self.trial[None])[0]
+        place = _real(self.trial[None])
         for row in range(first, last + 1):
-            loops.weighted(weights[row, : row + 1], self.numbers, place)
+            loops.weighted(weights[row : row + 1, : row + 1], self.numbers, place)
             self.slope(times[row], self.trial, self.slopes[row])
         return None
 
@@ -160,12 +160,11 @@ class Step:
         weights = np.empty((len(places), 1 + ROWS))
         weights[:, 0], weights[:, 1:] = 1.0, length * (np.cumprod(factors, axis=1) @ terms())
         states = np.empty((len(places), *self.begin.shape), dtype=self.begin.dtype)
-        cut = self.fused.places if self.lean and self.fused else 0
-        for each, speeds, state in zip(weights, of_places(weights[:, 1:], length), _real(states), strict=True):
-            loops.weighted(each, self.numbers[:, cut:], state[cut:])
-            if cut:
-                loops.weighted(speeds, self.numbers[:, cut : 2 * cut], state[:cut])
-                state[:cut] += self.numbers[0, :cut]
+        cut, numbers = self.fused.places if self.lean and self.fused else 0, _real(states)
+        loops.weighted(weights, self.numbers[:, cut:], numbers[:, cut:])
+        if cut:
+            loops.weighted(of_places(weights[:, 1:], length), self.numbers[:, cut : 2 * cut], numbers[:, :cut])
+            numbers[:, :cut] += self.numbers[0, :cut]
         return states
 
     def advance(self, time: float) -> None:
@@ -286,12 +285,6 @@ def written(derivative: Derivative | loops.Slope) -> Slope:
 def _real(values: Array) -> NDArray[np.float64]:
     """Return the numbers of each row, (S, …) to (S, n) of the same memory; a complex number is two."""
     return values.reshape(len(values), -1).view(np.float64)
-
-
-def _sum(weights: Array, slopes: Array) -> Array:
-    """Return Σ_i weights_i slopes_i, for each row of weights (R, S)."""
-    total: Array = np.einsum("ki,ij->kj", weights, _real(slopes[: weights.shape[-1]]))
-    return total.view(slopes.dtype).reshape(len(weights), *slopes.shape[1:])
 
 
 def _first_step(now: Step, span: float, rtol: float, atol: Floats | float) -> float:

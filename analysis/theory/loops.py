@@ -115,7 +115,7 @@ def threads(numbers: int) -> int:
 
 
 def address(array: Array) -> int:
-    """Return where the numbers of a contiguous array lie, by its buffer, which takes a third of the time of `ctypes`."""
+    """Return where the numbers of a contiguous array lie, by its buffer, in a third of the time of `ctypes`."""
     view = array.data
     return array.ctypes.data if view.readonly else ctypes.addressof(_BEGIN.from_buffer(view))
 
@@ -166,13 +166,15 @@ class Slope:
 
 
 def weighted(weights: Floats, rows: Floats, out: Floats) -> None:
-    """Write Σ_r weights[r] rows[r] (n,) of the first rows of (S, n) into `out`."""
-    loop = library() if out.size > LARGE else None
+    """Write Σ_r weights[p, r] rows[r] (P, n) of the first rows of (S, n), by weights (P, R), into `out`."""
+    (count, used), size = weights.shape, out.shape[1]
+    loop = library() if size > LARGE else None
     if loop is None:
-        np.einsum("i,ij->j", weights, rows[: len(weights)], out=out)
-    else:
-        sizes = threads(out.size), out.size, len(weights)
-        loop.weighted(*sizes, address(weights), address(rows), rows.strides[0] // rows.itemsize, address(out))
+        np.einsum("pi,ij->pj", weights, rows[:used], out=out)
+        return
+    for each in range(count):
+        places = address(weights[each]), address(rows[0]), rows.strides[0] // rows.itemsize, address(out[each])
+        loop.weighted(threads(size), size, used, *places)
 
 
 def errors(

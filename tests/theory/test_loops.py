@@ -63,7 +63,7 @@ def moving(network: Network, size: float = 2e-3) -> State:
 def test_sums_of_rows_are_those_of_numpy() -> None:
     rows, out = RNG.normal(size=(9, 5000)), np.empty(5000)
     weights = np.array([1.0, 0.0, -2.5, 0.3, 0.0, 7.0, 1e-3])
-    loops.weighted(weights, rows, out)
+    loops.weighted(weights[None], rows, out[None])
     assert np.allclose(out, weights @ rows[:7], rtol=0, atol=1e-14)
 
 
