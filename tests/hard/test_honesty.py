@@ -428,7 +428,7 @@ def test_a_run_killed_early_is_not_finished_and_resumes_or_starts_anew_to_the_sa
     ("route", "reached"),
     [
         pytest.param([], AFTER["second checkpoint begun"], id="module-second checkpoint begun", marks=pytest.mark.more),
-        # The module is killed after ten checkpoints in the test below
+        # The test below leaves a run of the module as a kill after ten checkpoints does
         pytest.param([], AFTER["1000 records"], id="module-1000 records", marks=pytest.mark.more),
         pytest.param(["--lmp"], AFTER["second checkpoint begun"], id="lmp-second checkpoint begun"),
         pytest.param(["--lmp"], AFTER["1000 records"], id="lmp-1000 records", marks=pytest.mark.more),

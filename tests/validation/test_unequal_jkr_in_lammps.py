@@ -41,8 +41,8 @@ SHEET = Scene.load("tr_periodic").with_values(
 STRETCHED = {"disorder.radius": 1.5e-4}  # s = 0.9: at rest seven contacts are pulled beyond an overlap of 0
 CHAIN = {"packing.lattice": "chain", "packing.columns": 1, "wave.mode": "L", "disorder.radius": 3e-5}
 OTHER = {"rows": [10, 11], "density": 2500.0, "youngs_modulus": 60e9, "work_of_adhesion": 0.05}
-# Relative. Verlet advances a phase by (Ωh)²/24 of itself: at the top of the branches, Ω = 2.2, 8e-5 of the 11 rad until
-# τ = 5, and 3e-6 of 2 rad at the wave's 0.45. A fifth of the former is allowed, as that branch has a part of the motion
+# Relative. Verlet advances a phase by (Ωh)²/24 of itself: at the top of the branches, Ω = 2.2, 8e-5 of the 7 rad until
+# τ = 3, and 3e-6 of 1 rad at the wave's 0.45. A third of the former is allowed, as that branch has a part of the motion
 SIGNALS = 2e-4
 
 
