@@ -391,9 +391,9 @@ def test_the_ledger_closes_with_the_work_of_the_shear_law_alone(law, adhesion, m
     tolerance=0.3,
     reason="from step to step the order is 7.96 to 8.07: the next power is not yet gone",
     mutant=Mutant(
-        "analysis/theory/integrator.py",
-        "weights[:, 0], weights[:, 1:] = 1.0, length * tableau().stages",
-        "weights[:, 0], weights[:, 1:] = 1.0, (1 + 1e-6) * length * tableau().stages",
+        "analysis/theory/network_closed.py",
+        "[np.ones((ROWS, 1)), length * table.stages]",
+        "[np.ones((ROWS, 1)), (1 + 1e-6) * length * table.stages]",
     ),
 )
 def test_the_error_falls_with_the_eighth_power_of_the_step(measured):
