@@ -38,7 +38,13 @@ compiled = pytest.mark.skipif(loops.library() is None, reason="no C compiler")
 Floats = NDArray[np.float64]
 GLASS, STEEL = Material(1.0, 0.2, 2e-3), Material(3.0, 0.3, 1e-3)
 RNG = np.random.default_rng(5)
+SEEDED = RNG.bit_generator.state
 UNOPTIMISED = ("-O0", *loops.FLAGS[1:])
+
+
+@pytest.fixture(autouse=True)
+def numbers_do_not_depend_on_the_tests_before() -> None:
+    RNG.bit_generator.state = SEEDED
 
 
 def packing(**changes: object) -> Network:
@@ -428,10 +434,11 @@ def test_a_chain_moves_as_by_numpy(force: float, monkeypatch: pytest.MonkeyPatch
     slope(0.0, state, rate)
     known = np.stack([state[1], acceleration(chain, 0.7 * state[0], 1.3 * state[1]) * (0.7 / 1.3**2)])
     assert np.allclose(rate, known, rtol=0, atol=1e-14 * np.abs(known).max())
-    asked = np.zeros(20), np.eye(20)[0], [4.0]  # later, rounding decides which step meets a collision
+    asked = np.zeros(20), np.eye(20)[0], [2.0]  # later, rounding decides which step meets a collision: up to rtol
     found = integrate_chain(chain, *asked, rtol=1e-11)
     monkeypatch.setattr(loops, "library", lambda: None)
-    assert np.allclose(found, integrate_chain(chain, *asked, rtol=1e-11), rtol=0, atol=1e-11)
+    # Rounding, 3e-15 at most in 120 other chains
+    assert np.allclose(found, integrate_chain(chain, *asked, rtol=1e-11), rtol=0, atol=1e-13)
 
 
 @compiled
