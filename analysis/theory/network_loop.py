@@ -8,6 +8,7 @@ some hundred calls of NumPy, of a microsecond each, for a few hundred contacts.
 import ctypes
 from collections.abc import Callable
 from math import sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,9 @@ Acting = Callable[[Floats, Floats, Floats, Floats], float]
 
 
 class _Contacts(ctypes.Structure):
-    """`Contacts` of loops.c."""
+    """`Contacts` of loops.c, and the arrays that it points to, which live as long."""
 
+    arrays: list[NDArray[Any]]
     _fields_ = [
         *((name, ctypes.c_ssize_t) for name in ("spheres", "pairs", "dimension")),
         *((name, ctypes.c_ssize_t) for name in ("jkr", "incremental", "shear", "adheres")),
@@ -43,7 +45,7 @@ def contact_loop(network: Network, state: State) -> Acting | None:
         return None
     ends = (pairs.first, pairs.second, pairs.apart, pairs.length, pairs.overlap, pairs.radii, pairs.shortened)
     numbers = (pairs.mass, pairs.A, pairs.B, pairs.F, pairs.frame, state.begun)
-    arrays = [np.ascontiguousarray(each) for each in (*ends, *numbers)]  # they live as long as what points to them
+    arrays = [np.ascontiguousarray(each) for each in (*ends, *numbers)]
     data = _Contacts(
         *(len(network.position), len(pairs.first), network.dimension),
         *(network.adhesion == "jkr", network.law == "incremental", network.shear, network.adheres),
@@ -51,9 +53,9 @@ def contact_loop(network: Network, state: State) -> Acting | None:
         -1.0 if network.restitution is None else sqrt(5) * damping_ratio(network.restitution),
         *map(loops.address, arrays),
     )
+    data.arrays = arrays
 
     def acting(motion: Floats, memory: Floats, load: Floats, memory_rate: Floats) -> float:
-        assert len(arrays)
         return float(loop.touched(ctypes.byref(data), *map(loops.address, (motion, memory, load, memory_rate))))
 
     return acting

@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
 from itertools import chain, islice
 from math import isfinite, nan
 from pathlib import Path
@@ -46,8 +45,7 @@ DUMP_COLUMNS = (
 FOR_VIEWERS = ("type", "x", "y", "z", "radius", "mass")  # columns of spheres that a reader has from the scene
 _LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump; _SNAPSHOT is the first
 _SNAPSHOT = b"ITEM: TIMESTEP\n"
-_OF_PAIRS = b"ITEM: NUMBER OF ENTRIES"  # a dump of spheres says "ATOMS"
-_BLOCK = 1 << 24  # bytes, of a dump at once
+_OF_PAIRS = b"ITEM: NUMBER OF ENTRIES\n"  # a dump of spheres says "ATOMS"
 _LONGEST = 1e12  # s, of a time loop: 30,000 years
 LOOP_SECTIONS = tuple(f"loop.{name}" for name in ("pair", "neigh", "comm", "output", "modify", "other"))
 _EVERY = re.compile(r"^thermo +([1-9]\d{0,17})$", re.MULTILINE)
@@ -234,16 +232,24 @@ class SnapshotPlace:
 
 def whole_snapshots(path: str | Path) -> Iterator[SnapshotPlace]:
     """Yield the places of the complete snapshots of a LAMMPS text dump in the order of the file."""
-    begin, rest = -len(_SNAPSHOT), b""
+    begin = end = lines = 0
+    head: list[bytes] = []
+    last = b""
     with Path(path).open("rb") as stream:
-        for block in chain(iter(partial(stream.read, _BLOCK), b""), [_SNAPSHOT]):
-            *texts, rest = (rest + block).split(_SNAPSHOT)
-            for text in texts:
-                end = begin + len(_SNAPSHOT) + len(text)
-                if begin >= 0 and _is_whole(text):
-                    step, _, entries, _ = text.split(b"\n", 3)
-                    yield SnapshotPlace(int(step), int(entries), begin, end)
-                begin = end
+        for line in chain(stream, [_SNAPSHOT]):
+            cut = line.find(_SNAPSHOT)
+            if cut > 0:  # the last line of the snapshot before is incomplete
+                lines, last = lines + 1, line[:cut]
+            if cut >= 0:
+                end += cut
+                if _is_whole(head, lines - _LINES_BEFORE_ATOMS, last):
+                    yield SnapshotPlace(int(head[1]), int(head[3]), begin, end)
+                begin, lines, head = end, 0, []
+            last = line[max(cut, 0) :]
+            if lines < _LINES_BEFORE_ATOMS:
+                head.append(last)
+            lines += 1
+            end += len(last)
 
 
 def last_step(path: Path) -> int | None:
@@ -258,15 +264,12 @@ def last_step(path: Path) -> int | None:
     return None
 
 
-def _is_whole(text: bytes) -> bool:
-    """Return whether the text behind the first line of a snapshot is complete.
-
-    A snapshot of spheres is not empty, while at a time no two may touch.
-    """
-    step, kind, entries = (*(line.strip() for line in text.split(b"\n", 3)), b"", b"")[:3]
-    if not (text.endswith(b"\n") and step.isdigit() and entries.isdigit()):
+def _is_whole(head: list[bytes], entries: int, last: bytes) -> bool:
+    """Return whether a snapshot is complete; one of spheres is not empty, while at a time no two may touch."""
+    numbers, fewest = [line.strip() for line in head[1:4:2]], 0 if head[2:3] == [_OF_PAIRS] else 1
+    if entries < fewest or not last.endswith(b"\n"):
         return False
-    return int(entries) >= (kind != _OF_PAIRS) and text.count(b"\n") == _LINES_BEFORE_ATOMS - 1 + int(entries)
+    return all(map(bytes.isdigit, numbers)) and int(numbers[1]) == entries
 
 
 def mend_dump(path: str | Path) -> None:

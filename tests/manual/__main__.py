@@ -5,6 +5,7 @@
 With words only the cases whose tests have one of them in their names are run; the other lines stay.
 """
 
+import argparse
 import json
 import os
 import shutil
@@ -94,9 +95,14 @@ def kept(line: dict[str, str], case: Case) -> Row:
     return Row(case, node(line), float(line["measured"]), None if changed == "fails" else float(changed))
 
 
-def main(words: list[str]) -> str:
+def main() -> str:
     """Run the cases of the words, or all, write the table, and return what is wrong with them, a line each."""
+    parser = argparse.ArgumentParser(prog="python -m tests.manual", description=__doc__.split("\n")[0])
+    parser.add_argument("words", nargs="*", metavar="WORD", help="only the tests that have one of these in their names")
+    words = parser.parse_args().words
     cases = {name: case for name, case in declared().items() if not words or any(word in name for word in words)}
+    if absent := [word for word in words if not any(word in name for name in cases)]:
+        parser.error(f"no test of the manual has {', '.join(absent)} in its name")
     rows = {name: kept(line, declared()[name]) for name, line in committed().items() if name in declared()}
     wrong = []
     with tempfile.TemporaryDirectory() as place:
@@ -116,4 +122,4 @@ def main(words: list[str]) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]) or 0)
+    sys.exit(main() or 0)
