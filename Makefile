@@ -81,12 +81,12 @@ test: .venv/ready
 	$(MAKE) --no-print-directory --jobs=2 types processors
 	$(BIN)/pytest --numprocesses=auto --dist=loadfile -m "not rounding and not more"
 
-# It is one process, beside which those of `processors` have a core
+# It is one process, to which those of `processors`, being nice, leave a core
 types: .venv/ready
 	$(BIN)/mypy
 
 processors: .venv/ready
-	$(BIN)/python -m tests.processors
+	nice $(BIN)/python -m tests.processors
 
 stability: .venv/ready
 	$(BIN)/python -m tests.hard.report -o docs/stability.csv
