@@ -93,11 +93,12 @@ class Fit:
     def predicted(self, values: Floats) -> Floats:
         """Return what the points would be, (N,), for values of the free keys."""
         scene, found = self.at(values), np.empty(len(self.points))
+        kinds = [_theory(each) for each in self.points]
         for kind, rule in (("frequency", _frequencies), (BRANCH, _surface_waves), ("second_harmonic", _harmonics)):
-            chosen = [n for n, each in enumerate(self.points) if _theory(each) == kind]
+            chosen = [n for n, each in enumerate(kinds) if each == kind]
             if chosen:
                 found[chosen] = rule(scene, [self.points[n] for n in chosen])
-        chosen = [n for n, each in enumerate(self.points) if each.kind in ("arrival", "speed")]
+        chosen = [n for n, each in enumerate(kinds) if each in ("arrival", "speed")]
         if chosen:
             found[chosen] = fronts(scene, [self.points[n] for n in chosen])
         return found

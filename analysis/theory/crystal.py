@@ -378,12 +378,13 @@ def find_contacts(
     found: list[tuple[int, int, tuple[int, ...]]] = []
     near, others = radius[:, None] + radius, np.triu(np.ones((len(radius), len(radius)), dtype=bool), 1)
     themselves = others | np.eye(len(radius), dtype=bool)
-    for steps in product(*(range(-each, each + 1) for each in most)):
-        shift = np.array(steps, dtype=float) @ vectors
-        apart = position[None] + shift - position[:, None]
-        onward = next((step > 0 for step in steps if step), False)
+    every = list(product(*(range(-each, each + 1) for each in most)))
+    shifts = np.array(every, dtype=float) @ vectors
+    for number in np.flatnonzero(np.linalg.norm(shifts, axis=1) <= reach * (1 + _TOUCHES_TWICE)).tolist():
+        apart = position[None] + shifts[number] - position[:, None]
+        onward = number > len(every) // 2  # the first half is the reverse of the second
         touch = (np.sqrt((apart**2).sum(axis=2)) < near) & (themselves if onward else others)
-        found += [(int(i), int(j), steps) for i, j in zip(*np.nonzero(touch), strict=True)]
+        found += [(i, j, every[number]) for i, j in np.argwhere(touch).tolist()]
     if not found:
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, len(vectors)))
     first, second, counts = zip(*found, strict=True)
