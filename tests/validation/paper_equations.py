@@ -241,10 +241,13 @@ def exact_acceleration(
     return np.array([force_v, -force_u, torque / inertia]) / (2 * (ratio + 3))
 
 
-def integrate_wave(wavenumber: float, ratio: float, amplitude: float, times: Array, points: int = 31) -> Array:
+def integrate_wave(
+    wavenumber: float, ratio: float, amplitude: float, times: Array, points: int = 31, tolerance: float = 1e-9
+) -> Array:
     """p, q, φ of a TR wave in the infinite exact lattice, shape (len(times), 3, points), on one period of phase.
 
     A wave p_n(τ)=P(ξn, τ) has the next row at the phase ξ further on: a spectral shift of the `points` samples.
+    A step of the integrator may be off by `tolerance` of the state.
     When it breaks: harmonics above points/2 alias.
     """
     frequency = float(transverse_branches(wavenumber, ratio)[0])
@@ -262,5 +265,6 @@ def integrate_wave(wavenumber: float, ratio: float, amplitude: float, times: Arr
         return np.concatenate([pace, force], axis=None)
 
     start_state = np.concatenate([start, speed], axis=None)
-    solution = solve_ivp(rate, (0, times[-1]), start_state, method="DOP853", t_eval=times, rtol=1e-9, atol=1e-11)
+    bounds = {"rtol": tolerance, "atol": tolerance / 100}
+    solution = solve_ivp(rate, (0, times[-1]), start_state, method="DOP853", t_eval=times, **bounds)
     return solution.y.T.reshape(len(times), 2, 3, points)[:, 0]
