@@ -232,9 +232,9 @@ class Coupled:
 
         wavevector : (2,) or (3,); guess : as a frequency on the rigid substrate
         """
-        k, omega = padded(wavevector), complex(guess)
+        at, omega = self._at(wavevector), complex(guess)
         for _ in range(_STEPS):
-            here, near = (self.matrix(k, np.array(each)) for each in (omega, omega * (1 + _NEAR)))
+            here, near = at(omega * np.array([1.0, 1 + _NEAR])).stiffness
             # Newton's step of a determinant f is −f/f′ = −1/trace(K⁻¹K′)
             step = -1 / np.trace(np.linalg.solve(here, near - here)) * omega * _NEAR
             omega += step * min(1.0, 0.1 * abs(omega) / abs(step))
