@@ -62,6 +62,11 @@ class Wave(NamedTuple):
         return Wave(-self.wavevector, -self.frequency, self.shape.conj())
 
 
+def together(waves: Sequence[Wave]) -> Wave:
+    """Return single waves as one, side by side."""
+    return Wave(*map(np.stack, zip(*waves, strict=True)))
+
+
 def branch_of(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike) -> Wave:
     """Return the wave of a branch at wave vectors (..., 2 or 3); of branches of one frequency some mixture.
 
@@ -328,10 +333,10 @@ def second_order(
         motion = np.multiply.outer(np.exp(-1j * each.frequency * t), each.shape)
         first += np.real(motion * np.exp(1j * place @ each.wavevector)[..., None, :, None])
     for i, j in combinations_with_replacement(range(len(waves)), 2):
-        for partner in (waves[j], waves[j].reversed):
-            mixed = Mixed(crystal, waves[i], partner)
-            field = mixed.signal(t) * np.exp(1j * place @ mixed.wavevector)[..., None, :, None]
-            second += np.real(field) * (0.5 if i == j else 1.0)
+        mixed = Mixed(crystal, waves[i], together([waves[j], waves[j].reversed]))
+        for wavevector, field in zip(mixed.wavevector, np.moveaxis(mixed.signal(t[:, None]), 1, 0), strict=True):
+            moved = field * np.exp(1j * place @ wavevector)[..., None, :, None]
+            second += np.real(moved) * (0.5 if i == j else 1.0)
     return first, second
 
 

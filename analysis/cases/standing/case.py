@@ -11,6 +11,7 @@ With the incremental shear law LAMMPS's own error is of first order in the step,
 """
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,7 +23,7 @@ from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.rows import Rows, echo, load_form
 from granular_analysis.plotting import letter, parser, show, start
 from granular_analysis.theory.choice import wave_of
-from granular_analysis.theory.second_order import Mixed, started
+from granular_analysis.theory.second_order import Mixed, started, together
 from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
@@ -49,8 +50,9 @@ def standing(wave: Wave, tau: ArrayLike, row: ArrayLike) -> tuple[Floats, Floats
     theta = mode.wavenumber * np.asarray(row, dtype=float) + wave.phase
     one = wave.linear
     both = started(wave.crystal, one.wavevector, one.shape, 0 * one.shape)
-    pairs = [Mixed(wave.crystal, first, second) for first in both for second in both]
-    field = 0.5 * wave.amplitude * np.sum([each.signal(times) for each in pairs], axis=0)
+    first, second = zip(*product(both, both), strict=True)
+    pairs = Mixed(wave.crystal, together(first), together(second))
+    field = 0.5 * wave.amplitude * pairs.signal(times[..., None]).sum(axis=-3)
     swing = np.cos(mode.frequency * times)
     p = mode.p * np.cos(theta) * swing + np.real(wave.framed(field)[..., 0] * np.exp(2j * theta))
     return p, mode.q * np.cos(theta) * swing, -mode.f * np.sin(theta) * swing
