@@ -241,11 +241,11 @@ class Bonds:
         """Return the forces (..., B, 6) on spheres of those at both ends (..., C, 2, 6) of the contacts."""
         half = self._half(wavevector)
         ends = ends * np.stack([half, half.conj()], axis=-2)
-        columns = np.moveaxis(ends.reshape(*ends.shape[:-3], -1, 6), -2, 0)
+        columns = ends.reshape(-1, 2 * len(self.first), 6).swapaxes(0, 1)
         order, begin, acted = self._acting
         summed = np.zeros((spheres, *columns.shape[1:]), dtype=columns.dtype)
         summed[acted] = np.add.reduceat(columns[order], begin, axis=0)
-        return np.ascontiguousarray(np.moveaxis(summed, 0, -2))
+        return summed.swapaxes(0, 1).reshape(*ends.shape[:-3], spheres, 6)
 
     @cached_property
     def _acting(self) -> tuple[Integers, Integers, Integers]:

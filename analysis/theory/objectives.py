@@ -96,17 +96,17 @@ class Gap:
 
     def __call__(self, values: Floats) -> Value:
         """Return the width. The wave number of an extremum counts at the edge of the zone only, which moves."""
-        crystal, unit, _ = self.place(values)
-        limit = float(last_number(crystal, unit))
+        varied = Varied(self.place, values, 0.0)
+        limit = float(last_number(varied.spot.crystal, varied.spot.unit))
         numbers = limit * np.arange(COUNT + 1) / COUNT
-        below, above = (self._extremum(values, numbers, branch, sign) for branch, sign in ((0, -1), (1, 1)))
+        below, above = (self._extremum(varied, numbers, branch, sign) for branch, sign in ((0, -1), (1, 1)))
         width, middle = above.value - below.value, (above.value + below.value) / 2
         slopes = above.gradient - below.gradient, (above.gradient + below.gradient) / 2
         return Value(width / middle, (slopes[0] - width / middle * slopes[1]) / middle)
 
-    def _extremum(self, values: Floats, numbers: Floats, onward: int, sign: int) -> Value:
+    def _extremum(self, varied: Varied, numbers: Floats, onward: int, sign: int) -> Value:
         """Return the lowest (sign 1) or highest (−1) frequency of the branch, or of the one onward."""
-        crystal, unit, _ = self.place(values)
+        crystal, unit, _ = varied.spot
         branch = self.branch + onward
 
         def frequency(number: float) -> float:
@@ -117,7 +117,7 @@ class Gap:
         if 0 < least < COUNT:
             around = numbers[least - 1], numbers[least + 1]
             number = float(minimize_scalar(frequency, bounds=around, method="bounded", options={"xatol": 1e-12}).x)
-        at = Varied(self.place, values, number)
+        at = varied.at(number)
         modes = at.here
         modes.refuse_mixed(branch)
         edges = [

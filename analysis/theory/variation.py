@@ -20,7 +20,7 @@ changes, since the contacts are those of the spot itself.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -81,14 +81,25 @@ class Varied:
         return self.place(self.values)
 
     @cached_property
-    def steps(self) -> list[tuple[Spot, NDArray[Any]]]:
-        """Return the spot and k, with a complex step in each number, and in the wave number last."""
+    def spots(self) -> list[Spot]:
+        """Return the spot with a complex step in each number."""
         spots = []
         for number, value in enumerate(self.values):
             moved = self.values.astype(complex)
             moved[number] += 1j * _STEP * max(abs(value), _STEP)
             spots.append(self.place(moved))
-        return [*((each, self.wavenumber * each.unit) for each in spots), self.onward]
+        return spots
+
+    def at(self, wavenumber: float) -> "Varied":
+        """Return another wave number, of the same spots."""
+        other = replace(self, wavenumber=wavenumber)
+        vars(other).update(spot=self.spot, spots=self.spots)
+        return other
+
+    @property
+    def steps(self) -> list[tuple[Spot, NDArray[Any]]]:
+        """Return the spot and k, with a complex step in each number, and in the wave number last."""
+        return [*((each, self.wavenumber * each.unit) for each in self.spots), self.onward]
 
     @property
     def onward(self) -> tuple[Spot, NDArray[Any]]:
@@ -241,9 +252,8 @@ def resonance(place: Place, values: ArrayLike, branch: int, target: int, near: f
 
     Raises ValueError if there is none, or none that the method finds from there.
     """
-    numbers, x = np.asarray(values, dtype=float), near
+    at = Varied(place, np.asarray(values, dtype=float), near)
     for _ in range(_TURNS):
-        at = Varied(place, numbers, x)
         gap, slope = at.detuning(branch, target)
         step = -gap / slope
         if not abs(step) < 0.2 * near:
@@ -253,11 +263,11 @@ def resonance(place: Place, values: ArrayLike, branch: int, target: int, near: f
             slopes = 2 * rates - at.there.rates[:, target]
             moves = -slopes[:-1] / slopes[-1]
             return Resonance(
-                Value(float(x), moves),
+                Value(float(at.wavenumber), moves),
                 Value(float(at.here.frequencies[branch]), rates[:-1] + rates[-1] * moves),
                 Value(growth.value, growth.gradient[:-1] + growth.gradient[-1] * moves),
             )
-        x += step
+        at = at.at(at.wavenumber + step)
     raise TheoryError(f"branches {branch} and {target} have no resonance near the wave number {near:.6g}")
 
 
