@@ -207,10 +207,10 @@ def in_space(vectors, basis, cycles, repeats, walls, *, branch, along=None) -> t
     one = wave(crystal, np.linalg.pinv(vectors) @ (2 * np.pi * np.array(cycles) / repeats), branch, along=along)
     times = np.linspace(0, 3 * np.pi / one.frequency, 7)
     field = np.tile(one.shape, (len(shifts), 1)) * np.exp(1j * (place @ one.wavevector) + 0.3j)[:, None]
-    even = []
-    for size in (0.08 * D, 0.04 * D):
-        u, v = size * field.real, (-1j * size * one.frequency * field).real
-        even.append((packing.motion(u, v, times) + packing.motion(-u, -v, times)) / 2 / size**2)
+    sizes = D * np.array([0.08, -0.08, 0.04, -0.04])
+    u, v = (np.multiply.outer(sizes, each.real) for each in (field, -1j * one.frequency * field))
+    moved = packing.motion(u, v, times)
+    even = (moved[:, ::2] + moved[:, 1::2]).swapaxes(0, 1) / 2 / sizes[::2, None, None, None] ** 2
     theory = [second_order(crystal, [one.times(np.exp(0.3j))], times, shift)[1] for shift in shifts]
     return np.concatenate(theory, axis=1), (4 * even[1] - even[0]) / 3
 
