@@ -17,7 +17,6 @@ that touches 0 and does not cross it, as some do at the edge of the zone, is no 
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -26,7 +25,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize.elementwise import find_root
 
 from granular_analysis.theory.crystal import Crystal, Modes, padded
-from granular_analysis.theory.mirror import Mirror
 from granular_analysis.theory.second_order import Mixed, Wave, branch_of, chosen
 from granular_analysis.theory.selection import mirrors, parity
 
@@ -188,10 +186,6 @@ class _Line:
     crystal: Crystal
     along: Floats
 
-    @cached_property
-    def mirrors(self) -> list[Mirror]:
-        return list(mirrors(self.crystal))
-
     def doubled(self, number: ArrayLike, branch: ArrayLike) -> Mixed:
         one = branch_of(self.crystal, np.multiply.outer(np.asarray(number, dtype=float), self.along), branch)
         return Mixed(self.crystal, one, one)
@@ -262,7 +256,7 @@ class _Line:
         """Return which mirror forbids that a wave drives a branch at 2k."""
         pair = self.doubled(match.wavenumber, match.branch)
         answer = chosen(pair.targets, pair.wavevector, match.target)
-        for mirror in self.mirrors:
+        for mirror in mirrors(self.crystal):
             own, other = (int(parity(self.crystal, mirror, each)) for each in (pair.first, answer))
             if own and other == -1:
                 name = "even" if own > 0 else "odd"

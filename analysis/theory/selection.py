@@ -20,7 +20,7 @@ Rules of whole orders, at any amplitude, follow for a single wave: odd waves alo
 When it breaks: where branches touch, a mode has no parity, and nothing is forbidden.
 """
 
-from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,14 +38,14 @@ SAME = 1e-7
 _WHOLE = 1 - 1e-13
 
 
-def mirrors(crystal: Crystal) -> Iterator[Mirror]:
-    """Yield the mirrors of a crystal: each leaves the contacts where they are, or exchanges some two directions."""
+@lru_cache(maxsize=1)  # they are asked again for every pair of waves of one crystal
+def mirrors(crystal: Crystal) -> tuple[Mirror, ...]:
+    """Return the mirrors of a crystal: each leaves the contacts where they are, or exchanges some two directions."""
     directions = _apart(crystal.bonds.normal)
     sums = (directions[:, None] + directions).reshape(-1, 3), (directions[:, None] - directions).reshape(-1, 3)
     crosses = np.cross(directions[:, None], directions).reshape(-1, 3)
-    for normal in _apart(np.concatenate([directions, *sums, crosses])):
-        if (mirror := crystal.mirror(normal)) is not None:
-            yield mirror
+    found = map(crystal.mirror, _apart(np.concatenate([directions, *sums, crosses])))
+    return tuple(each for each in found if each is not None)
 
 
 def forbidden(pair: Mixed) -> NDArray[np.bool_]:
