@@ -94,9 +94,9 @@ def measured(growing: Growing, records: Sequence[Record]) -> float:
     scene, (crystal, waves) = setting.scene, setting.start()
     k = np.append(setting.wavevector(), 0.0)
     here, there = crystal.modes(k), crystal.modes(2 * k)
-    tau, unit = records[0].snapshots().tau, scene.sphere.time_scale
-    one, other = (field(record) for record in records)
-    rest = records[0].snapshots().rest * scene.sphere.radius
+    snapshots, unit = [each.snapshots() for each in records], scene.sphere.time_scale
+    one, other = (field(*each.stacks("displacement", "rotation")) for each in snapshots)
+    tau, rest = snapshots[0].tau, snapshots[0].rest * scene.sphere.radius
     rest = rest - rest[scene.shape.centre_row * scene.shape.columns]
     wave = bloch(crystal, rest, (one - other) / 2, k) @ moving(here.duals[growing.branch])
     answer = bloch(crystal, rest, (one + other) / 2, 2 * k) @ moving(there.duals[growing.target])
@@ -106,9 +106,8 @@ def measured(growing: Growing, records: Sequence[Record]) -> float:
     return float(rate * 2 * np.pi / frequency / amplitude**2 / scene.wave.amplitude)
 
 
-def field(record: Record) -> Floats:
-    """Return u_x, u_y and Rθ of all spheres (T, N, 3), in D0."""
-    moved, turned = record.snapshots().stacks("displacement", "rotation")
+def field(moved: Floats, turned: Floats) -> Floats:
+    """Return u_x, u_y and Rθ of all spheres (T, N, 3), in D0, from displacements (T, N, 2) and rotations (T, N)."""
     return np.concatenate([moved, turned[..., None]], axis=-1)
 
 
