@@ -35,9 +35,9 @@ _PARTS = {
 _PROCESS = 71e6
 _SPHERE = 1160.0
 _NOT_PERFECT = 1000.0  # more, as all its contacts are known: 276 MB for 99 900 spheres of unequal densities
-# Without a wave also the record, while it is read: 300 MB for 1.0e6 places of a sphere, 479 MB for 2.0e6; and 40
-# bytes of each in the records of the other runs to a tolerance: 149 MB for 2.5e5 places in three runs
-_READ, _KEPT = 230.0, 40.0
+# Without a wave also the record, while it is read: 103 MB for 2.5e5 places of a sphere, 196 MB for 1.0e6; and 40
+# bytes of each in the records of the other runs to a tolerance: 127 MB for 2.5e5 places in three runs
+_READ, _KEPT = 130.0, 40.0
 # Share of the loop that more ranks do not shorten, at most: 2 ranks took 0.52 to 0.55 of it, 4 ranks 0.30
 SERIAL = 0.1
 # s that a run on several ranks, which starts mpiexec and the program lmp, begins later than one in a warm process: 0.70
