@@ -23,7 +23,7 @@ from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.status import seal_of
 from tests.conftest import PAPER, members
 
-# 8 rows, as `small`, with a monitor; 12,000 steps
+# 8 rows, as `small`, with a monitor; 12,000 steps, and few records, which each continuation reads again
 WAVE = PAPER.with_values(
     {
         "name": "stopped",
@@ -31,12 +31,12 @@ WAVE = PAPER.with_values(
         "packing.ends": "periodic",
         "wave.wavenumber": 0.7853981633974483,
         "time.duration": 600.0,
-        "time.sample": 2.0,
+        "time.sample": 10.0,
         "monitor": [{"name": "line", "rows": [1, 2]}],
     }
 )
 CHAIN = ImpactScene.load("solitary_chain").with_values(
-    {"packing.rows": 10, "time.duration": 400.0, "output.checkpoint": 3e-5}
+    {"packing.rows": 10, "time.duration": 400.0, "time.sample": 10.0, "output.checkpoint": 3e-5}
 )
 OPENS = PAPER.with_values(
     {
@@ -51,7 +51,7 @@ OPENS = PAPER.with_values(
         "time.duration": 10.0,
     }
 )
-SHORT = {"time.duration": 4.0}
+SHORT = {"time.duration": 20.0}
 
 
 def stop(step: int, steps: int) -> None:
@@ -253,7 +253,7 @@ def test_a_run_that_a_guard_failed_is_called_failed(often: dict[str, Any], tmp_p
 def test_an_impact_that_a_guard_failed_is_called_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     # As in tests/studies/test_far_sphere.py: two spheres would overlap by 0.0497 of the diameter, a row of them is more
     scene = ImpactScene.from_dict(
-        CHAIN.with_values({"packing.last": "wall", "time.duration": 20.0}).to_dict()
+        CHAIN.with_values({"packing.last": "wall", "time.duration": 20.0, "time.sample": 1.0}).to_dict()
         | {"striker": [{"rows": [0, 3], "velocity": 118.0}]}
     )
     with pytest.raises(EffectError, match="largest_overlap"):
