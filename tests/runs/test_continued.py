@@ -31,7 +31,8 @@ SHEET = Scene.load("point_impact").with_values(
 RUBS = {"effects.friction": 0.3}
 DAMPED = {**RUBS, "effects.restitution": 0.8}
 CHAIN = Scene.load("solitary_chain").with_values(
-    {"packing.rows": 10, "packing.last": "free", "time.duration": 200.0, "output.checkpoint": 3e-5}
+    {"packing.rows": 10, "packing.last": "free"}
+    | {"time.duration": 200.0, "time.sample": 1.0, "output.checkpoint": 3e-5}
 )
 
 
@@ -52,13 +53,13 @@ SCENES = {
     "chain": CHAIN,
     # Constant forces on free ends; displacements that count from rest, not from the state at the beginning
     "pressed": CHAIN.with_values({"packing.contact_force": 30.0}),
-    "state": Scene.load("breather").with_values({"time.duration": 50.0, "output.checkpoint": 1e-5}),
+    "state": Scene.load("breather").with_values({"time.duration": 50.0, "time.sample": 0.5, "output.checkpoint": 1e-5}),
 }
 # Runs to a tolerance, long enough to be stopped in the second of them
 TOLERANCES = {
     "wave": PAPER.with_values(
         {"packing.rows": 16, "packing.ends": "periodic", "wave.wavenumber": np.pi / 4, "time.duration": 300.0}
-        | {"time.tolerance": 1e-3, "wave.amplitude": 0.2}
+        | {"time.sample": 1.0, "time.tolerance": 1e-3, "wave.amplitude": 0.2}
     ),
     "sheet": SHEET.with_values(
         {"packing.rows": 7, "packing.columns": 7, "striker.1.spheres": [[0, 3]], "time.duration": 40.0}
