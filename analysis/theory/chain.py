@@ -18,7 +18,7 @@ Units are any consistent ones; with A = m = 1 a velocity v gives overlaps of v^{
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, get_args
 
@@ -160,11 +160,17 @@ def spheres(
 
 def overlaps(chain: Chain, u: Array) -> Array:
     """Return the overlaps δ_j (…, n + 1), negative for gaps; those of an end without a wall have no meaning."""
+    result = _approaches(u)
+    result += chain.overlap
+    return result
+
+
+def _approaches(u: Array) -> Array:
+    """Return what displacements add to the overlaps, δ_j − d_j (…, n + 1); of velocities, the rates δ_j'."""
     result = np.empty((*u.shape[:-1], u.shape[-1] + 1), dtype=u.dtype)
     result[..., 0] = -u[..., 0]
     np.subtract(u[..., :-1], u[..., 1:], out=result[..., 1:-1])
     result[..., -1] = u[..., -1]
-    result += chain.overlap
     return result
 
 
@@ -180,7 +186,7 @@ def forces(chain: Chain, u: Array) -> Array:
 
 def rates(chain: Chain, v: Array) -> Array:
     """Return the rates of the overlaps δ_j' (…, n + 1), of open contacts too."""
-    return overlaps(replace(chain, overlap=np.zeros_like(chain.overlap)), v)
+    return _approaches(v)
 
 
 def dashpot_forces(chain: Chain, u: Array, v: Array) -> Array:
@@ -220,7 +226,7 @@ def energies(chain: Chain, u: Floats, v: Floats) -> Floats:
     pressed = np.maximum(now, 0.0)
     y, z = np.sqrt(pressed), np.sqrt(rest)
     both = (pressed > 0) & (rest > 0)
-    stretch = rates(chain, u)  # δ − d
+    stretch = _approaches(u)  # δ − d
     change = np.divide(stretch, y + z, out=y - z, where=both)
     stored = change**2 * (2 * y**3 + 4 * y**2 * z + 6 * y * z**2 + 3 * z**3) / 5 + z**3 * (pressed - now)
     stored *= chain.stiffness
