@@ -27,16 +27,20 @@ ROUGH = ("secant", "incremental")
 DEGENERATE: tuple[tuple[ModeName, float], ...] = (("L", 0.0), ("TR", 0.0), ("L", 0.4), ("RT", 0.4))
 
 FAST: Mapping[str, Measure] = {
-    "resonance": partial(at_the_resonance, 8, 34, 0.05, 100),
+    "resonance": partial(at_the_resonance, 8, 34, 0.05, 100, stride=2),
     "blow-up of a large wave": partial(blow_up, 8, 34, 1.2, 0.0125, 60),
     "antiresonance": partial(at_the_antiresonance, duration=40.0),
     **{
-        f"{mode}, xi = {2 * pi * cycles / rows:.4g}": partial(end, mode, cycles, rows, 0.025, 8 if rows > 100 else 20)
+        f"{mode}, xi = {2 * pi * cycles / rows:.4g}": partial(end, mode, cycles, rows, 0.025, 5 if rows > 100 else 20)
         for mode in MODES
         for cycles, rows in ENDS
     },
-    **{f"{mode} at {place} of the zone": partial(corner, place, mode) for mode in MODES for place in CORNERS},
-    "pulse": partial(pulse, 40.0),
+    **{
+        f"{mode} at {place} of the zone": partial(corner, place, mode, 8 if place == "edge" else 20)
+        for mode in MODES
+        for place in CORNERS
+    },
+    "pulse": partial(pulse, 40.0, 24, 22),
     **{f"degenerate {mode}, nu = {nu}": partial(degenerate, mode, nu) for mode, nu in DEGENERATE},
     **{f"a = {a}": partial(kept, a) for a in (0.9, 2, 20)},
     **{f"order at a = {a}": partial(order, a) for a in (0.9, 5)},
@@ -51,12 +55,12 @@ FAST: Mapping[str, Measure] = {
     "sizes and units, pressed": partial(similar, pressed=True),
     **{f"corners, nu = {nu}": partial(corners, nu) for nu in NUS},
     "refused steps": refused,
-    "limit of the step": partial(at_the_limit, 100_000),
+    "limit of the step": partial(at_the_limit, 20_000),
     "time turned round": reversal,
     "L stays L": subspace,
     "order of a struck chain": order_of_strikes,
     **{f"struck at {velocity} m/s": partial(velocities, velocity) for velocity in (1e-6, 1e-3, 1e2)},
-    "energy of a struck chain": partial(energy, 1000.0),
+    "energy of a struck chain": partial(energy, 400.0),
     "sticking speed": sticking,
     "parting velocity": partial(parting, (400, 1600)),
     "a long chain": partial(long_chain, 10_000, 20.0),

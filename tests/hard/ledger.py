@@ -59,7 +59,7 @@ class _Look:
     sliding: float
 
 
-def _look(cell: Cell, near: NDArray[np.intp]) -> _Look:
+def _look(cell: Cell, near: NDArray[np.intp], friction: float) -> _Look:
     """The terms of the module docstring, of the pairs (i·N + j) that are near."""
     sphere, contacts = cell.scene.sphere, cell.contacts()
     kappa, eta, d = sphere.stiffness_ratio, sphere.overlap_ratio, contacts.overlap
@@ -70,7 +70,6 @@ def _look(cell: Cell, near: NDArray[np.intp]) -> _Look:
     slip2[pair] = (contacts.shear / (kappa * root[pair])) ** 2
     kinetic = (kappa + 3) * np.einsum("cn,cn,c", velocity, velocity, [1, 1, INERTIA_RATIO])
     normal = ((4 / 15) * (d**2.5 - 1) - (2 / 3) * (d - 1)).sum() + 0.4 * (len(near) - len(d))  # 2/5: open, d = 0
-    friction = float(cell.instance.extract_variable("friction"))  # the deck's own, whatever the scene says
     return _Look(
         energy=float(kinetic + normal + 0.5 * kappa * root @ slip2),
         lever=float(eta * (d * contacts.shear) @ velocity[2][contacts.spheres].sum(axis=1)),
@@ -90,12 +89,13 @@ def keep(cell: Cell, tau: float, every: int, stride: int = 1, look: Callable[[],
     kappa, step = cell.scene.sphere.stiffness_ratio, cell.scene.time.step * stride
     distances = build(cell.scene).packing.get_all_distances(mic=True)
     near = np.flatnonzero(np.triu(distances < 2, k=1))  # pairs that touch at rest: no others ever come near
-    before = _look(cell, near)
+    friction = float(cell.instance.extract_variable("friction"))  # the deck's own, whatever the scene says
+    before = _look(cell, near, friction)
     work, released, sliding = 0.0, 0.0, before.sliding
     record = [(0.0, before.energy, 0.0, 0.0, before.contacts, sliding)]
     for count in range(1, round(tau / step) + 1):
         cell.advance(stride)
-        now = _look(cell, near)
+        now = _look(cell, near, friction)
         opened = (before.root > 0) & (now.root == 0)
         change = 0.25 * kappa * (now.root - before.root) * (before.slip2 + now.slip2)
         work += float(change[~opened].sum()) + 0.5 * step * (before.lever + now.lever)

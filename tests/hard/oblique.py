@@ -32,7 +32,7 @@ def made(scene: Scene, edits: Edits = ()) -> tuple[Record, float]:
 
 
 def corner(
-    place: str, name: ModeName, duration: float = 20.0, step: float = 0.025, reference: float = NU, edits: Edits = ()
+    place: str, name: ModeName, duration: float, step: float = 0.025, reference: float = NU, edits: Edits = ()
 ) -> Cases:
     """A mode at a corner or an edge of the zone against the exact lattice, whose ν is `reference`."""
     (i, j), (columns, rows) = CORNERS[place]
@@ -62,10 +62,11 @@ def corner(
     ]
 
 
-def pulse(duration: float = 200.0, edits: Edits = ()) -> Cases:
-    """A pulse that goes round a periodic sheet several times keeps the momentum that it has."""
+def pulse(duration: float = 200.0, rows: int = 48, columns: int = 42, edits: Edits = ()) -> Cases:
+    """A pulse that goes round a periodic sheet keeps the momentum that it has, over 200 τ several times round."""
     scene = Scene.load("tr_pulse").with_values(
-        {"wave.amplitude": 0.3, "time.duration": duration, "output.particles": duration / 4}
+        {"packing.rows": rows, "packing.columns": columns, "wave.amplitude": 0.3}
+        | {"time.duration": duration, "output.particles": duration / 4}
     )
     _, change = made(scene, edits)
     return [

@@ -110,8 +110,8 @@ def opening_time(wave: Scene) -> float:
         (0.0, wave.time.duration),
         start.ravel(),
         method="DOP853",
-        rtol=1e-7,
-        atol=1e-8,
+        rtol=1e-6,  # moves the time by 1e-6 of it, beside bounds of 2 %
+        atol=1e-7,
         max_step=lattice.longest_step(contact),
         events=closed,
     )

@@ -26,9 +26,12 @@ HARMLESS |= {"marked", "${marked}", "unmarked"}  # by which a checkpoint is know
 HARMLESS |= {"${dump}.contacts", "c_contact[1]", "c_contact[2]"}  # contacts are dumped when a bound passes, not here
 
 
+THOROUGH = settings().max_examples > 1000  # make stability
+
+
 @pytest.fixture(scope="module")
 def workers() -> Iterator[Workers]:
-    with Workers(2) as workers:
+    with Workers(2 if THOROUGH else 1) as workers:  # to start one takes as long as thirty runs
         yield workers
 
 
@@ -56,11 +59,12 @@ def wrong(ended: dict[tuple[str, str, int], str], allowed: tuple[str, ...]) -> l
     return [f"{what}: {how}" for what, how in ended.items() if not how.startswith(allowed)]
 
 
-# Every fourth word is dropped here, and by make stability each is broken in both ways
-thorough = pytest.mark.skipif(settings().max_examples < 1000, reason="a minute or more: make stability")
+# Every eighth word is dropped here, and by make stability each is broken in both ways
+thorough = pytest.mark.skipif(not THOROUGH, reason="a minute or more: make stability")
+MORE = (("dropped", 4, 8), ("dropped", 2, 4), ("garbled", 1, 2))
 PARTS = [
-    ("dropped", 0, 4),
-    *(pytest.param(*part, marks=pytest.mark.more) for part in (("dropped", 2, 4), ("garbled", 1, 2))),
+    ("dropped", 0, 8),
+    *(pytest.param(*part, marks=pytest.mark.more) for part in MORE),
     *(pytest.param(*part, marks=thorough) for part in (("garbled", 0, 2), ("dropped", 1, 2))),
 ]
 
