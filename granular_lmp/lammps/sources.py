@@ -63,8 +63,12 @@ class _Signal:
             raise SceneError(f'signal = "{self.kind}": has no formula in a deck; must be one of {", ".join(FORMULAS)}')
         if self.intervals:
             return self._of_samples(time, name, s)
-        share, text = FORMULAS[self.kind](self, time, f"v_{s}{self.tag}")
-        return [_line(s + self.tag, share), _line(name + self.tag, f"{self.unit}*{text}")]
+        share, text = FORMULAS[self.kind](self, time, f"v_{s}{self.tag}[1]")
+        return [self._kept(s, share), _line(name + self.tag, f"{self.unit}*{text}")]
+
+    def _kept(self, name: str, expression: str) -> str:
+        """Return the line of what is read more than once, as a vector of one entry: LAMMPS computes it once a step."""
+        return f"variable     {name + self.tag:6} vector v_once{self.tag}*({expression})"
 
     def share(self, time: str) -> str:
         """Return the time since the beginning as a share of the ramp or of the burst."""
@@ -80,10 +84,10 @@ class _Signal:
         steps, i = {"was": "(step-1)", "next": "(step+1)"}.get(name, "step"), s.replace("s", "i", 1) + self.tag
         way = f"{steps}*$(v_pace{self.tag}:%.17g)" + (f"-{self.late!r}" if self.late else "")
         inside = f"({way}>=0)*(1+floor({way}))" if self.late or time != self.now else f"1+floor({way})"
-        _, text = _samples(self, i, f"v_{s}{self.tag}")
+        _, text = _samples(self, i, f"v_{s}{self.tag}[1]")
         return [
             _line(i, f"1+ternary({way}<{self.intervals},{inside},{self.intervals + 1})"),
-            _line(s + self.tag, f"({way})%1" if self.late else f"{way}%1"),
+            self._kept(s, f"({way})%1" if self.late else f"{way}%1"),
             _line(name + self.tag, f"{self.unit}*{text}"),
         ]
 
@@ -150,6 +154,10 @@ def _line(name: str, expression: str, comment: str = "") -> str:
     return f"variable     {name:6} equal {expression}" + (f"  # {comment}" if comment else "")
 
 
+def _once(tag: str) -> str:
+    return f"variable     once{tag} vector [1]  # what it multiplies is computed once a step"
+
+
 def driven_row(problem: Problem) -> list[str]:
     """Return the block of the driven row of a wave, [] without one."""
     wave = problem.scene.wave
@@ -162,6 +170,7 @@ def driven_row(problem: Problem) -> list[str]:
         "#     Contacts see the velocities that spheres had half a step ago: that of the row is its last way over the "
         "step",
         f"group        driven id 1:{problem.scene.shape.spheres // problem.scene.shape.rows}",
+        _once(""),
         _line("Omega", repr(problem.mode.frequency), "rad per tau"),
         *_Signal("tone", "", "v_D0", "v_ramp", repr(wave.phase), "", "tau", "before").moved("v_step/v_t0"),
         "variable     swing_x atom v_swing*d_ux",
@@ -187,7 +196,7 @@ def _source(tag: str, placed: PlacedSource, problem: Problem) -> list[str]:
     beside = f"t_next{tag}" if source.motion in ROTATIONS else f"t_was{tag}"
     lasts, phase, sweep = (repr(each) for each in (placed.lasts, source.phase, source.sweep))
     signal = _Signal(source.kind, tag, unit, lasts, phase, sweep, f"t{tag}", beside)
-    head = [f"group        {name} id {id_ranges(placed.spheres)}"]
+    head = [f"group        {name} id {id_ranges(placed.spheres)}", _once(tag)]
     if source.sampled:
         intervals = len(source.sampled) - 1
         interval = source.sampled[-1][0] / intervals
