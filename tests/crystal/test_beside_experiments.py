@@ -102,17 +102,19 @@ def test_vertical_modes_of_a_film_are_those_of_coupled_oscillators(layers: int) 
 
 
 def test_beads_under_load_stiffen_by_hertz_and_lose_contacts_at_low_load() -> None:
+    # Avalanches leave as many contacts as Newton steps, to one of 800 here, in two thirds of the time
     base = Scene.load("steel_compressed").with_values(
-        {"packing.rows": 20, "packing.columns": 20, "packing.ends": "periodic", "wave.wavenumber": 0.6283}
-        | {"time.allow_echo": True}
+        {"packing.rows": 20, "packing.columns": 20, "packing.ends": "periodic", "packing.relax_by": "avalanches"}
+        | {"wave.wavenumber": 0.6283, "time.allow_echo": True}
     )
     found = []
-    for force in (1.0, 100.0):
+    for force in (1.0, 1000.0):
         equal = base.with_values({"packing.contact_force": force})
         beads = crystal_of(equal.with_values({"disorder.radius": 3e-4}))
         stiffness = beads.contacts.normal_stiffness.sum() / (3 * len(beads.atoms) * equal.sphere.normal_stiffness)
         found.append((2 * len(beads.contacts) / len(beads.atoms), float(stiffness), equal.sphere.normal_stiffness))
     (few, soft, low), (many, stiff, high) = found
-    assert (few, many) == pytest.approx((4.1, 6.0), abs=0.06)
-    assert (soft, stiff) == pytest.approx((0.65, 0.98), abs=0.006)
-    assert high / low == pytest.approx(100 ** (1 / 3), rel=1e-9)
+    # As many digits as the page has
+    assert (few, many) == pytest.approx((4.1, 6.0), abs=0.05)
+    assert (soft, stiff) == pytest.approx((0.65, 1.00), abs=0.005)
+    assert high / low == pytest.approx(10.0, rel=1e-9)

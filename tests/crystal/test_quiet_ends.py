@@ -249,7 +249,7 @@ def test_quiet_ends_leave_the_stable_step_as_it_is(tmp_path: Path) -> None:
         pytest.param("square", "TR", 1.3, 5, 0.25, marks=pytest.mark.more),
         pytest.param("square", "RT", 1.3, 4, 0.25, marks=pytest.mark.more),
         pytest.param("chain", "L", 0.9, 4, 0.25, marks=pytest.mark.more),
-        ("chain", "RT", 1.3, 4, 0.25),
+        ("chain", "RT", 1.3, 4, 0.4),
     ],
 )
 @verifies(
