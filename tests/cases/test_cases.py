@@ -72,6 +72,7 @@ def test_a_run_is_made_for_each_combination_of_values() -> None:
     assert made["y_2.5"] == ["granular-lmp", "collide", "--set", "a=y", "--set", "b=2.5"]
 
 
+@pytest.mark.usefixtures("drawn_once")
 @pytest.mark.parametrize("name", members(["figure2", "standing"], "standing"))
 def test_a_case_is_run_drawn_and_judged_by_one_command(
     name: str,
@@ -87,7 +88,7 @@ def test_a_case_is_run_drawn_and_judged_by_one_command(
     wrong = [replace(number, value=2 * number.value) for number in Case.load(name).expected()]
     monkeypatch.setattr(Case, "expected", lambda self: wrong)
     capsys.readouterr()
-    request.getfixturevalue("drawn_once")
+    request.getfixturevalue("unrendered")
     assert main([*words, "--measure"]) == 1
     assert len(capsys.readouterr().err.splitlines()) == len(wrong)
 

@@ -90,11 +90,11 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[ImpactRecord]:
     """A sheet of equal spheres, and two of another spread, recorded in the directions of the fit."""
     top = tmp_path_factory.mktemp("unequal")
     scene = SHEET.with_values(
-        {"packing.rows": 35, "packing.columns": 55, "striker.1.spheres": [[0, 27]]}
+        {"packing.rows": 26, "packing.columns": 45, "striker.1.spheres": [[0, 22]]}
         | {"time.duration": 48.0, "time.sample": 0.5}
     )
     crystal = prepare(scene).crystal
-    x, y = (crystal.positions - crystal.positions[27])[:, :2].T
+    x, y = (crystal.positions - crystal.positions[22])[:, :2].T
     thirds = np.degrees(np.arctan2(y, x)) / 30
     lines = (np.abs(thirds - np.round(thirds)) < 1e-6) & (y > 0) & (np.hypot(x, y) < 2 * 21)
     scene = scene.with_values(
@@ -110,7 +110,7 @@ def test_gaps_of_a_hundredth_of_the_overlap_make_the_front_decay_faster(runs: li
     equal, loose = unequal.measured(runs, farthest=20.0)
     assert (equal.seeds, loose.seeds) == (1, 2)
     assert loose.spread == pytest.approx(7.5e-5 / 2.509e-3, rel=1e-3)
-    # Measured from 10 to 20 diameters: decays of 0.6 and 1.07 in the mean of the directions, and speeds of 0.73 to 0.82
+    # Measured from 10 to 20 diameters: decays of 0.6 and 0.95 in the mean of the directions, and speeds of 0.73 to 0.82
     # of that among spheres that touch; single fronts of one spread decay by 0.3 more or less
     touching, parted = (np.mean([value for value, _ in each.decay.values()]) for each in (equal, loose))
     assert touching == pytest.approx(0.6, abs=0.05)

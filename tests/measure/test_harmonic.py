@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from granular_analysis import cli
+from granular_analysis import harmonic as command
 from granular_analysis.compare import compare
 from granular_analysis.harmonic import harmonic, table
 from granular_analysis.measure import harmonic as measure
@@ -276,7 +277,12 @@ def test_a_scene_without_a_wave_is_told_so() -> None:
         cli.main(["design", "solitary_chain", "--vary", "sphere.density", "1000", "9000"])
 
 
-def test_the_command_takes_a_scene_that_is_not_perfect(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_takes_a_scene_that_is_not_perfect(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # In this process; `test_theory_has_no_ends_and_the_command_says_so` starts granular-lmp
+    sample = {"time.duration": 1.0, "output.particles": 1.0}
+    monkeypatch.setattr(command, "begun", lambda scene, folder: run(scene.with_values(sample), Path(folder, "run")))
     narrow = VACANCIES.with_values({"packing.columns": 4})
     (tmp_path / "scene.toml").write_text(narrow.to_toml())
     scene = ["harmonic", str(tmp_path / "scene.toml"), "--json", str(tmp_path / "c.json")]
