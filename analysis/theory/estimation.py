@@ -195,7 +195,7 @@ class _Search:
         free = self._solved(lambda along: residuals(held.x + along @ seen), np.zeros(len(seen)), self.loss, _EXACT)
         found, jacobian = held.x + free.x @ seen, free.jac @ seen
         self._refuse_edges((found <= low) | (found >= high) | self._ends(found), found)
-        return _Minimum(found, free.fun, jacobian, seen)
+        return _Minimum(found, residuals(found), jacobian, seen)
 
     def _ends(self, inner: Floats) -> NDArray[np.bool_]:
         """Return whether the model has no value next to what is fitted, (P,)."""

@@ -60,7 +60,7 @@ def write_movie(
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.suffix.lower() == ".gif":
-            _write_gif(frames(), path, colours, fps)
+            _write_gif(figure, frames(), path, colours, fps)
         else:
             writer = FFMpegWriter(fps=fps)  # type: ignore[arg-type]  # ffmpeg takes fractions
             with writer.saving(figure, str(path), dpi=figure.dpi):
@@ -72,8 +72,8 @@ def write_movie(
         raise ViewError(f"{path}: ffmpeg failed with exit status {error.returncode}") from error
 
 
-def _write_gif(frames: Iterable[Picture], path: Path, colours: str, fps: float) -> None:
-    """Write a GIF with one palette, without dither, for all frames.
+def _write_gif(figure: Picture, frames: Iterable[Picture], path: Path, colours: str, fps: float) -> None:
+    """Write a GIF with one palette, without dither, for all frames of a figure.
 
     The file is half as large as that of matplotlib's writer and does not flicker.
     """
@@ -82,8 +82,8 @@ def _write_gif(frames: Iterable[Picture], path: Path, colours: str, fps: float) 
     palette = Image.new("P", (1, 1))
     palette.putpalette((255 * np.vstack(shades)[:, :3]).round().astype(np.uint8).tobytes())
     images: list[Image.Image] = []
-    for figure in frames:
-        canvas = FigureCanvasAgg(figure)
+    canvas = FigureCanvasAgg(figure)  # one for all frames: it keeps the formulas that it has set
+    for _ in frames:
         canvas.draw()
         image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
         images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))

@@ -165,6 +165,7 @@ def test_a_movie_has_a_frame_for_each_snapshot(seen: Path, tmp_path: Path) -> No
         assert first[0, 0].tolist() == [255, 255, 255]  # paper stays white in the one palette
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_a_movie_has_the_size_and_the_pace_that_are_asked_for(
     seen: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
