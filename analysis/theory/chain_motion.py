@@ -210,11 +210,12 @@ def peak(times: ArrayLike, values: ArrayLike, around: int = 4) -> tuple[float, f
     near = slice(top - around, top + around + 1)
     if top < around or near.stop > len(values):
         raise ValueError(f"the highest value is sample {top} of {len(values)}: too near to an end for a peak")
-    curve = np.polynomial.Polynomial.fit(times[near] - times[top], values[near], 2 * around)
-    slopes = curve.deriv().roots()
+    apart, scale = times[near] - times[top], times[top + around] - times[top]
+    curve = np.linalg.solve(np.vander(apart / scale), values[near])
+    slopes = np.roots(np.polyder(curve))
     turns = slopes[np.isreal(slopes)].real
     turn = float(turns[np.argmin(np.abs(turns))])
-    return float(curve(turn)), float(times[top]) + turn
+    return float(np.polyval(curve, turn)), float(times[top] + scale * turn)
 
 
 def first_peak(times: ArrayLike, values: ArrayLike, least: float) -> tuple[float, float]:
