@@ -1,6 +1,6 @@
 """The slope of `granular_analysis.theory.chain_motion` in one call of `granular_analysis.theory.loops`.
 
-The formulas are those of `chain.acceleration`, which is the reference; chains with dashpots are left to it.
+The formulas are those of `chain.acceleration`, which is the reference.
 """
 
 import ctypes
@@ -16,19 +16,23 @@ class _Chain(ctypes.Structure):
 
     _fields_ = [
         ("spheres", ctypes.c_ssize_t),
-        *((name, ctypes.c_void_p) for name in ("stiffness", "overlap", "load", "mass")),
-        *((name, ctypes.c_double) for name in ("length", "scale")),
+        *((name, ctypes.c_void_p) for name in ("stiffness", "overlap", "load", "mass", "dashpot")),
+        *((name, ctypes.c_double) for name in ("length", "speed")),
     ]
 
 
 def chain_slope(chain: Chain, length: float, speed: float) -> loops.Slope | None:
     """Return the slope of displacements and velocities (2, n) in units of a length and a speed, in times of both.
 
-    It is None where the loop does not hold the chain.
+    It is None without the loops.
     """
     loop = loops.library()
-    if loop is None or chain.damped:
+    if loop is None:
         return None
-    arrays = tuple(np.ascontiguousarray(each) for each in (chain.stiffness, chain.overlap, chain.load, chain.mass))
-    data = _Chain(len(chain), *map(loops.address, arrays), length, length / speed**2)
+    arrays = tuple(
+        np.ascontiguousarray(each)
+        for each in (chain.stiffness, chain.overlap, chain.load, chain.mass, *([chain.dashpot] if chain.damped else []))
+    )
+    places = [*map(loops.address, arrays), None][:5]
+    data = _Chain(len(chain), *places, length, speed)
     return loops.Slope(loop.chain, data, arrays)

@@ -79,7 +79,7 @@ def march(
         _march(chain, u.copy(), v.copy(), halves, every, us, vs)
     else:
         state = np.stack([u, v], axis=-2)
-        rate = np.stack([v, acceleration(chain, u)], axis=-2)
+        rate = np.stack([v, acceleration(chain, u, v)], axis=-2)
         for now in zip(us, vs, strict=True):
             slope.marched(state, rate, halves, every)
             now[0][...], now[1][...] = state[..., 0, :], state[..., 1, :]

@@ -614,23 +614,28 @@ double touched(const Contacts *c, const double *motion, const double *memory, do
   return power;
 }
 
-/* Spheres in a row of chain.py without dashpots: displacements and velocities in units of chain_motion.py. */
+/* Spheres in a row of chain.py: displacements and velocities in units of chain_motion.py; no dashpots are NULL. */
 typedef struct {
   whole spheres;
-  const double *stiffness, *overlap, *load, *mass;
-  double length, scale;
+  const double *stiffness, *overlap, *load, *mass, *dashpot;
+  double length, speed;
 } Chain;
 
 void chain(const Chain *c, const double *state, double *rate)
 {
   const whole n = c->spheres;
+  const double scale = c->length / (c->speed * c->speed);
   double left = 0, behind = 0; /* the sphere to the left of a contact, and the force of that before it */
   for (whole i = 0; i <= n; i++) {
     const double right = i < n ? state[i] * c->length : 0, depth = left - right + c->overlap[i];
-    const double force = depth > 0 ? depth * sqrt(depth) * c->stiffness[i] : 0;
+    double force = depth > 0 ? depth * sqrt(depth) * c->stiffness[i] : 0;
+    if (c->dashpot && depth > 0) {
+      const double nearing = (i > 0 ? state[n + i - 1] * c->speed : 0) - (i < n ? state[n + i] * c->speed : 0);
+      force += c->dashpot[i] * sqrt(sqrt(depth)) * nearing;
+    }
     if (i > 0) {
       rate[i - 1] = state[n + i - 1];
-      rate[n + i - 1] = (behind - force + c->load[i - 1]) / c->mass[i - 1] * c->scale;
+      rate[n + i - 1] = (behind - force + c->load[i - 1]) / c->mass[i - 1] * scale;
     }
     left = right;
     behind = force;
