@@ -39,7 +39,7 @@ Floats = NDArray[np.float64]
 GLASS, STEEL = Material(1.0, 0.2, 2e-3), Material(3.0, 0.3, 1e-3)
 RNG = np.random.default_rng(5)
 SEEDED = RNG.bit_generator.state
-UNOPTIMISED = ("-O0", *loops.FLAGS[1:])
+UNOPTIMISED = ("-O0", "-DPLAIN", *loops.FLAGS[1:])
 
 
 @pytest.fixture(autouse=True)
@@ -212,7 +212,7 @@ def test_without_a_compiler_all_is_numpy(
 
 @pytest.fixture(scope="module")
 def unoptimised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[bool]]:
-    """A cache of loops without vectors, which compile ten times as fast, and whether both threads that asked have them.
+    """A cache of loops without vectors, which compile in a hundredth of the time, and whether both threads that asked have them.
 
     The two ask at once.
     """
