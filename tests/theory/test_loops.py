@@ -212,9 +212,9 @@ def test_without_a_compiler_all_is_numpy(
 
 @pytest.fixture(scope="module")
 def unoptimised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[bool]]:
-    """A cache of loops without vectors, which compile in a hundredth of the time, and whether both threads that asked have them.
+    """A cache of loops without vectors, and whether both threads that asked have them.
 
-    The two ask at once.
+    They compile in a hundredth of the time. The two ask at once.
     """
     place, gate = tmp_path_factory.mktemp("unoptimised"), Barrier(2)
 
