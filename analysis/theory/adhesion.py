@@ -66,6 +66,12 @@ class AtRest:
         return float(self._law.radius(np.ones(1), np.ones(1, dtype=bool))[0])
 
     @cached_property
+    def scales(self) -> tuple[float, float]:
+        """Return those of overlap and radius of JKR, d and √(3d): the overlap is d(3s⁴ − 2s), the radius √(3d) s²."""
+        depth = 0.0 if isinstance(self._law, network_laws.Dmt) else float(self._law.depth)
+        return depth, float(np.sqrt(3 * depth)) / self._unit
+
+    @cached_property
     def excess(self) -> float:
         """Return κ over Mindlin's."""
         return 1.5 * self.coefficients[0] * self._unit

@@ -1,7 +1,7 @@
 """The slope of `granular_analysis.theory.lattice` on the phase torus in one call of `granular_analysis.theory.loops`.
 
 The formulas are those of `lattice.rhs`, which is the reference: some forty calls of NumPy, of a microsecond each, for
-a few hundred numbers. Contacts by the law of JKR and rings of rows are left to it.
+a few hundred numbers. Rings of rows are left to it.
 """
 
 import ctypes
@@ -24,7 +24,8 @@ class _Torus(ctypes.Structure):
         *((name, ctypes.c_ssize_t) for name in ("waves", "points", "history", "incremental", "potential", "works")),
         *((name, ctypes.c_void_p) for name in ("shifts", "back")),
         *((name, ctypes.c_double * 3) for name in ("along", "across")),
-        *((name, ctypes.c_double) for name in ("A", "F", "shear", "length", "overlap_ratio", "dashpot", "softens")),
+        *((name, ctypes.c_double) for name in ("A", "F", "shear", "length", "overlap_ratio")),
+        *((name, ctypes.c_double) for name in ("depth", "width", "least", "dashpot", "softens")),
         ("mobility", ctypes.c_double * 3),
         ("sign", ctypes.c_double),
     ]
@@ -38,7 +39,7 @@ def torus_slope(
     With the sign of the work of the shear law, as of `granular_analysis.theory.energy`, a last row of the state is it.
     """
     loop, torus, points = loops.library(), neighbours.torus, state.shape[-1]
-    if loop is None or torus is None or contact.adhesion_law != "dmt" or points > MOST:
+    if loop is None or torus is None or points > MOST:
         return None
     arrays = np.ascontiguousarray(torus.shifts), np.ascontiguousarray(torus.shifts.T)
     rows = (9 if contact.has_history else 6) + (work is not None)
@@ -52,6 +53,8 @@ def torus_slope(
         contact.shear_stiffness,
         1 / contact.overlap_ratio - 1 if contact.overlap_ratio else 0.0,
         contact.overlap_ratio,
+        *contact.adhesion.scales,
+        contact.adhesion.least_overlap,
         2 * (contact.kappa + 3) * contact.dashpot,
         contact.restitution is not None,
         triple(*contact.mobility.ravel()),

@@ -670,6 +670,7 @@ typedef struct {
   const double *shifts, *back; /* to the neighbours ahead (K, 3K), and its transpose */
   double along[BONDS], across[BONDS]; /* p and q of the directions at rest */
   double A, F, shear, length, overlap_ratio; /* a length of 0: directions are fixed */
+  double depth, width, least; /* of JKR, as of network_laws.py and adhesion.py; a depth of 0: contacts are DMT's */
   double dashpot, softens; /* and whether a dashpot goes as the root of the contact radius */
   double mobility[3];
   double sign; /* of the work */
@@ -689,6 +690,17 @@ INLINE double complex ratio_complex(double complex z, double complex w)
 {
   const double u = creal(w), v = cimag(w);
   return z * conj(w) / (u * u + v * v);
+}
+
+/* Newton's rule from the root of 3s⁴ − 2s = Re x to that of x, of which adhesion.py takes as many steps */
+INLINE double root_near(double s, double x) { return s; }
+INLINE double complex root_near_complex(double complex s, double complex x)
+{
+  for (int step = 0; step < 4; step++) {
+    const double complex cube = s * s * s;
+    s = ratio_complex(9 * cube * s + x, 12 * cube - 2);
+  }
+  return s;
 }
 
 /* This file reads its last part twice, once for each kind of number. */
@@ -764,6 +776,32 @@ INLINE void OF(deformed)(const Torus *t, const NUMBER *places, NUMBER apart[3][B
     }
 }
 
+/* What a contact is stretched by, from n·d and t·d */
+INLINE NUMBER OF(stretched)(const Torus *t, NUMBER n, NUMBER s, NUMBER *distance)
+{
+  const NUMBER ahead = t->length + n, excess = (t->length + ahead) * n + s * s;
+  *distance = t->length != 0 ? OF(root_of)(t->length * t->length + excess) : 1;
+  return t->length != 0 ? OF(ratio)(excess, *distance + t->length) : n;
+}
+
+/* Radius, −f_N and the growth of the radius with the overlap (M) of contacts by JKR */
+static void OF(adhered)(const Torus *t, const NUMBER apart[3][BONDS * MOST], NUMBER *radius, NUMBER *pull, NUMBER *growth)
+{
+  for (whole m = 0; m < BONDS * t->points; m++) {
+    NUMBER distance;
+    const NUMBER overlap = 1 - OF(stretched)(t, apart[0][m], apart[1][m], &distance);
+    const NUMBER place = (creal(overlap) > t->least ? overlap : t->least) / t->depth;
+    const double x = creal(place), fourth = 4 * x / 9, first = cbrt(2.0 / 9 + sqrt(4.0 / 81 + fourth * fourth * fourth));
+    const double u = first - fourth / first, root = sqrt(u), near = (root + sqrt(4 / (3 * root) - u)) / 2;
+    const double cube = near * near * near;
+    const NUMBER s = OF(root_near)(near - (3 * cube * near - 2 * near - x) / (12 * cube - 2), place), y = s * s * s;
+    const NUMBER spreading = t->depth * (6 * y * s - s);
+    radius[m] = t->width * s * s;
+    pull[m] = -3 * t->F * (y * y - y);
+    growth[m] = creal(spreading) > 0 ? OF(ratio)(radius[m], spreading) : 0;
+  }
+}
+
 /* rate = the time derivative of a state, `lattice.rhs` */
 VECTORS void OF(torus)(const Torus *t, const NUMBER *states, NUMBER *rates)
 {
@@ -772,7 +810,9 @@ VECTORS void OF(torus)(const Torus *t, const NUMBER *states, NUMBER *rates)
     const NUMBER *state = states + wave * size, *memory = state + 6 * K;
     NUMBER *rate = rates + wave * size;
     NUMBER apart[3][BONDS * MOST], moving[3][BONDS * MOST], pull[3][BONDS * MOST], behind[MOST], power[BONDS * MOST];
+    NUMBER radius[BONDS * MOST], presses[BONDS * MOST], grows[BONDS * MOST];
     OF(deformed)(t, state, apart);
+    if (t->depth != 0) OF(adhered)(t, apart, radius, presses, grows);
     if (t->history || t->works || t->dashpot != 0)
       OF(deformed)(t, state + 3 * K, moving);
     else
@@ -780,22 +820,22 @@ VECTORS void OF(torus)(const Torus *t, const NUMBER *states, NUMBER *rates)
         for (whole m = 0; m < M; m++) moving[row][m] = 0;
 #pragma GCC ivdep
     for (whole m = 0; m < M; m++) {
-      const NUMBER n = apart[0][m], s = apart[1][m], ahead = t->length + n, excess = (t->length + ahead) * n + s * s;
-      const NUMBER distance = t->length != 0 ? OF(root_of)(t->length * t->length + excess) : 1;
-      const NUMBER cosine = t->length != 0 ? OF(ratio)(ahead, distance) : 1;
+      NUMBER distance;
+      const NUMBER n = apart[0][m], s = apart[1][m], free = 1 - OF(stretched)(t, n, s, &distance);
+      const NUMBER cosine = t->length != 0 ? OF(ratio)(t->length + n, distance) : 1;
       const NUMBER sine = t->length != 0 ? OF(ratio)(s, distance) : 0;
-      const NUMBER stretch = t->length != 0 ? OF(ratio)(excess, distance + t->length) : n;
-      const NUMBER overlap = creal(stretch) < 1 ? 1 - stretch : 0, root = OF(root_of)(overlap);
+      const NUMBER overlap = creal(free) > t->least ? free : t->least;
+      const NUMBER root = t->depth != 0 ? radius[m] : OF(root_of)(overlap);
       const NUMBER opening = cosine * moving[0][m] + sine * moving[1][m];
       const NUMBER slipping = cosine * moving[1][m] - sine * moving[0][m] - moving[2][m];
       const NUMBER slip = t->history ? memory[m] : cosine * s - sine * n - apart[2][m];
       const NUMBER spring = t->history && t->incremental ? slip : t->shear * root * slip;
       const NUMBER pushed = t->potential && creal(overlap) > 0 ? OF(ratio)(spring * slip, 4 * overlap) : 0;
-      const NUMBER resists = t->dashpot * (t->softens != 0 ? OF(root_of)(root) : creal(overlap) > 0 ? 1.0 : 0.0);
-      const NUMBER N = t->F - t->A * overlap * root - pushed + resists * opening;
+      const NUMBER resists = t->dashpot * (t->softens != 0 ? OF(root_of)(root) : creal(overlap) > t->least ? 1.0 : 0.0);
+      const NUMBER N = (t->depth != 0 ? presses[m] : t->F - t->A * overlap * root - pushed) + resists * opening;
       const NUMBER S = spring + (t->shear != 0 ? resists * slipping : 0);
       const NUMBER sheared = t->history && t->incremental ? OF(ratio)(slip, t->shear * root) : slip;
-      const NUMBER growth = creal(overlap) > 0 ? OF(ratio)(0.5, root) : 0;
+      const NUMBER growth = t->depth != 0 ? grows[m] : creal(overlap) > 0 ? OF(ratio)(0.5, root) : 0;
       power[m] = -0.5 * t->sign * t->shear * growth * sheared * sheared * moving[0][m];
       pull[0][m] = cosine * N - sine * S;
       pull[1][m] = sine * N + cosine * S;
