@@ -32,7 +32,7 @@ from granular_analysis.theory.network_ledger import energy, kinetic_energy, work
 from granular_analysis.theory.network_loop import contact_loop
 from granular_analysis.theory.network_outside import imposed, pushes
 from granular_analysis.theory.network_state import State, contacts, present, resultants, searched_again, settled
-from granular_analysis.theory.network_tangents import dot
+from granular_analysis.theory.network_tangents import crossed, dot
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -310,4 +310,4 @@ class _Rates:
 
 def _tilting(turn: Floats, spin: Floats) -> Floats:
     """Return dg/dt − ω (3, N) of turns g, which are 2 tan(ϑ/2) times an axis: ½ω × g + ¼(ω·g) g."""
-    return np.cross(spin, turn, axis=0) / 2 + dot(spin, turn) * turn / 4
+    return crossed(spin, turn) / 2 + dot(spin, turn) * turn / 4

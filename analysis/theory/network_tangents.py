@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 _ACROSS = np.array([[-1.0], [1.0]])  # ẑ × (x, y) is (−y, x)
 _ABOUT_Z = np.ones((1, 1, 1))
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # the axes after x, y, z, in turn, and before them
 _STEEP = 0.8  # n_z from which e₂ is made from x̂ in place of ẑ
 
 
@@ -47,7 +48,7 @@ def frames(normal: Floats) -> Floats:
     second = np.stack([np.where(steep, 1.0, 0.0), np.zeros_like(normal[2]), np.where(steep, 0.0, 1.0)])
     second = second - dot(second, normal) * normal
     second /= np.sqrt(dot(second, second))
-    return np.stack([np.cross(second, normal, axis=0), second, normal])
+    return np.stack([crossed(second, normal), second, normal])
 
 
 def tangents(frame: Floats, normal: Floats) -> Tangents:
@@ -93,6 +94,11 @@ def dot(one: Floats, other: Floats) -> Floats:
     for way in range(1, len(one)):
         total += one[way] * other[way]
     return total
+
+
+def crossed(one: Floats, other: Floats) -> Floats:
+    """Return the vector products (3, ...) of vectors (3, ...); NumPy's take three times as long for a few."""
+    return one[_NEXT] * other[_LAST] - one[_LAST] * other[_NEXT]
 
 
 def combined(parts: Floats, vectors: Floats) -> Floats:
