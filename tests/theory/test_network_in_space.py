@@ -238,8 +238,8 @@ def test_a_sphere_on_a_wall_swings_up_and_down_at_the_root_of_its_stiffness() ->
     for size in sizes:
         run = integrate(network, start(network, [[0, 0, size]], 0.0), [2 * pi / rate], rtol=1e-12)
         errors.append(abs(float(run.motion[0, 2, 0]) - size))
-    # After one period of the linear motion the second order is back at 0; the third has changed the frequency by a², and
-    # a crest leaves the square of that of a
+    # After one period of the linear motion the second order is back at 0; the third has changed the frequency by a²,
+    # and a crest of a leaves the square of that
     assert slope(sizes, np.array(errors)) == pytest.approx(5, abs=0.1)
     assert abs(forces(network, start(network, 0.0, 0.0))).max() < 1e-9 * A[0] * SUNK**1.5
 

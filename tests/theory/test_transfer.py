@@ -223,14 +223,13 @@ def test_the_network_in_time_shares_the_energy_of_a_packet_so(name: str, wavenum
     # What has not passed yet, and the tails of the packet: 1e-3
     assert there[interface - 1 :].sum() / there.sum() == pytest.approx(power @ transmitted / power.sum(), abs=1e-3)
     other = rows_of(crystal(14, hard=slice(7, None), density={7: 2.0 * 2200}), 2, 11)
-    wrong = [scattering(other, mode_of(name, n, CONTACT.closed).frequency / SILICA.time_scale, name) for n in numbers]
-    assert (
-        abs(
-            power @ [each.transmitted[name] for each in wrong] / power.sum()
-            - there[interface - 1 :].sum() / there.sum()
-        )
-        > 0.01
-    )
+    few = slice(None, None, 4)
+    wrong = [
+        scattering(other, mode_of(name, n, CONTACT.closed).frequency / SILICA.time_scale, name).transmitted[name]
+        for n in numbers[few]
+    ]
+    share = power[few] @ wrong / power[few].sum()
+    assert abs(share - there[interface - 1 :].sum() / there.sum()) > 0.01
 
 
 @pytest.mark.parametrize(
