@@ -292,7 +292,7 @@ def test_a_longitudinal_wave_is_the_same_with_every_effect_on(scene: Scene, boun
 
 @pytest.mark.parametrize(("xi", "rows"), members([(0.802, 94), (1.475, 98), (2.127, 130)], (1.475, 98), (2.127, 130)))
 def test_the_fewest_quiet_rows_and_a_periodic_cell_give_the_same_as_201(xi: float, rows: int, tmp_path: Path) -> None:
-    declared = PAPER.with_values({"wave.wavenumber": xi})
+    declared = PAPER.with_values({"wave.wavenumber": xi, "time.timestep": 0.1})
     cell = declared.with_values({"packing.rows": "auto", "packing.ends": "periodic"})
     assert cell.shape.rows == rows
     assert abs(cell.wavenumber - xi) <= 1e-3
@@ -419,7 +419,7 @@ def test_guards_stay_silent_at_any_amplitude(mode: str, amplitude: float, tmp_pa
 
 @pytest.mark.parametrize("mode", members(["TR", "RT", "L"], "RT"))
 def test_the_friction_keeps_every_mode_from_sliding(mode: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    fixed = PAPER.with_values({"wave.mode": mode, "packing.rows": 61, "time.duration": 38})
+    fixed = PAPER.with_values({"wave.mode": mode, "packing.rows": 61, "time.duration": 38, "time.timestep": 0.1})
     assert run(fixed, tmp_path / "fixed").info["guards"]["largest_slip"]["value"] < 0.6
     # The linear wave predicts the ratio of each contact to order a = 0.2
     cell = fixed.with_values({"packing.ends": "periodic", "packing.rows": 16})

@@ -76,7 +76,7 @@ def fields(record: Record) -> np.ndarray:
     return np.concatenate([displacement, rotation[:, :, None]], axis=2)
 
 
-def moved(first: FirstSnapshot, tau: np.ndarray, rtol: float = 1e-10) -> np.ndarray:
+def moved(first: FirstSnapshot, tau: np.ndarray, rtol: float = 1e-9) -> np.ndarray:
     """Return the fields of a network at times."""
     motion = integrate(first.network, first.state, tau * first.time, rtol=rtol).motion[:, :3]
     return np.moveaxis(motion, 1, 2) * np.array([1.0, 1.0, first.radius]) / first.length
@@ -101,7 +101,7 @@ def test_every_sphere_of_a_mixture_moves_as_in_the_network(name: str, tmp_path: 
     def off(**changes: Any) -> float:
         """Return the distance from another network, whose own error is far below what it is compared with."""
         other = replace(first, network=replace(first.network, **changes))
-        return float(np.abs(found - moved(other, fine.snapshots().tau, rtol=1e-7)).max() / size)
+        return float(np.abs(found - moved(other, fine.snapshots().tau, rtol=1e-6)).max() / size)
 
     # A part that is left out, or one that is heavier by a hundredth, is seen
     assert off(density=1.01 * first.network.density) > 100 * LEFT

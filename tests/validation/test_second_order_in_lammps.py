@@ -52,7 +52,7 @@ def extrapolated(scene: Scene, folder: Path, amplitude: float) -> tuple[Record, 
     weights = {(step, phase): weight / 2 for step, weight in steps for phase in (0.0, pi)}
     total = np.zeros(3)[:, None]
     for (step, phase), weight in weights.items():
-        values = {"wave.amplitude": amplitude, "time.duration": 16.0, "time.timestep": step, "time.sample": 0.5}
+        values = {"wave.amplitude": amplitude, "time.duration": 10.0, "time.timestep": step, "time.sample": 0.5}
         phase += 0.3  # at which what the start leaves in the contacts is not 0
         record = run(scene.with_values(values | {"wave.phase": phase}), folder / f"{step} {phase:.1f} {amplitude}")
         total = total + weight * np.nan_to_num([record.p, record.q, record.phi])
@@ -121,10 +121,11 @@ def test_one_call_says_which_theory_answers_for_a_scene() -> None:
         scene = Scene.load(shipped).with_values({"wave.phase": 0.3} | values)
         answer = signals(scene, tau)
         by[name] = answer.theory
-        first, second = Setting(scene).signals(tau)
-        # Two derivations, where there are two: rounding of places a thousand overlaps long
-        np.testing.assert_allclose(answer.first, first, rtol=0, atol=1e-9)
-        np.testing.assert_allclose(answer.second, second, rtol=0, atol=1e-7 * np.abs(second).max())
+        if answer.theory == "closed form":
+            first, second = Setting(scene).signals(tau)
+            # Two derivations: rounding of places a thousand overlaps long
+            np.testing.assert_allclose(answer.first, first, rtol=0, atol=1e-9)
+            np.testing.assert_allclose(answer.second, second, rtol=0, atol=1e-7 * np.abs(second).max())
     assert {name for name, theory in by.items() if theory == "closed form"} == {"secant"}
     with pytest.raises(ValueError, match="disorder"):
         signals(Scene.load("tr_periodic").with_values({"disorder.vacancies": 0.01}), tau)

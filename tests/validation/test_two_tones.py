@@ -37,7 +37,7 @@ def deck(timestep: float) -> Deck:
         "packing.columns": SHEET.columns,
         "wave.wavenumber": 2 * np.pi / SHEET.rows,
         "wave.amplitude": AMPLITUDE,
-        "time.duration": 20.0,
+        "time.duration": 14.0,
         "time.timestep": timestep,
         "output.particles": 1.0,
     }

@@ -44,7 +44,7 @@ def test_a_grating_is_that_of_the_closed_form(mode: str, bounds: tuple[float, fl
     ),
 )
 def test_half_the_amplitude_of_a_grating_is_a_quarter_of_the_error(tmp_path: Path, measured: Measure) -> None:
-    scene = Scene.load("tr_grating").with_values({"time.duration": 40.0, "time.timestep": 0.0125})
+    scene = Scene.load("tr_grating").with_values({"time.duration": 24.0, "time.timestep": 0.0125})
     errors = []
     for amplitude in (0.2, 0.1):
         done = run(scene.with_values({"wave.amplitude": amplitude}), tmp_path / str(amplitude))
@@ -88,7 +88,9 @@ def test_a_row_that_moves_with_the_velocity_of_now_is_wrong_in_first_order(tmp_p
 @pytest.mark.parametrize("changes", members([{}, {"wave.mode": "L"}], {"wave.mode": "L"}), ids=["TR", "L"])
 def test_a_pulse_is_that_of_second_order_on_a_sheet(changes: dict[str, Any], tmp_path: Path) -> None:
     scene = Scene.load("tr_pulse").with_values(
-        {"wave.amplitude": 0.02, "time.duration": 16.0, "output.particles": 8.0} | changes
+        {"packing.rows": 36, "packing.columns": 32, "wave.amplitude": 0.02}
+        | {"time.duration": 16.0, "output.particles": 8.0}
+        | changes
     )
     found = sheets.compare(run(scene, tmp_path / "run"))
     beyond = found.beyond[1:]
