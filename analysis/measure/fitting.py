@@ -110,7 +110,15 @@ class Fit:
         """
         errors = [each.error for each in self.points if each.error is not None]
         self.predicted(np.array([each.start for each in self.parameters]))  # its refusals are the answer
-        return estimate(self.parameters, self._tried, [each.value for each in self.points], errors or None, self.loss)
+        known: dict[bytes, Floats] = {}  # searches ask again where they start and end
+
+        def model(values: Floats) -> Floats:
+            place = values.tobytes()
+            if place not in known:
+                known[place] = self._tried(values)
+            return known[place]
+
+        return estimate(self.parameters, model, [each.value for each in self.points], errors or None, self.loss)
 
     def _tried(self, values: Floats) -> Floats:
         """Return what the points would be, nan for values that a scene may not have."""
@@ -196,16 +204,17 @@ def _surface_waves(scene: Scene, points: Sequence[Point]) -> Floats:
 
 def _harmonics(scene: Scene, points: Sequence[Point]) -> Floats:
     """Return the amplitudes |C| of second harmonics in m, each of its own wave, from the start of the wave."""
-    found = []
-    for each in points:
-        setting = Setting(scene)
+    setting, waves = Setting(scene), dict[tuple[float, float], list[int]]()  # points of one wave at several times
+    for n, each in enumerate(points):
         xi = each.wavenumber * (1.0 if each.unit == "rad/row" else 1 / setting.unit)
-        wave = {"wave.amplitude": each.amplitude / scene.sphere.static_overlap} | (
-            {"wave.wavenumber": xi} if xi else {}
-        )
+        waves.setdefault((xi, each.amplitude), []).append(n)
+    found = np.empty(len(points))
+    for (xi, amplitude), chosen in waves.items():
+        wave = {"wave.amplitude": amplitude / scene.sphere.static_overlap} | ({"wave.wavenumber": xi} if xi else {})
         own = scene.with_values(wave)
-        found.append(Setting(own).harmonic([each.time / own.sphere.time_scale])[0][0])
-    return np.linalg.norm(found, axis=1) * np.array([each.amplitude for each in points])
+        fields, _ = Setting(own).harmonic([points[n].time / own.sphere.time_scale for n in chosen])
+        found[chosen] = np.linalg.norm(fields, axis=1) * amplitude
+    return found
 
 
 def summary(fit: Fit, found: Estimate) -> dict[str, Any]:

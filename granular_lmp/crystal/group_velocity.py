@@ -35,7 +35,7 @@ def fronts(
     physics : Physics
         Degrees of freedom.
     directions : int
-        Number of directions of k, all around. Good values: 180 to 720.
+        Number of directions of k, all around, even. Good values: 180 to 720.
 
     Returns
     -------
@@ -44,7 +44,8 @@ def fronts(
         along k, TR is the lower and RT the upper of the others. A direction in which the mode has the frequency at
         several k gives several rows. To about 1e-3: |k| is interpolated.
     """
-    degrees = np.linspace(-180, 180, directions, endpoint=False) + 180 / directions  # none along a mirror line
+    # Half of them, as −k has the frequency of k and the opposite velocity; none is along a mirror line
+    degrees = np.linspace(-180, 0, directions // 2, endpoint=False) + 180 / directions
     along = np.column_stack([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
     edge = np.array([zone_edge(each) for each in degrees]) / ROW_SPACING / lattice_constant(sphere)
     share = np.linspace(0.01, 1.0, _SAMPLES)
@@ -64,4 +65,4 @@ def fronts(
     for direction, sample, each, velocity in zip(place, at, branch, velocities, strict=True):
         name = branch_names(shapes[direction, sample], along[direction])[each]
         result.setdefault(name, []).append(velocity)
-    return {name: np.array(result[name]) for name in MODES if name in result}
+    return {name: np.concatenate([result[name], np.negative(result[name])]) for name in MODES if name in result}

@@ -5,6 +5,7 @@ Lengths in Δ0 and forces in k1 Δ0 of `SILICA`, where nothing else is said.
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ def spread(s: float, seed: int = 1, **other: float) -> Disorder:
     return Disorder(radius=s * SILICA.overlap_ratio, seed=seed, **other)
 
 
+@cache
 def disordered(s: float, rows: int = 12, columns: int = 10, seed: int = 1, ends: str = "periodic") -> Equilibrium:
     return relax(*imperfect(packed(SILICA, Shape(rows, columns, ends)), SILICA, spread(s, seed)))
 
@@ -225,7 +227,7 @@ def test_a_crystal_elsewhere_comes_to_the_same_rest() -> None:
 
 
 def test_the_same_seed_gives_the_same_rest_to_the_last_bit() -> None:
-    one, other = disordered(2.0), disordered(2.0)
+    one, other = disordered(2.0), disordered.__wrapped__(2.0)
     assert (one.displacement == other.displacement).all()
     assert (one.strain == other.strain).all()
 
@@ -264,17 +266,17 @@ def test_a_crystal_with_vacancies_stays_in_place_without_compression_and_relaxes
 def test_the_spread_over_the_overlap_alone_decides_how_many_contacts_there_are(s: float) -> None:
     """Spheres ten times as stiff have an overlap 4.6 times as small: the same s is another spread of radii."""
     stiff = replace(SILICA, youngs_modulus=10 * SILICA.youngs_modulus)
-    mean = []
-    for sphere in (SILICA, stiff):
+    contacts = []
+    for sphere, seeds in ((SILICA, range(1, 9)), (stiff, range(1, 5))):
         lattice = packed(sphere, Shape(12, 10, "periodic"))
-        disorders = [Disorder(radius=s * sphere.overlap_ratio, seed=seed) for seed in range(1, 9)]
+        disorders = [Disorder(radius=s * sphere.overlap_ratio, seed=seed) for seed in seeds]
         rests = [relax(*imperfect(lattice, sphere, disorder)) for disorder in disorders]
-        mean.append(np.mean([rest.contacts_per_sphere for rest in rests]))
-    # The same deviates: the crystals differ by terms of order Δ0/R, and one contact more is 0.002 of the mean Z
-    assert abs(mean[0] - mean[1]) < 0.02
+        contacts.append([rest.contacts_per_sphere for rest in rests])
+    # The same deviates: the crystals differ by terms of order Δ0/R, and one contact more is 0.004 of the mean Z
+    assert abs(np.mean(contacts[0][:4]) - np.mean(contacts[1])) < 0.02
     # The case "disorder"; 4 standard errors of the mean of 8 crystals of 120 spheres, from those of 1020 there
     expected, deviation = {0.8: (5.759, 0.017), 2.0: (5.01, 0.037)}[s]
-    assert abs(mean[0] - expected) < 4 * deviation * np.sqrt(1020 / 120 / 8)
+    assert abs(np.mean(contacts[0]) - expected) < 4 * deviation * np.sqrt(1020 / 120 / 8)
 
 
 def test_the_rest_is_stable() -> None:
