@@ -1,5 +1,7 @@
 """The third harmonic of one wave, against the hierarchy of the exact lattice."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
@@ -49,6 +51,7 @@ def third_harmonic_growth(k: ArrayLike, branch: ArrayLike, contact: Contact) -> 
     return made.frequency[..., None] - made.targets.frequencies, made.growth_rates()
 
 
+@cache
 def in_the_hierarchy(name: ModeName, wavenumber: float, direction: float, contact: Contact) -> Complexes:
     """Return the (p, q, φ) that run with the wave at 3ϑ in the third order of the exact lattice, in Δ0 per a³.
 
