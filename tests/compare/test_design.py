@@ -207,7 +207,7 @@ def exact_lattice(pair: Pair, tau: NDArray[np.float64], amplitude: float) -> NDA
         field = np.exp(1j * angle) * shapes[branch][:, None]
         start += amplitude * np.concatenate([field.real, (-1j * frequencies[branch] * field).real])
     start = lattice.with_shear(start, pair.contact, neighbours)
-    states = lattice.motion(start, pair.contact, neighbours, tau, 1e-11, amplitude)[:, :3]
+    states = lattice.motion(start, pair.contact, neighbours, tau, 1e-9, amplitude)[:, :3]
     return np.asarray(2 * np.mean(states * np.exp(-1j * (one + other)), axis=-1) / amplitude**2)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from granular_analysis import compare
 from granular_analysis.measure.runs import load
+from granular_analysis.measure.signals import COMPONENTS
 from granular_lmp import Scene, run
 from granular_lmp.scene.shipped import SHIPPED
 from tests.conftest import members
@@ -57,7 +58,8 @@ def test_a_shipped_scene_is_judged(folder: Path, tmp_path: Path) -> None:
     assert (found.theory or "-") in compare.table([found])
     drawn = [name for name in compare.names_of(found) if found.error.get(name, 0.0) is not None]
     assert set(heard) <= set(drawn)
-    assert len(compare.figure(found.record, found).axes) == 2 * len(drawn)
+    if set(drawn) != set(COMPONENTS):  # that of all three is drawn in test_compare.py
+        assert len(compare.figure(found.record, found).axes) == 2 * len(drawn)
 
 
 def test_there_are_scenes_of_every_kind() -> None:
