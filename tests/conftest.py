@@ -174,9 +174,13 @@ def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
 def drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are drawn without their constrained layout, which draws each three times more to measure it.
 
-    For tests that a figure is drawn. Those of what is clipped, and one of each way to a file, keep the layout.
+    Titles stay where they are, which spares the search for what they could cover. For tests that a figure is drawn.
+    Those of what is clipped, and one of each way to a file, keep the layout.
     """
     monkeypatch.setattr("matplotlib.figure.Figure.get_layout_engine", lambda self: None)
+    from matplotlib import rcParams  # kept out of processes that draw nothing
+
+    monkeypatch.setitem(rcParams, "axes.titley", 1.0)
 
 
 @pytest.fixture
