@@ -25,11 +25,15 @@ _WIDTH, _BOX, _HEIGHT, _STEP, _LEFT = 980, 130, 30, 52, 150
 def imported(source: str) -> set[str]:
     """Return the rooms of the package that a source imports; in ``analysis``, those of ``granular_lmp`` too."""
     names: set[str] = set()
-    for node in ast.walk(ast.parse(source)):
+    left: list[ast.AST] = [ast.parse(source)] if "granular_lmp" in source else []
+    while left:
+        node = left.pop()
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):  # statements; no expression imports
+            left += getattr(node, part, [])
     return {name.split(".")[1] for name in names if name.startswith("granular_lmp.")}
 
 
