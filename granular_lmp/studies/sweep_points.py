@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
+from functools import lru_cache
 from itertools import product
 from math import prod
 from pathlib import Path
@@ -157,6 +158,7 @@ def _motion(scene: Scene) -> str:
     return json.dumps(values | {"name": None, "description": None}, sort_keys=True)
 
 
+@lru_cache(maxsize=64)  # settings of a study of cost share scenes, and are named again when it goes on
 def scene_hash(scene: Scene) -> str:
     """Return the name of a scene's run, in which every "auto" is decided (`granular_lmp.studies.identity`)."""
     return names_of(prepare(scene).scene)[0]
