@@ -82,12 +82,13 @@ DOORS = ["-m granular_analysis.compare", "-c 'from granular_analysis.cli import 
 
 @pytest.mark.parametrize("door", members(DOORS, DOORS[0]))
 def test_a_script_ends_as_a_command_does(door: str, small: Scene, tmp_path: Path) -> None:
-    # Of a sweep it prints a line and draws no figure
-    sweep(small, {"wave.phase": [0.0]}, tmp_path / "sweep")
+    # Of a sweep over words it prints a line and draws no figure
+    sweep(small, {"wave.mode": ["TR"]}, tmp_path / "sweep")
     compare = f"PYTHONPATH={Path(__file__).parents[2]} {sys.executable} {door}"
     assert shell(f"{compare} sweep > /dev/full", tmp_path)[::2] == (1, "this machine: No space left on device\n")
     assert shell(f"set -o pipefail; {compare} sweep | true", tmp_path)[::2] == (0, "")
     assert shell(f"{compare} sweep <&- >&- 2>&-", tmp_path)[0] == 0
+    assert not (tmp_path / "sweep/compare.png").exists()
 
 
 def test_the_installed_command_is_the_one_whose_errors_are_one_line(
