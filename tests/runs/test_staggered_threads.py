@@ -14,7 +14,7 @@ from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import run as collide
 from granular_lmp.studies.kick import run_kicked
 
-LONG = 2000.0  # τ of the run beside which the others begin: 40,000 steps of 24 spheres, a quarter of a second
+LONG = 1000.0  # τ of the run beside which the others begin: 20,000 steps of 24 spheres, an eighth of a second
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 20.0})
 
 
@@ -27,7 +27,7 @@ def systems(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_staggered_runs_with_relative_folders_land_in_their_own(
-    systems: bool, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    systems: bool, small: Scene, tmp_path: Path, fast_looks: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     at_work = threading.Event()
@@ -82,7 +82,7 @@ def test_while_lammps_runs_no_other_thread_sees_its_directory(
     moved = directory._moved_alone
     monkeypatch.setattr(directory, "_moved_alone", lambda folder: alone.append(moved(folder)) or alone[-1])
     run(
-        small.with_values({"time.duration": LONG / 10, "time.sample": 10.0}),
+        small.with_values({"time.duration": LONG / 5, "time.sample": 10.0}),
         "long",
         progress=lambda step, steps: seen.add(Path.cwd()),
     )
