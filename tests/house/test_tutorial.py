@@ -114,7 +114,7 @@ def short_movies(monkeypatch: pytest.MonkeyPatch) -> None:
 
 # `make tested-docs` runs both
 @pytest.mark.parametrize("name", members(PAGES, "tutorial"))
-@pytest.mark.usefixtures("short_movies")
+@pytest.mark.usefixtures("short_movies", "drawn_once")
 def test_every_command_of_the_tutorial_runs_and_prints_what_the_page_shows(name: str, tmp_path: Path) -> None:
     assert follow(PAGES[name].read_text("utf-8"), tmp_path) == []
 
