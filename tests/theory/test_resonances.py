@@ -198,7 +198,7 @@ ALONG_A_ROW |= {"wave.wavenumber": 1.540018, "wave.amplitude": 0.005}
 
 @pytest.mark.parametrize("values", members([BEST_LAYERS, ALONG_A_ROW], ALONG_A_ROW), ids=["layers", "row"])
 def test_lammps_has_the_growth_of_the_best_layers_and_along_a_row(values: dict[str, Any], tmp_path: Path) -> None:
-    short = {"time.duration": 60.0, "time.sample": 1.0, "output.particles": 1.0}
+    short = {"time.duration": 30.0, "time.sample": 1.0, "output.particles": 1.0}
     scene = Scene.load("tr_periodic").with_values(short | values)
     folders = [tmp_path / f"{phase:.0f}" for phase in (pi, 0)]
     for phase, folder in zip((pi, 0.0), folders, strict=True):

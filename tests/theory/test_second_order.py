@@ -567,9 +567,9 @@ def drift(crystal: Crystal, one: Wave, size: float) -> float:
     static = 0.5 * size**2 * np.tile(Mixed(crystal, one, one.reversed).static(), (count, 1))
     u = (field + doubled + static).real
     v = (-1j * one.frequency * (field + 2 * doubled)).real
-    times = np.linspace(0, 40 * np.pi / one.frequency, 401)
+    times = np.linspace(0, 40 * np.pi / one.frequency, 161)  # eight in a period
     state = start(network, u[:, :2], v[:, :2], u[:, 5] / R, v[:, 5] / R)
-    motion = integrate(network, state, times, rtol=1e-10).motion[:, :2]
+    motion = integrate(network, state, times, rtol=1e-8).motion[:, :2]
     share = np.einsum("tcn,cn->t", motion, field[:, :2].T.conj())  # of e^{-iwt}; the conjugate of the field has none
     turned = np.unwrap(np.angle(share * np.exp(1j * one.frequency * times)))
     return float(-np.polyfit(times, turned, 1)[0])

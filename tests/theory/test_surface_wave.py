@@ -219,6 +219,15 @@ def rows(printed: str, kind: str) -> list[dict[str, float]]:
     return [dict(zip(head[-len(line) + 1 :], map(float, line[1:]), strict=True)) for line in lines]
 
 
+@pytest.fixture
+def printed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command prints its table, and seeks no other waves to draw and write."""
+    monkeypatch.setattr(saw, "POINTS", 2)
+    monkeypatch.setattr(saw.Film, "leaking", lambda film, numbers: [])
+    monkeypatch.setattr(saw, "draw", lambda *found: None)
+    monkeypatch.setattr(saw, "save", lambda figure, path: None)
+
+
 @pytest.mark.usefixtures("drawn_once")
 def test_the_command_prints_resonances_and_writes_all_waves(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -242,11 +251,8 @@ def test_the_command_prints_resonances_and_writes_all_waves(
     assert (tmp_path / "saw.png").stat().st_size > 1e4
 
 
-def test_another_density_of_the_substrate_changes_the_leak(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(saw, "POINTS", 2)  # of the file, which is not read here
-    monkeypatch.setattr(saw, "save", lambda figure, path: None)
+@pytest.mark.usefixtures("printed")
+def test_another_density_of_the_substrate_changes_the_leak(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = Scene.load("monolayer_vertical").with_values({"substrate.density": 4400.0})
     (tmp_path / "heavy.toml").write_text(scene.to_toml())
     found = []
@@ -259,11 +265,8 @@ def test_another_density_of_the_substrate_changes_the_leak(
     assert declared == heavy
 
 
-def test_the_command_takes_a_plate_and_a_film(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(saw, "POINTS", 2)  # of the file, which is not read here
-    monkeypatch.setattr(saw, "save", lambda figure, path: None)
+@pytest.mark.usefixtures("printed")
+def test_the_command_takes_a_plate_and_a_film(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plate = ["monolayer_vertical", "--thickness", "2e-6", "-o", str(tmp_path / "saw.png")]
     saw.main([*plate, "--limit", "0.06"])
     assert not rows(capsys.readouterr().out, "resonance")  # nothing leaks from a plate
