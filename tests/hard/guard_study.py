@@ -240,9 +240,11 @@ def _near(deck: Deck) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
 def _snapshots(path: Path) -> tuple[Floats, Floats]:
     """Return steps (T,) and ux, uy, vx, vy, spin, angle (T, N, 6) of all spheres; those that left stay as they were."""
     snapshots = list(binary_snapshots(path))
-    steps, values = [each.step for each in snapshots], np.array([snapshots[0].table[:, 1:]] * len(snapshots))
-    for number, each in enumerate(snapshots):
-        values[number:, each.table[:, 0].astype(int) - 1] = each.table[:, 1:]
+    steps, values = [each.step for each in snapshots], np.empty((len(snapshots), *snapshots[0].table[:, 1:].shape))
+    values[0] = snapshots[0].table[:, 1:]
+    for number, each in enumerate(snapshots[1:], 1):
+        values[number] = values[number - 1]
+        values[number, each.table[:, 0].astype(int) - 1] = each.table[:, 1:]
     if values.shape[2] == 5:
         return np.array(steps, dtype=float), np.pad(values, ((0, 0), (0, 0), (0, 1)))
     angle = np.unwrap(np.arctan2(values[..., 6], values[..., 5]), axis=0)

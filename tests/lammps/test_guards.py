@@ -110,13 +110,13 @@ def test_walls_whose_signal_never_reaches_the_record_do_not_stop_a_run(tmp_path:
     assert stays.info["guards"]["open_contacts"]["quiet"]
     assert stays.info["elsewhere"]["open_all"] > 0
     assert near.info["smallest_overlap"] == pytest.approx(0.31, abs=0.02)
-    far = run(WALLED.with_values({"packing.rows": WALLED.shape.rows + 60}), tmp_path / "far")
+    far = run(WALLED.with_values({"packing.rows": WALLED.shape.rows + 30}), tmp_path / "far")
     # What the walls do there is not in the record: the echo time promises 1e-6
     assert np.abs(far.p - near.p).max() < 1e-6 + 1e-6 * np.abs(far.p).max()
 
 
 def test_snapshots_widen_the_record_to_all_spheres_and_so_the_guard(tmp_path: Path) -> None:
-    everyone = WALLED.with_values({"output.particles": 1.0})
+    everyone = WALLED.with_values({"output.particles": 1.0, "time.duration": 30.0})
     assert watches_part(WALLED)
     assert not watches_part(everyone)
     with pytest.raises(EffectError, match="contact_opening triggered its guard"):

@@ -188,12 +188,11 @@ dump_modify  each format line "%.0f %.0f %.17g %.17g"
         run(deck.edited(after={"guards": lines}), folder)
     i, j, _ = overlapping(problem.crystal)
     rest = {(min(pair), max(pair)) for pair in zip(i + 1, j + 1, strict=True)}
-    friction = Case(scene, problem.on).friction
-    slip = max(look.slip for _, look in judged_contacts(folder / "each", problem, friction))
-    least = min(look.overlap for _, look in judged_contacts(folder / "each", problem, friction))
+    looks = [look for _, look in judged_contacts(folder / "each", problem, Case(scene, problem.on).friction)]
+    slip, least = max(look.slip for look in looks), min(look.overlap for look in looks)
     changed = 0
     for _, _, table in read_snapshots(folder / "each"):
-        now = {(min(pair), max(pair)) for pair in table[:, :2].astype(int).tolist()}
+        now = set(map(tuple, np.sort(table[:, :2].astype(int), axis=1).tolist()))
         changed = max(changed, len(now ^ rest))
     return least, slip, changed
 

@@ -318,14 +318,14 @@ def test_adopted_and_forced_runs_take_their_monitors_along(record: Record, tmp_p
 
 
 def test_a_tolerance_holds_for_monitors(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    scene = SHEET.with_values({"time.tolerance": 1e-2, "output.particles": 0.5})
+    scene = SHEET.with_values({"time.tolerance": 1e-2, "output.particles": 2.0})
     (tmp_path / "scene.toml").write_text(scene.to_toml())
     assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "run")]) == 0
     answer = Record.load(tmp_path / "run")
     finest = tmp_path / "run" / f"{round(0.25 / min(answer.info['extrapolated_from']))}_per_sample"
     # Errors of second order of a step that is at least eight times as small
     step = min(answer.info["extrapolated_from"]) / 8
-    exact = run(SHEET.with_values({"time.timestep": step, "output.particles": 0.5}), tmp_path / "exact")
+    exact = run(SHEET.with_values({"time.timestep": step, "output.particles": 2.0}), tmp_path / "exact")
     truth, found, single = (Recorded() for _ in range(3))
     for one, record in ((truth, exact), (found, answer), (single, Record.load(finest))):
         one.add(record)
