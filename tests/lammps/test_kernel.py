@@ -57,7 +57,7 @@ def built(kernel: Path) -> Path:
 
 
 def short(name: str, **values: object) -> Scene:
-    return Scene.load(name).with_values({"time.duration": 20.0} | values)
+    return Scene.load(name).with_values({"time.duration": 10.0} | values)
 
 
 def brief(scene: Scene) -> Scene:
@@ -117,7 +117,7 @@ SCENES = {
     ),
     "a layer on a substrate": short("monolayer_rocking"),
     "an impact with friction and restitution": Scene.load("point_impact").with_values(
-        {"effects.friction": 0.3, "effects.restitution": 0.9, "time.duration": 4.0}
+        {"effects.friction": 0.3, "effects.restitution": 0.9, "time.duration": 2.0}
     ),
 }
 
@@ -165,7 +165,9 @@ def test_another_friction_is_noticed(tmp_path: Path) -> None:
     ),
 )
 def test_a_renewed_neighbour_list_keeps_the_slips(tmp_path: Path, measured: Measure) -> None:
-    deck = build(SCENES["contacts that slide"]).edited(after={"motion": "neigh_modify every 7 delay 0 check no"})
+    deck = build(SCENES["contacts that slide"].with_values({"time.duration": 20.0})).edited(
+        after={"motion": "neigh_modify every 7 delay 0 check no"}
+    )
     plain, kernel = run(deck, tmp_path / "plain"), run(deck, tmp_path / "kernel", kernel=True)
     log = (tmp_path / "kernel" / "log.lammps").read_text()
     assert "Neighbor list builds = 57" in log  # 400 steps
