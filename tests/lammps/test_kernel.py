@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -86,11 +87,12 @@ def one(scene: Scene, folder: Path, **options: Any) -> Record:
         return Record.load(folder, unfinished=True)
 
 
+CELL = {"packing.rows": 16, "wave.wavenumber": pi / 4}
 SCENES = {
-    "contacts that open": short("l_opening"),
-    "contacts that slide": short("tr_sliding"),
+    "contacts that open": short("l_opening", **CELL),
+    "contacts that slide": short("tr_sliding", **CELL),
     "contacts that open and slide": short(
-        "tr_sliding", **{"wave.amplitude": 5.0, "effects.contact_opening": True, "effects.friction": 0.3}
+        "tr_sliding", **CELL, **{"wave.amplitude": 5.0, "effects.contact_opening": True, "effects.friction": 0.3}
     ),
     "unequal radii and vacancies": short(
         "tr_periodic",
@@ -102,14 +104,14 @@ SCENES = {
             "effects.contact_opening": True,
         },
     ),
-    "the incremental law": short("tr_sliding", **{"effects.shear_law": "incremental"}),
-    "dashpots that slide": short("tr_sliding", **{"effects.damping": True, "effects.viscosity": 2e-8}),
-    "a restitution": short("steel_compressed", **{"effects.restitution": 0.8}),
-    "JKR": short("tr_sliding", **{"sphere.adhesion_law": "jkr", "wave.amplitude": 0.3}),
+    "the incremental law": short("tr_sliding", **CELL, **{"effects.shear_law": "incremental"}),
+    "dashpots that slide": short("tr_sliding", **CELL, **{"effects.damping": True, "effects.viscosity": 2e-8}),
+    "a restitution": short("steel_compressed", **CELL, **{"effects.restitution": 0.8}),
+    "JKR": short("tr_sliding", **CELL, **{"sphere.adhesion_law": "jkr", "wave.amplitude": 0.3}),
     "JKR without shear": short("l_chain", **{"sphere.adhesion_law": "jkr"}),
     "unequal radii in JKR": short(
         "tr_periodic",
-        **{"packing.rows": 16, "packing.columns": 12, "disorder.radius": 1e-4, "sphere.adhesion_law": "jkr"},
+        **{"packing.rows": 16, "packing.columns": 6, "disorder.radius": 3e-5, "sphere.adhesion_law": "jkr"},
     ),
     "in space": short("fcc_transverse", **{"effects.sliding": True, "effects.friction": 0.05}),
     "in space, with JKR and dashpots": short(
@@ -165,7 +167,7 @@ def test_another_friction_is_noticed(tmp_path: Path) -> None:
     ),
 )
 def test_a_renewed_neighbour_list_keeps_the_slips(tmp_path: Path, measured: Measure) -> None:
-    deck = build(SCENES["contacts that slide"].with_values({"time.duration": 20.0})).edited(
+    deck = build(short("tr_sliding", **{"time.duration": 20.0})).edited(
         after={"motion": "neigh_modify every 7 delay 0 check no"}
     )
     plain, kernel = run(deck, tmp_path / "plain"), run(deck, tmp_path / "kernel", kernel=True)
@@ -341,7 +343,7 @@ def test_a_program_that_does_not_load_it_fails_the_run(tmp_path: Path, monkeypat
 )
 def test_a_checkpoint_is_that_of_lammps(name: str, stop: Callable[..., None], tmp_path: Path) -> None:
     """One that the kernel wrote is continued with it and without it, to the same numbers and the same extremes."""
-    scene = SCENES[name].with_values({"time.duration": 100.0, "time.allow_echo": True})
+    scene = SCENES[name].with_values({"time.duration": 300.0, "time.allow_echo": True})  # long enough to be stopped
     whole, cut, other = one(scene, tmp_path / "whole", kernel=True), tmp_path / "cut", tmp_path / "other"
     stop(scene, cut, kernel=True)
     shutil.copytree(cut, other)
