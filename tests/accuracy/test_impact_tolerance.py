@@ -52,7 +52,7 @@ def exact_chain(record: ImpactRecord) -> np.ndarray:
         ends=ends,  # type: ignore[arg-type]
     )
     v = record.velocity[0, :, 1] * record.scale.velocity
-    _, found = chain_motion(chain, 0 * v, v, record.tau[1:] * record.scale.time, 1e-11)
+    _, found = chain_motion(chain, 0 * v, v, record.tau[1:] * record.scale.time, 1e-9)  # tolerances are 1e-5
     return np.vstack([record.velocity[:1, :, 1], found / record.scale.velocity])
 
 
@@ -68,8 +68,8 @@ def exact_sheet(record: ImpactRecord) -> np.ndarray:
         law=scene.effects.shear_law,
         friction=scene.effects.friction,
     )
-    # Sliding is resolved to second order in the step: 1e-6 with 400 of them in t0, 2e-5 with 80
-    longest = record.scale.time / (80 if scene.effects.friction else 5)
+    # Sliding is resolved to second order in the step: 1e-6 with 400 of them in t0, 5e-5 with 50
+    longest = record.scale.time / (50 if scene.effects.friction else 5)
     moving = start(network, 0.0, record.velocity[0] * record.scale.velocity)
     found = network_motion(network, moving, record.tau[1:] * record.scale.time, rtol=1e-9, longest_step=longest)
     return np.concatenate([record.velocity[:1], found.velocity / record.scale.velocity])
@@ -90,11 +90,12 @@ RANDOM = {"disorder.density": 0.2, "disorder.radius": 0.03, "disorder.seed": 11}
 )
 def test_the_estimate_of_a_chain_is_above_its_error(changes: dict[str, Any], tolerance: float, tmp_path: Path) -> None:
     record = run_impact(CHAIN.with_values(changes | {"time.tolerance": tolerance}), tmp_path / "run")
-    error = np.max(np.abs(record.velocity[..., 1] - exact_chain(record)))
+    exact = exact_chain(record)
+    error = np.max(np.abs(record.velocity[..., 1] - exact))
     said = record.info["error_estimate"]["velocity"]
     assert record.info["order"] == 2
     assert error < said <= tolerance
-    assert np.max(np.abs(1.01 * record.velocity[..., 1] - exact_chain(record))) > said  # what an error would do
+    assert np.max(np.abs(1.01 * record.velocity[..., 1] - exact)) > said  # what an error would do
 
 
 @pytest.mark.parametrize(
@@ -179,7 +180,7 @@ def test_a_tolerance_that_is_not_met_is_refused_with_its_runs(tmp_path: Path, mo
         ImpactRecord.load(tmp_path / "run")
 
 
-@pytest.mark.usefixtures("drawn_once")
+@pytest.mark.usefixtures("unrendered")
 def test_the_folder_holds_the_answer_and_its_runs(tmp_path: Path) -> None:
     scene = SHEET.with_values({"effects.friction": 0.2, "time.duration": 2.0})
     record = run_impact(scene, tmp_path / "run")

@@ -132,7 +132,7 @@ def test_lammps_meets_a_tolerance(scene: Scene, tolerance: float, tmp_path: Path
 
 def test_a_ladder_that_begins_too_coarse_goes_on_and_says_so(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     # At the antiresonance p is of fourth order: it holds waves of higher frequency than linear theory gives
-    scene = periodic("TR", 62, 21, 0.2, time_tolerance=1e-3, time_duration=30.0)
+    scene = periodic("TR", 62, 21, 0.2, time_tolerance=1e-3, time_duration=20.0)
     (tmp_path / "scene.toml").write_text(scene.to_toml())
     assert cli.main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "run")]) == 0
     said = capsys.readouterr()

@@ -14,7 +14,7 @@ from granular_lmp.scene.shipped import shipped
 from tests.conftest import PAPER, members
 
 TOLERANCE = 1e-2
-# Rows of a monitor near what moves first, where the centre sphere is not reached in 20 tau
+# Rows of a monitor near what moves first, where the centre sphere is not reached in 12 tau
 NEAR = {"tr_burst_scattering": 42, "two_tones": 28, "tr_driven": 3, "l_beam": 3, "point_source": 3, "corner_source": 3}
 _random = np.random.default_rng(24)
 
@@ -55,7 +55,7 @@ def test_every_shipped_wave_meets_a_tolerance(name: str, tmp_path: Path) -> None
     scene = Scene.load(name)
     changes: dict[str, Any] = {"time.tolerance": TOLERANCE, "time.duration": 5.0}
     if scene.wave is not None:
-        changes |= {"time.duration": 20.0, "output.particles": 0.0}
+        changes |= {"time.duration": 12.0, "output.particles": 0.0}
     if name in NEAR:
         changes["monitor"] = [{"name": "near", "rows": [NEAR[name]] * 2}]
     info = run(scene.with_values(changes), tmp_path / "run").info

@@ -39,10 +39,10 @@ RANDOM: list[Wave] = [
     )
     for i in range(12)
 ]
-# Every seventh wave of the grid, which holds each mode, ξ and ν, and a random one; the rest takes minutes
+# Every seventh wave of the grid, which holds each mode, ξ and ν, and a random one
 SETS = {"sample": GRID[::7] + RANDOM[:1], "grid": [wave for i, wave in enumerate(GRID) if i % 7] + RANDOM[1:]}
 # Samples of 0.5 τ. RT takes the smallest steps, and most of the time as it is
-LENGTHS = {wave: 240 if wave[0] != "RT" and index % 4 == 0 else 120 for index, wave in enumerate(GRID + RANDOM)}
+LENGTHS = {wave: 120 if wave[0] != "RT" and index % 4 == 0 else 60 for index, wave in enumerate(GRID + RANDOM)}
 
 
 @dataclass(frozen=True)

@@ -135,7 +135,7 @@ def test_a_run_is_continued_while_spheres_leave(
             pytest.skip(lack)
         request.getfixturevalue("kernel")
     watched = {"packing.rows": 151, "monitor": [MONITORS[0] | {"what": "motion"}]}
-    usual = {"time.duration": 100.0, "time.timestep": 0.05, "output.checkpoint": 3e-4}
+    usual = {"time.duration": 75.0, "time.timestep": 0.05, "output.checkpoint": 3e-4}
     scene = STRIP.with_values(usual | watched)
     whole = run(scene, tmp_path / "whole", **options)
     stop(scene, tmp_path / "cut", **options)

@@ -126,7 +126,7 @@ def test_it_is_resumed_to_the_same_record(tmp_path: Path) -> None:
         if 0 < step < steps:
             raise KeyboardInterrupt
 
-    scene = SHEET.with_values({"time.timestep": 2e-4})  # long enough to be stopped
+    scene = SHEET.with_values({"time.timestep": 4e-4})  # long enough to be stopped
     whole = run(scene, tmp_path / "whole")
     with pytest.raises(RunInterrupted):
         run(scene, tmp_path / "stopped", progress=stop)

@@ -203,11 +203,11 @@ def test_the_angle_is_the_sum_of_the_spins(tmp_path: Path) -> None:
 def test_a_run_in_space_continues_to_the_same_bytes(tmp_path: Path, stop: Callable[..., None]) -> None:
     scene = layer(
         wave__amplitude=0.05,
-        time__duration=300.0,
+        time__duration=200.0,
         time__timestep=0.05,
         time__sample=1.0,
         output__checkpoint=1e-4,
-        output__particles=100.0,
+        output__particles=50.0,
         monitor=[{"name": "rows", "rows": [2, 4], "what": "flux"}],
     )
     run(scene, tmp_path / "whole")

@@ -97,8 +97,8 @@ def test_every_sphere_moves_as_in_the_network_of_the_same_faces(name: str, tmp_p
     # Another face is seen: none held where one is, else the first row
     held, height = np.asarray(first.network.held), first.network.position[:, 1]
     wrong = replace(first.network, held=np.zeros_like(held) if held.any() else height < height.min() + first.radius)
-    other = network_fields(replace(first, network=wrong), pair.record.tau)
-    assert np.abs(pair.fields - other).max() > 1e-2
+    other = network_fields(replace(first, network=wrong), pair.record.tau[:6])
+    assert np.abs(pair.fields[:6] - other).max() > 1e-2
 
 
 @pytest.mark.parametrize(
@@ -132,8 +132,8 @@ def test_a_guard_sees_the_row_that_leaves_its_wall(tmp_path: Path) -> None:
 
 
 def test_a_run_between_walls_continues_to_the_same_bytes(tmp_path: Path, stop: Callable[..., None]) -> None:
-    scene = SHEET.with_values(WALLED | LOAD | {"time.duration": 300.0, "time.timestep": 0.05, "packing.columns": 12})
-    scene = scene.with_values({"output.checkpoint": 1e-4, "output.particles": 100.0})
+    scene = SHEET.with_values(WALLED | LOAD | {"time.duration": 150.0, "time.timestep": 0.05})
+    scene = scene.with_values({"output.checkpoint": 1e-4, "output.particles": 50.0})
     run(scene, tmp_path / "whole")
     stop(scene, tmp_path / "stopped")
     resume(tmp_path / "stopped")
@@ -181,7 +181,8 @@ def test_a_source_at_the_corner_of_a_finite_sheet_makes_the_waves_of_the_linear_
 
 def test_half_of_the_push_at_a_corner_runs_along_the_face_as_the_page_says(tmp_path: Path) -> None:
     assert "*Half of the kinetic energy is in the two rows next to the\nfree face" in PAGE
-    snapshots = run(Scene.load("corner_source"), tmp_path / "run").snapshots()
+    scene = Scene.load("corner_source").with_values({"time.duration": 34.0})
+    snapshots = run(scene, tmp_path / "run").snapshots()
     velocity, spin = snapshots.stacks("velocity", "spin")
     energy = ((velocity**2).sum(axis=-1) + INERTIA_RATIO * spin**2)[np.argmin(np.abs(snapshots.tau - 34))]
     along = energy[snapshots.crystal.arrays["row"] < 2].sum()

@@ -18,6 +18,7 @@ from granular_lmp.scene.signals import SIGNALS, Signal
 from granular_lmp.scene.sources import Source
 from granular_lmp.studies import forecast
 from granular_lmp.studies.kick import run_kicked
+from tests.conftest import members
 
 INPUTS = Path(__file__).parents[2] / "lammps_inputs"
 SCENES = sorted(path.parent.name for path in INPUTS.glob("**/scene.toml"))
@@ -40,7 +41,12 @@ def small_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(forecast, "speed", built)
 
 
-@pytest.mark.parametrize("name", SCENES)
+# Their likes are shipped too
+MORE = ("tr_burst_scattering", "tr_impurity", "tr_grating", "tr_resonant", "tr_antiresonant", "struck_sheet")
+MORE += ("point_source", "monolayer_vertical")
+
+
+@pytest.mark.parametrize("name", members(SCENES, *MORE))
 def test_each_shipped_scene_has_a_cell_that_stands_for_it(name: str, small_cells: None) -> None:
     assert forecast.forecast(build(Scene.load(name)).problem).seconds is not None
 
