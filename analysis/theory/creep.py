@@ -45,11 +45,11 @@ class Creep(NamedTuple):
 
 def creep(crystal: Crystal, wave: Wave) -> Creep:
     """Return how spheres creep in a single wave; 0 where nothing winds up."""
-    velocity = _velocity(crystal, wave)
+    velocity = creep_velocity(crystal, wave)
     if not np.any(velocity):
         return Creep(velocity, 0.0, np.inf)
     waves = list(_doubled(crystal, wave))
-    own = sum((np.sum(_velocity(crystal, each) * velocity) for each in waves), 0.0)
+    own = sum((np.sum(creep_velocity(crystal, each) * velocity) for each in waves), 0.0)
     taken = sum(_energy(crystal, each) for each in waves) / _energy(crystal, wave)
     doubled = 2 * abs(float(wave.frequency))
     slowest = min((abs(abs(float(each.frequency)) - doubled) for each in waves[1:]), default=0.0)
@@ -69,7 +69,8 @@ def winding_rate(crystal: Crystal, wave: Wave) -> Floats:
     return np.asarray(0.5 * float(wave.frequency) * np.imag(strain.stretch[:, None].conj() * turned + twisted))
 
 
-def _velocity(crystal: Crystal, wave: Wave) -> Floats:
+def creep_velocity(crystal: Crystal, wave: Wave) -> Floats:
+    """Return the velocities (B, 6) at which spheres creep in a single wave, without what the next order adds."""
     return np.real(0.5 * Mixed(crystal, wave, wave.reversed).creep)
 
 

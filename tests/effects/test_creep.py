@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.theory.creep import creep
+from granular_analysis.theory.creep import creep_velocity
 from granular_analysis.theory.scenes import Setting
 from granular_lmp import Scene, run
 from granular_lmp.crystal.creep import creep_velocities
@@ -51,7 +51,7 @@ def test_spheres_creep_as_the_theory_of_analysis_has_it(
     scene = LAYER.with_values({**values, "wave.mode": mode, "effects.shear_law": law})
     theirs = Setting(scene)
     size = scene.displacement_amplitude
-    there = creep(theirs.crystal(layers=False), theirs.mode().times(size)).velocity
+    there = creep_velocity(theirs.crystal(layers=False), theirs.mode().times(size))
     ours = creep_velocities(
         wave_contacts(scene), scene.sphere, mode_of(scene), physics_of(scene), incremental=law == "incremental"
     )
