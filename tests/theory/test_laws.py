@@ -97,7 +97,7 @@ def test_secant_law_is_the_papers():
 
 
 def test_an_antiresonance_of_the_incremental_law_needs_negative_poisson_ratio():
-    numbers = NUS[::2]
+    numbers = NUS[::4]
     exists = np.array([antiresonance(Contact(nu, law="incremental")) is not None for nu in numbers])
     clear = np.abs(numbers) > 1e-3  # at ν = 0 itself it is at ξ = 0, and rounding decides
     assert np.array_equal(exists[clear], numbers[clear] < 0)
@@ -114,7 +114,7 @@ def test_the_drive_vanishes_at_the_antiresonance(law, nu):
 def signs(law, inertia):
     """Signs of the drive of the second harmonic for TR and RT over all ν and ξ."""
     drives = []
-    for nu in NUS[::6]:
+    for nu in NUS[::10]:
         constants, contact, xi = sh.ratios(nu, inertia), Contact(nu, law=law, inertia=inertia), WAVENUMBERS[::3]
         for name in ("TR", "RT"):
             detuning = np.sin(xi) ** 2 - 4 * sh.dispersion(xi, name, constants) ** 2
@@ -257,16 +257,18 @@ def test_geometry_of_lammps_makes_the_ratio_next_to_the_antiresonance_215():
 
 # Measured with time step 0.05, to the digits given: what these styles do to the paper's three waves.
 RESCALED = [
-    pytest.param("mindlin_rescale", 0.802, 0.53, 0.989, marks=pytest.mark.more),
-    pytest.param("mindlin_rescale", 1.475, 0.12, 0.972, marks=pytest.mark.more),
+    ("mindlin_rescale", 0.802, 0.53, 0.989),
+    ("mindlin_rescale", 1.475, 0.12, 0.972),
     ("mindlin_rescale", 2.127, 97, 0.922),
     ("mindlin_rescale/force", 0.802, 1.42, 0.989),
-    pytest.param("mindlin_rescale/force", 1.475, 1.44, 0.966, marks=pytest.mark.more),
-    pytest.param("mindlin_rescale/force", 2.127, 97, 0.922, marks=pytest.mark.more),
+    ("mindlin_rescale/force", 1.475, 1.44, 0.966),
+    ("mindlin_rescale/force", 2.127, 97, 0.922),
 ]
 
 
-@pytest.mark.parametrize(("style", "xi", "p_ratio", "q_ratio"), RESCALED)
+@pytest.mark.parametrize(
+    ("style", "xi", "p_ratio", "q_ratio"), members(RESCALED, *(each for each in RESCALED if each[1] != 0.802))
+)
 def test_rescaling_styles_are_other_laws(folder, style, xi, p_ratio, q_ratio):
     ours, secant = (lammps(kind, folder, xi, last=120) for kind in (style, "mindlin"))
     p, q, _ = np.sqrt(np.mean(ours**2, axis=-1) / np.mean(secant**2, axis=-1))
@@ -274,16 +276,15 @@ def test_rescaling_styles_are_other_laws(folder, style, xi, p_ratio, q_ratio):
     assert q == pytest.approx(q_ratio, abs=6e-4)
 
 
-@pytest.mark.parametrize(
-    ("style", "least", "left"),
-    members([("mindlin_rescale", 0.8, 0.86), ("mindlin/force", 0.99, 1.0)], ("mindlin/force", 0.99, 1.0)),
-)
-def test_mindlin_rescale_damps_the_wave_and_mindlin_force_does_not(folder, style, least, left):
-    ours, secant = (lammps(kind, folder, 2.127, last=120)[1] for kind in (style, "mindlin"))
+LAST = [("mindlin_rescale", 0.802, 0.980), ("mindlin_rescale", 2.127, 0.860), ("mindlin/force", 2.127, 1.0)]
+
+
+@pytest.mark.parametrize(("style", "xi", "left"), members(LAST, *LAST[1:]))
+def test_mindlin_rescale_damps_the_wave_and_mindlin_force_does_not(folder, style, xi, left):
+    ours, secant = (lammps(kind, folder, xi, last=120)[1] for kind in (style, "mindlin"))
     late = laws_figure.TAU >= 100
     last = np.linalg.norm(ours[late]) / np.linalg.norm(secant[late])
-    assert least < last < 1 + 1e-2
-    assert last == pytest.approx(left, abs=5e-3)
+    assert last == pytest.approx(left, abs=5e-3)  # a fourth of what is lost at 0.802
 
 
 def test_a_law_that_is_none_is_refused():
