@@ -131,7 +131,7 @@ def test_a_kicked_sheet_is_a_run(tmp_path: Path) -> None:
     assert load(path.parent).scene.start.seed == 3
 
 
-OFTEN = SMALL.with_values({"time.duration": 120.0, "output.checkpoint": SMALL.shape.spheres * 200 / SPEED / 60})
+OFTEN = SMALL.with_values({"time.duration": 60.0, "output.checkpoint": SMALL.shape.spheres * 200 / SPEED / 60})
 
 
 @pytest.fixture(scope="module")

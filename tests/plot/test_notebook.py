@@ -55,6 +55,7 @@ def test_the_wave_lies_on_the_branch_of_its_own_lattice(name: str) -> None:
     assert there == pytest.approx(mode_of(scene).frequency, abs=1e-4)
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_a_deck_shows_its_text_escaped_and_its_places(shown: dict[str, Any]) -> None:
     page = shown["deck"].edited(after={"run": "# <b>mine</b>"})._repr_html_()
     assert "# &lt;b&gt;mine&lt;/b&gt;" in page
@@ -88,6 +89,7 @@ def test_a_deck_of_loose_spheres_shows_its_text_without_a_picture(lattice: str) 
     assert "pair_style" in page
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_a_deck_of_spheres_that_adhere_shows_its_branches_without_a_wave_too() -> None:
     scene = Scene.load("solitary_chain").with_values({"sphere.work_of_adhesion": 0.1, "packing.rows": 6})
     assert "<img" in build(scene)._repr_html_()
