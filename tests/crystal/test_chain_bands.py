@@ -73,6 +73,7 @@ def test_the_cell_is_the_least_that_repeats() -> None:
     assert cell_of(np.array([1.0, 2, 3, 1, 2]), np.ones(4)) == 0  # not there twice
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_modes_prints_bands_and_gaps_of_an_impact(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["modes", "breather", "--plot", str(tmp_path / "bands.png")]) == 0
     head, _, acoustic, gap, optical, drawn = capsys.readouterr().out.splitlines()

@@ -262,6 +262,7 @@ def test_what_a_sweep_cannot_show_is_refused(swept: Sweep, tmp_path: Path) -> No
         view.sweep_figure(Sweep(swept.folder, swept.scene, swept.over, [r | {"status": "failed"} for r in swept.rows]))
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_the_command_draws_and_says_where(seen: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "new" / "picture.png"
     assert main(["view", str(seen), "-o", str(picture), "--tau", "2", "--colour", "energy", "--rows", "5"]) == 0

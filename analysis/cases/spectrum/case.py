@@ -33,6 +33,7 @@ from granular_analysis.measure.spectrum import (
 )
 from granular_analysis.plotting import COLOURS, parser, save, start, write
 from granular_analysis.theory.choice import wave_of
+from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave, antiresonance, generated, nonlinearity, resonance
 from granular_lmp.runs.record import Record
 
@@ -45,10 +46,10 @@ TITLES = {"TR": "transverse-rotational", "RT": "rotational-transverse", "L": "lo
 
 def one_crystal(records: Sequence[Record]) -> None:
     """Raise ValueError if runs of one mode have different contacts, for which theory would be more than one line."""
-    first: dict[str, Record] = {}
+    first: dict[str, tuple[Record, Contact]] = {}
     for record in records:
-        other = first.setdefault(record.scene.wave.mode, record)
-        here, there = wave_of(record).contact, wave_of(other).contact
+        here = wave_of(record).contact
+        other, there = first.setdefault(record.scene.wave.mode, (record, here))
         for part in fields(here):
             mine, its = getattr(here, part.name), getattr(there, part.name)
             if mine != its:
@@ -172,8 +173,9 @@ def to_csv(points: Sequence[Point], records: Sequence[Record]) -> str:
     Each number is in the shortest form that reads back to the same.
     """
     lines = ["wave.mode,wave.amplitude,wave.wavenumber,generated_D0,standard_error_D0,theory_D0,deviation"]
+    contacts = {mode: _wave(records, mode).contact for mode in {each.mode for each in points}}
     for each in sorted(points, key=lambda point: (point.mode, point.amplitude, point.wavenumber)):
-        epsilon = abs(nonlinearity(_wave(records, each.mode).contact, each.amplitude))
+        epsilon = abs(nonlinearity(contacts[each.mode], each.amplitude))
         amplitudes = (epsilon * number for number in (each.value, each.error, each.predicted))
         numbers = (each.amplitude, each.wavenumber, *amplitudes, each.deviation)
         lines.append(",".join([each.mode, *(repr(float(number)) for number in numbers)]))
