@@ -63,6 +63,7 @@ def test_an_error_of_our_own_is_no_reason_to_compare_with_nothing(
         compare(shaken)
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_it_is_drawn_with_its_source_and_its_monitor_marked_and_a_bar_of_length(shaken: Record, tmp_path: Path) -> None:
     assert shaken.folder is not None
     assert view(shaken.folder, tmp_path / "sheet.png") == []
@@ -126,6 +127,7 @@ def test_inclusions_and_interfaces_are_marked_in_a_picture(tmp_path: Path) -> No
     np.testing.assert_allclose(dot, record.rest[(row == 1) & (record.column == 2), :2], atol=1e-12)  # type: ignore[arg-type]
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_its_modes_are_those_at_the_middle_of_the_zone(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     scene = tmp_path / "sheet.toml"
     scene.write_text(Scene.from_dict(TABLES).to_toml(), "utf-8")
