@@ -251,6 +251,7 @@ def test_the_figure_is_drawn_with_a_table(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(figure, "MASSES", np.array([0.5, 2.0]))
+    monkeypatch.setattr(figure, "ANGLES", np.linspace(0.0, 60.0, 7))
     monkeypatch.setattr(figure, "measured", lambda record: {run.folder: measured}[record.folder])
     assert figure.main([str(run.folder), "-o", str(tmp_path / "refraction.png")]) == 0
     assert (tmp_path / "refraction.png").stat().st_size > 10_000

@@ -468,6 +468,7 @@ def test_the_script_draws(lammps: Record, tmp_path: Path, capsys: pytest.Capture
     assert re.search(r"around 2k +\d\.\d+e-04 +\d\.\d+e-04 +\d\.\d+e-0[345]\n", said)
 
 
+@pytest.mark.usefixtures("drawn_once")
 def test_a_sheet_at_rest_is_drawn_too() -> None:
     sheet = Sheet(4, 3, SILICA)
     still = np.zeros((2, 12, 3))
