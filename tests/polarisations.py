@@ -73,11 +73,11 @@ def second_order_at(
     tau: ArrayLike,
     contact: Contact,
     *,
-    site: tuple[int, int] = (0, 0),
+    site: ArrayLike = (0, 0),
     phase: float = 0.0,
 ) -> NDArray[np.float64]:
-    """Return the field (..., 3) of second order of a wave, in D0, of the sphere at i(1, 0) + j(1/2, √3/2)."""
+    """Return the fields (..., T, 3) of second order of a wave, in D0, at i(1, 0) + j(1/2, √3/2), sites (..., 2)."""
     crystal, time = hexagonal(contact), np.asarray(tau, dtype=float)
     one = branch_of(crystal, wavevector, branch).times(amplitude * np.exp(1j * phase))
-    _, field = second_order(crystal, [one], time.ravel(), np.array(site, dtype=float) @ BONDS[:2])
-    return np.real(in_plane(field)).reshape(*time.shape, 3) / amplitude
+    _, field = second_order(crystal, [one], time.ravel(), np.asarray(site, dtype=float) @ BONDS[:2])
+    return np.real(in_plane(field)).reshape(*np.shape(site)[:-1], *time.shape, 3) / amplitude

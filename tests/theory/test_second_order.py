@@ -135,7 +135,7 @@ def in_plane(
 
     sizes = 0.08 * D, 0.04 * D
     even = [(moved(size) + moved(-size)) / 2 / size**2 for size in sizes]
-    theory = [second_order(crystal, [one.times(np.exp(0.3j))], times, shift)[1][..., PLANE] for shift in shifts]
+    theory = second_order(crystal, [one.times(np.exp(0.3j))], times, shifts)[1][..., PLANE]
     return np.concatenate(theory, axis=1), (4 * even[1] - even[0]) / 3
 
 
@@ -211,7 +211,7 @@ def in_space(vectors, basis, cycles, repeats, walls, *, branch, along=None) -> t
     u, v = (np.multiply.outer(sizes, each.real) for each in (field, -1j * one.frequency * field))
     moved = packing.motion(u, v, times)
     even = (moved[:, ::2] + moved[:, 1::2]).swapaxes(0, 1) / 2 / sizes[::2, None, None, None] ** 2
-    theory = [second_order(crystal, [one.times(np.exp(0.3j))], times, shift)[1] for shift in shifts]
+    theory = second_order(crystal, [one.times(np.exp(0.3j))], times, shifts)[1]
     return np.concatenate(theory, axis=1), (4 * even[1] - even[0]) / 3
 
 
