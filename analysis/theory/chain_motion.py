@@ -74,7 +74,8 @@ def march(
         raise ValueError(f"restitution = {chain.restitution}: needs VERLET and a positive step, not step = {step}")
     us, vs = np.empty((steps // every, *u.shape), u.dtype), np.empty((steps // every, *v.shape), v.dtype)
     halves = np.array([part * step / 2 for part in scheme])
-    slope = chain_slope(chain, 1.0, 1.0) if u.dtype == v.dtype == float and u.shape == v.shape else None
+    alike = u.shape == v.shape and u.dtype == v.dtype in (float, complex)
+    slope = chain_slope(chain, 1.0, 1.0) if alike else None
     if slope is None:
         _march(chain, u.copy(), v.copy(), halves, every, us, vs)
     else:

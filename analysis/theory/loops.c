@@ -622,45 +622,6 @@ typedef struct {
   double length, speed;
 } Chain;
 
-void chain(const Chain *c, const double *state, double *rate)
-{
-  const whole n = c->spheres;
-  const double scale = c->length / (c->speed * c->speed);
-  double left = 0, behind = 0; /* the sphere to the left of a contact, and the force of that before it */
-  for (whole i = 0; i <= n; i++) {
-    const double right = i < n ? state[i] * c->length : 0, depth = left - right + c->overlap[i];
-    double force = depth > 0 ? depth * sqrt(depth) * c->stiffness[i] : 0;
-    if (c->dashpot && depth > 0) {
-      const double nearing = (i > 0 ? state[n + i - 1] * c->speed : 0) - (i < n ? state[n + i] * c->speed : 0);
-      force += c->dashpot[i] * sqrt(sqrt(depth)) * nearing;
-    }
-    if (i > 0) {
-      rate[i - 1] = state[n + i - 1];
-      rate[n + i - 1] = (behind - force + c->load[i - 1]) / c->mass[i - 1] * scale;
-    }
-    left = right;
-    behind = force;
-  }
-}
-
-/* Steps of chain_motion.py, whose parts have these halves, of chains that begin with their rates: (chains, 2, n) each */
-void marched(const Chain *c, double *state, double *rate, whole chains, const double *halves, whole parts, whole count)
-{
-  const whole n = c->spheres;
-  for (double *u = state, *pull = rate + n; u < state + 2 * n * chains; u += 2 * n, pull += 2 * n) {
-    double *v = u + n;
-    for (whole part = 0; part < parts * count; part++) {
-      const double half = halves[part % parts];
-      for (whole i = 0; i < n; i++) {
-        v[i] += half * pull[i];
-        u[i] += 2 * half * v[i];
-      }
-      chain(c, u, pull - n);
-      for (whole i = 0; i < n; i++) v[i] += half * pull[i];
-    }
-  }
-}
-
 /* Waves on the phase torus of K points, real or complex, as of lattice.py: a state has the rows p, q, φ, their rates,
    with `history` the shear of the contacts ahead, and with `works` the work of the shear law as of energy.py, (6 to 10,
    K) a wave. */
@@ -742,6 +703,46 @@ void stepped(const Torus *t, double *state, double *rate, double step, whole cou
 }
 
 #else
+
+/* The slope of a chain */
+void OF(chain)(const Chain *c, const NUMBER *state, NUMBER *rate)
+{
+  const whole n = c->spheres;
+  const double scale = c->length / (c->speed * c->speed);
+  NUMBER left = 0, behind = 0; /* the sphere to the left of a contact, and the force of that before it */
+  for (whole i = 0; i <= n; i++) {
+    const NUMBER right = i < n ? state[i] * c->length : 0, depth = left - right + c->overlap[i];
+    NUMBER force = creal(depth) > 0 ? depth * OF(root_of)(depth) * c->stiffness[i] : 0;
+    if (c->dashpot && creal(depth) > 0) {
+      const NUMBER nearing = (i > 0 ? state[n + i - 1] * c->speed : 0) - (i < n ? state[n + i] * c->speed : 0);
+      force += c->dashpot[i] * OF(root_of)(OF(root_of)(depth)) * nearing;
+    }
+    if (i > 0) {
+      rate[i - 1] = state[n + i - 1];
+      rate[n + i - 1] = (behind - force + c->load[i - 1]) / c->mass[i - 1] * scale;
+    }
+    left = right;
+    behind = force;
+  }
+}
+
+/* Steps of chain_motion.py, whose parts have these halves, of chains that begin with their rates: (chains, 2, n) each */
+void OF(marched)(const Chain *c, NUMBER *state, NUMBER *rate, whole chains, const double *halves, whole parts, whole count)
+{
+  const whole n = c->spheres;
+  for (NUMBER *u = state, *pull = rate + n; u < state + 2 * n * chains; u += 2 * n, pull += 2 * n) {
+    NUMBER *v = u + n;
+    for (whole part = 0; part < parts * count; part++) {
+      const double half = halves[part % parts];
+      for (whole i = 0; i < n; i++) {
+        v[i] += half * pull[i];
+        u[i] += 2 * half * v[i];
+      }
+      OF(chain)(c, u, pull - n);
+      for (whole i = 0; i < n; i++) v[i] += half * pull[i];
+    }
+  }
+}
 
 /* out = values of K points @ matrix (K, n), four rows at a time */
 INLINE void OF(shifted)(whole K, whole n, const NUMBER *values, const double *matrix, NUMBER *restrict out)

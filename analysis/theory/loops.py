@@ -58,9 +58,10 @@ def library() -> ctypes.CDLL | None:
     found.plane.argtypes = [size, *[pointer] * 6]
     found.plane_stages.argtypes = [size, pointer]
     found.touched.argtypes = [pointer] * 5
-    found.chain.argtypes = found.torus.argtypes = found.torus_complex.argtypes = [pointer] * 3
+    for slope in (found.chain, found.chain_complex, found.torus, found.torus_complex):
+        slope.argtypes = [pointer] * 3
     found.stepped.argtypes = [*[pointer] * 3, number, size]
-    found.marched.argtypes = [*[pointer] * 3, size, pointer, size, size]
+    found.marched.argtypes = found.marched_complex.argtypes = [*[pointer] * 3, size, pointer, size, size]
     found.stages.argtypes = [*[size] * 4, *[pointer] * 5]
     names = (
         "weighted",
@@ -68,11 +69,13 @@ def library() -> ctypes.CDLL | None:
         "plane",
         "plane_stages",
         "chain",
+        "chain_complex",
         "torus",
         "torus_complex",
         "stages",
         "stepped",
         "marched",
+        "marched_complex",
     )
     for name in names:
         getattr(found, name).restype = None
@@ -157,12 +160,13 @@ class Slope:
         assert loop is not None
         loop.stepped(ctypes.addressof(self.data), address(state), address(rate), step, count)
 
-    def marched(self, state: Floats, rate: Floats, halves: Floats, count: int) -> None:
+    def marched(self, state: Array, rate: Array, halves: Floats, count: int) -> None:
         """Make steps in the states (..., 2, n) of chains, whose rates are those of now; see `chain_motion.march`."""
         loop, chains = library(), state.size // (2 * state.shape[-1])
         assert loop is not None
         places = map(address, (state, rate))
-        loop.marched(ctypes.addressof(self.data), *places, chains, address(halves), len(halves), count)
+        marched = loop.marched if state.dtype == float else loop.marched_complex
+        marched(ctypes.addressof(self.data), *places, chains, address(halves), len(halves), count)
 
 
 def weighted(weights: Floats, rows: Floats, out: Floats) -> None:

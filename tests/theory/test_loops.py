@@ -456,8 +456,13 @@ def test_chains_march_to_the_bits_of_numpy(scheme: Scheme, restitution: float, m
     chain = replace(chain, restitution=restitution)
     u, v = RNG.normal(size=(2, 3, 2, 20))
     found = march(chain, u, v, 0.02, 40, scheme, every=10)
+    turned = march(chain, u + 1e-30j * v, v + 0j, 0.02, 40, scheme, every=10)
     monkeypatch.setattr(loops, "library", lambda: None)
     assert np.array_equal(found, march(chain, u, v, 0.02, 40, scheme, every=10))
+    # Roots of complex numbers are not rounded alike, which 280 forces do not let grow
+    known = np.array(march(chain, u + 1e-30j * v, v + 0j, 0.02, 40, scheme, every=10))
+    assert np.allclose(np.real(turned), known.real, rtol=0, atol=1e-12)
+    assert np.allclose(np.imag(turned), known.imag, rtol=0, atol=1e-12 * np.abs(known.imag).max())
 
 
 @compiled
