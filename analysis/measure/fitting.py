@@ -210,9 +210,10 @@ def _harmonics(scene: Scene, points: Sequence[Point]) -> Floats:
         waves.setdefault((xi, each.amplitude), []).append(n)
     found = np.empty(len(points))
     for (xi, amplitude), chosen in waves.items():
-        wave = {"wave.amplitude": amplitude / scene.sphere.static_overlap} | ({"wave.wavenumber": xi} if xi else {})
-        own = scene.with_values(wave)
-        fields, _ = Setting(own).harmonic([points[n].time / own.sphere.time_scale for n in chosen])
+        numbers = {"wave.wavenumber": xi} if xi else {}
+        own = scene.with_values({"wave.amplitude": amplitude / scene.sphere.static_overlap} | numbers)
+        # The number itself, also where a periodic cell of the scene rounds it
+        fields, _ = Setting(own, numbers).harmonic([points[n].time / own.sphere.time_scale for n in chosen])
         found[chosen] = np.linalg.norm(fields, axis=1) * amplitude
     return found
 

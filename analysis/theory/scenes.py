@@ -97,7 +97,7 @@ class Setting:
     ----------
     scene : with "auto" decided or not: an effect that is "auto" is on if it is one of every crystal's.
     numbers : values in place of those of some keys, `VARIED` and "inclusion.N.density" with N from 1; they may be
-        complex, for `granular_analysis.theory.variation`.
+        complex, for `granular_analysis.theory.variation`. Also "wave.wavenumber", which a periodic cell does not round.
     """
 
     scene: Scene
@@ -300,8 +300,9 @@ class Setting:
         return float(1 / (self.lattice.row * self.scene.sphere.lattice_constant))
 
     def wavevector(self, wavenumber: ArrayLike | None = None) -> Floats:
-        """Return k (..., 2), 1/m, at wave numbers ξ (...), rad per row; None: at that of the scene."""
-        xi = np.asarray(self.scene.wavenumber if wavenumber is None else wavenumber, dtype=float)
+        """Return k (..., 2), 1/m, at wave numbers ξ (...), rad per row; None: at that of the wave."""
+        own = self.numbers.get("wave.wavenumber", self.scene.wavenumber)
+        xi = np.asarray(own if wavenumber is None else wavenumber, dtype=float)
         return np.multiply.outer(xi * self.unit, frame(self.scene.direction)[0])
 
     def mode(self) -> Wave:

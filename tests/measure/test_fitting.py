@@ -12,7 +12,7 @@ from granular_analysis.fit import main
 from granular_analysis.measure.fitting import Fit
 from granular_analysis.measure.front import crest
 from granular_analysis.measure.points import Point
-from granular_analysis.second_harmonic import mode, ratios
+from granular_analysis.second_harmonic import mode, ratios, second_harmonic
 from granular_analysis.theory.monolayer import Layer
 from granular_lmp import Scene, run
 from tests.conftest import members
@@ -180,6 +180,20 @@ def test_an_amplitude_of_a_second_harmonic_tells_poissons_ratio() -> None:
     times = [4 * scene.sphere.time_scale, 6 * scene.sphere.time_scale]
     asked = [Point("second_harmonic", 1.0, 1.0, 2, amplitude=amplitude, time=t, wavenumber=1.2) for t in times]
     truth = Fit(scene, asked, (NU,)).predicted(np.array([0.2]))
+    # Re[C e^{2iφ}] for two phases φ of the wave, by the closed form
+    ball = scene.with_values({NU: 0.2}).sphere
+    constants = ratios(0.2, overlap_ratio=ball.overlap_ratio)
+    closed = [
+        second_harmonic(
+            mode("TR", 1.2, constants),
+            constants,
+            amplitude / ball.static_overlap,
+            np.divide(times, ball.time_scale),
+            phase=phase,
+        )
+        for phase in (0.0, np.pi / 4)
+    ]
+    np.testing.assert_allclose(truth, amplitude * np.hypot(*closed), rtol=1e-9)  # rounding
     points = [
         Point(**vars(each) | {"value": value, "error": value / 100}) for each, value in zip(asked, truth, strict=True)
     ]
