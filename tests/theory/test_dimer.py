@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,7 @@ def test_equal_spheres_are_no_dimer() -> None:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Runs:
     """Runs of the shipped scene by the ratio of masses and the time step, recorded where the front is watched."""
 
+    @cache
     def make(ratio: float, step: float) -> ImpactRecord:
         changes = {"inclusion.1.density": ratio * HEAVY, "time.timestep": step, "time.sample": 0.15}
         changes |= {"time.duration": 100.05, "output.rows": [30, 76]}
@@ -68,7 +70,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Runs:
     return make
 
 
-@pytest.mark.parametrize("ratio", members([0.2399, 0.342846], 0.2399))
+@pytest.mark.parametrize("ratio", members([0.2399, 0.342846], 0.342846))
 def test_lammps_moves_the_dimer_as_the_theory_does(run: Runs, ratio: float) -> None:
     (found, lost, left), (_, finer, nearer) = (dimers.measured(run(ratio, step)) for step in (0.05, 0.025))
     lost, left = (4 * finer - lost) / 3, (4 * nearer - left) / 3
@@ -84,13 +86,13 @@ def test_lammps_moves_the_dimer_as_the_theory_does(run: Runs, ratio: float) -> N
 def test_the_figure_has_a_line_for_each_run(
     run: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(dimers, "RATIOS", np.array([0.6]))
+    monkeypatch.setattr(dimers, "RATIOS", np.array([0.2399]))
     monkeypatch.setattr(dimers, "RESONANCES", ())
     monkeypatch.setattr(dimers, "ANTIRESONANCES", ())
-    record = run(0.6, 0.05)
+    record = run(0.2399, 0.05)
     assert dimers.main([str(record.folder), "-o", str(tmp_path / "dimers.png")]) == 0
     assert (tmp_path / "dimers.png").stat().st_size > 10_000
-    assert re.search(r"^ +0\.60000 +2\.\d+e-02 +2\.\d+e-02", capsys.readouterr().out, re.MULTILINE)
+    assert re.search(r"^ +0\.23990 +2\.7\d+e-03 +2\.757e-03", capsys.readouterr().out, re.MULTILINE)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from scipy.integrate import DOP853, solve_ivp
 
 from granular_analysis.theory.integrator import STAGES, dop853, tableau
 
-TAU = np.linspace(0, 60, 121)
+TAU = np.linspace(0, 20, 41)
 
 
 def pendulum(y: np.ndarray) -> np.ndarray:
@@ -27,9 +27,9 @@ def test_the_coefficients_are_scipys() -> None:
 def test_it_is_scipys_method(start: np.ndarray, longest: float) -> None:
     ours = dop853(pendulum, start, TAU, 1e-9, 1e-9, longest)
     known = solve_ivp(
-        lambda _, y: pendulum(y), (0, 60), start, "DOP853", TAU, rtol=1e-9, atol=1e-9, max_step=longest
+        lambda _, y: pendulum(y), (0, TAU[-1]), start, "DOP853", TAU, rtol=1e-9, atol=1e-9, max_step=longest
     ).y.T
-    # The steps are the same but for rounding; where one is not, the two differ by the tolerance, summed over 60 steps.
+    # The steps are the same but for rounding; where one is not, the two differ by the tolerance, summed over 20 steps.
     assert np.allclose(ours, known, rtol=0, atol=1e-7)
 
 
