@@ -6,13 +6,13 @@ result, where it is monotonic, a sign change of Ω(ξ) − Ω is enclosed.
 """
 
 from collections.abc import Callable, Mapping
-from functools import cache, lru_cache
+from functools import lru_cache
 from itertools import pairwise
 from math import hypot, pi, ulp
 from typing import Any
 
 from granular_lmp.crystal.lattices import HEXAGONAL, Lattice, unit_lattice
-from granular_lmp.crystal.modes import Physics, bloch_mode, modes_at, named_in_space
+from granular_lmp.crystal.modes import Physics, bloch_mode, branches, modes_at, named_in_space, restored
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
@@ -90,12 +90,19 @@ def _band(
 ) -> tuple[list[float], list[float]]:
     """Return wave numbers in rad per row, ascending, extrema among them, and their frequencies in hertz."""
 
-    @cache  # the search for extrema asks for each point of the grid, too
-    def at(wavenumber: float) -> float:
-        return hertz_of(kind.vector(wavenumber, degrees), sphere, physics, mode, kind, wall)
-
-    edge = kind.zone_edge(degrees)
+    edge, lattice = kind.zone_edge(degrees), unit_lattice(sphere, kind, wall)
     grid = [_LOWEST, *(edge * k / _POINTS for k in range(1, _POINTS + 1))]
+    known: dict[float, float] = {}
+    if mode in restored(lattice, physics):  # all points at once, but for names that mirrors give
+        found = branches(lattice, sphere, [kind.vector(each, degrees) for each in grid], physics)
+        if mode in found:  # in oblique directions branches are numbered
+            known |= zip(grid, (found[mode] / (2 * pi * sphere.time_scale)).tolist(), strict=True)
+
+    def at(wavenumber: float) -> float:
+        if wavenumber not in known:
+            known[wavenumber] = hertz_of(kind.vector(wavenumber, degrees), sphere, physics, mode, kind, wall)
+        return known[wavenumber]
+
     grid = sorted({*grid, *_extrema(at, grid)})
     return grid, [at(wavenumber) for wavenumber in grid]
 
