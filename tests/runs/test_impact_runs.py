@@ -145,7 +145,7 @@ def test_what_a_command_cannot_do_with_an_impact_is_said(
     assert said in capsys.readouterr().err
 
 
-def test_view_draws_a_chain_a_sheet_and_a_movie(folders: dict[str, Path], tmp_path: Path) -> None:
+def test_view_draws_a_chain_a_sheet_and_a_movie(folders: dict[str, Path], tmp_path: Path, drawn_once: None) -> None:
     calls: list[tuple[str, str, dict[str, Any]]] = [
         ("chain", "a.png", {}),
         ("sheet", "b.png", {"tau": 4.0}),
@@ -239,7 +239,7 @@ def test_the_door_runs_continues_and_reads_waves_and_impacts_alike(
         if steps / 3 < step < steps:
             raise KeyboardInterrupt
 
-    long = {"time.duration": 200.0, "output.checkpoint": 3e-5}
+    long = {"time.duration": 200.0, "time.sample": 2.0, "output.checkpoint": 3e-5}
     for kind, scene, record in (("wave", small, Record), ("impact", CHAIN, ImpactRecord)):
         whole = granular_lmp.run(scene.with_values(long), tmp_path / kind)
         assert isinstance(whole, record)
