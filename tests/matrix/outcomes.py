@@ -71,8 +71,18 @@ def reason(message: str) -> str:
     return REFUSALS[pattern_of(message)]
 
 
+_SAID: dict[tuple[str, str], str] = {}  # messages by kind and settings: the page and its tests ask for them again
+
+
 def message(kind: Kind, settings: Settings) -> str:
     """Return why a scene with these settings is refused; "" if its deck is built."""
+    key = kind.name, repr(settings)
+    if key not in _SAID:
+        _SAID[key] = _message(kind, settings)
+    return _SAID[key]
+
+
+def _message(kind: Kind, settings: Settings) -> str:
     try:
         scene = kind.scene.with_values(settings)
         deck = build(scene)
