@@ -320,7 +320,9 @@ def test_all_effects_can_be_switched_on(capsys: pytest.CaptureFixture[str]) -> N
     assert [line.split()[1] for line in out.splitlines() if line.startswith(("rotation", "tracking"))] == ["on", "on"]
 
 
-def test_modes_prints_the_paper_s_modes_and_draws_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_modes_prints_the_paper_s_modes_and_draws_them(
+    drawn_once: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     status, out, _ = cli(capsys, "modes", "tr_nonresonant", "--plot", str(tmp_path / "new" / "modes.png"))
     assert status == 0
     assert "0.276934569162" in out  # 0.276935327978 in the paper's geometry, 2.7e-6 more

@@ -51,7 +51,9 @@ def files(folder: Path) -> dict[Path, bytes]:
 
 # Of each release a run and of each kind a release
 @pytest.mark.parametrize("there", members(RUNS, "e02a04e/sheet", "e02a04e/tolerance", "832ce44/run"), indirect=True)
-def test_an_old_run_is_loaded_compared_viewed_and_exported(there: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_old_run_is_loaded_compared_viewed_and_exported(
+    drawn_once: None, there: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     record = Record.load(there)
     assert formats.format_of(record.info) == 1
     # What it does not switch was off
@@ -153,7 +155,7 @@ def test_an_old_log_that_lacks_a_line_or_a_guard_is_refused(lost: str, put: str,
 
 
 @pytest.mark.parametrize("there", SWEEPS, indirect=True)
-def test_an_old_sweep_is_finished_and_none_of_its_runs_is_repeated(there: Path) -> None:
+def test_an_old_sweep_is_finished_and_none_of_its_runs_is_repeated(drawn_once: None, there: Path) -> None:
     found = Sweep.load(there)
     assert [row["status"] for row in found.rows] == ["finished", "finished"]
     assert {there / row["run"] for row in found.rows} == set((there / "runs").iterdir())

@@ -64,7 +64,7 @@ def test_pandas_has_a_line_a_value_and_xarray_a_place_a_wave(swept: Sweep) -> No
     assert list(data[KEY].values) == [RAN, 2 * pi * 9 / 48]
 
 
-def test_a_picture_has_a_mark_a_wave_where_it_ran(swept: Sweep, tmp_path: Path) -> None:
+def test_a_picture_has_a_mark_a_wave_where_it_ran(drawn_once: None, swept: Sweep, tmp_path: Path) -> None:
     (axes,) = view.sweep_figure(swept).axes
     assert list(axes.get_lines()[0].get_xdata()) == [RAN, 2 * pi * 9 / 48]
     assert view.view(swept.folder, tmp_path / "curve.png") == swept.notes

@@ -176,7 +176,9 @@ def _interrupt(step: int, steps: int) -> None:
         raise KeyboardInterrupt
 
 
-def test_the_command_sweeps_and_view_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_sweeps_and_view_draws(
+    drawn_once: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = str(tmp_path / "sweep")
     (tmp_path / "mine.toml").write_text(CHAIN.to_toml())
     words = ["sweep", str(tmp_path / "mine.toml"), "--over", "striker.1.velocity=1:2:2", "--set", "packing.rows=11"]

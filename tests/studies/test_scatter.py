@@ -150,7 +150,9 @@ def test_the_table_is_written_and_drawn(found: Scatter) -> None:
     assert scattering_figure(found).axes
 
 
-def test_the_command_does_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: Any) -> None:
+def test_the_command_does_the_same(
+    drawn_once: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: Any
+) -> None:
     rows = [Row("burst", 0.5, "TR", "TR", 0.25, 1e-3, 0.75, 2e-3)]
     asked = {}
 
