@@ -227,10 +227,13 @@ def judge_package(words: list[str]) -> None:
         Scene.load(options.scene).with_values(dict(map(assignment, options.changes)))
 
 
+KNOWN = cache(scripts)  # which reads the files of all cases
+
+
 def judge_analysis(words: list[str]) -> None:
     """Refuse a script that is not there, and an option whose name is neither in the script nor in what all share."""
     script, *rest = ["case", "--list", *words[1:]] if words[0] == "cases" else words
-    assert script in scripts(), script
+    assert script in KNOWN(), script
     file = f"{script}.py" if script in DOORS else f"cases/{script}/case.py"
     text = (ROOT / "analysis" / file).read_text("utf-8") + SHARED
     assert [word for word in rest if word.startswith("-") and f'"{word}"' not in text] == []
