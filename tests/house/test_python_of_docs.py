@@ -16,11 +16,11 @@ ROOT = Path(__file__).parents[2]
 PYTHON = re.compile(r"^```python[ \t]*\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
 ALLOWED = 60.0  # s per code block
 
-# What others made is imported once, which takes a second, and the process is then copied for each page. What its file
-# `said` holds at the end is why a page failed
+# What others made is imported once, which takes half a second, and the process is then copied for each page; matplotlib
+# by the pages that draw. What its file `said` holds at the end is why a page failed
 SESSIONS = """
 import json, os, sys, traceback
-import matplotlib.pyplot, numpy, scipy.integrate, scipy.optimize
+import numpy, scipy.integrate, scipy.optimize
 
 for folder, blocks in json.load(sys.stdin):
     if os.fork() == 0:
