@@ -15,6 +15,7 @@ from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.scene.scene import Scene
 
 LARGEST_CELL = 100_000  # rows or columns; a larger cell is no remedy
+AT_ONCE = 100_000  # numbers of waves in cells that are tried together: 1 MB
 
 
 def remarks(scenes: Iterable[Scene]) -> list[str]:
@@ -59,11 +60,14 @@ def _remedy(shape: Shape, waves: set[WaveVector], *, along_y: bool) -> str:
     advances = np.array([(each.per_row, each.per_column) for each in waves])
     nearest = cKDTree(advances).query(advances, k=2, p=np.inf)[0][:, 1].min()
     step, rows, columns = shape.lattice.row_period, shape.rows, shape.columns
-    longer = ((each, columns) for each in range(rows, LARGEST_CELL + 1, step))
-    larger = ((times * rows, times * columns) for times in range(2, LARGEST_CELL // max(rows, columns) + 1))
-    for cell in longer if along_y else larger:
-        held = 2 * pi / np.array(cell)
-        if np.abs(advances - held * np.rint(advances / held)).max() < nearest / 2:
+    longer = [(each, columns) for each in range(rows, LARGEST_CELL + 1, step)]
+    larger = [(times * rows, times * columns) for times in range(2, LARGEST_CELL // max(rows, columns) + 1)]
+    cells = np.array(longer if along_y else larger).reshape(-1, 2)
+    for some in np.array_split(cells, 1 + cells.size * len(waves) // AT_ONCE):
+        held = 2 * pi / some[:, None]
+        moved = np.abs(advances - held * np.rint(advances / held)).max(axis=(1, 2))
+        if (enough := np.flatnonzero(moved < nearest / 2)).size:
+            cell = some[enough[0]]
             setting = f"packing.rows = {cell[0]}" + ("" if along_y else f", packing.columns = {cell[1]}")
             return f"a cell of {(_along_y if along_y else _oblique)(*cell)} tells them apart ({setting})"
     none = f"no cell of up to {LARGEST_CELL} rows tells them apart"
