@@ -102,7 +102,9 @@ def test_a_contestant_that_is_not_installed_is_skipped_and_said_so(
     assert "- yade: skipped, no program yade" in capsys.readouterr().out
 
 
-def test_every_time_in_the_table_has_its_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_time_in_the_table_has_its_error(
+    drawn_once: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     names = ["ours-0.2", "rows-0.0001"]
     assert bench.main(["--only", *names, "--repeats", "1", "-o", str(tmp_path / "bench.svg")]) == 0
     assert (tmp_path / "bench.svg").stat().st_size > 0
