@@ -1,6 +1,7 @@
 """The two derivations stay independent: who may import whom."""
 
 import ast
+import re
 import sys
 from collections.abc import Callable
 from functools import cache
@@ -36,6 +37,8 @@ def roots(source: str) -> set[str]:
 
 def forbidden_in_analysis(source: str) -> set[str]:
     """Imports of granular_lmp other than record and sphere; relative imports are refused, they hide where they lead."""
+    if "granular_lmp" not in source and "from ." not in source:  # most sources, which need not be parsed
+        return set()
     names = {name for name in imports(source) if name.split(".")[0] in ("granular_lmp", "")}
     return {name for name in names if not {name, name.rpartition(".")[0]} & FROM_PACKAGE}
 
@@ -92,7 +95,7 @@ def asked_of_records(source: str) -> set[str]:
 
     The problem is one of a record, however that is named.
     """
-    if not any(name in source for name in PREPARED):  # most sources, which need not be parsed
+    if not re.search(rf"\.({'|'.join(PREPARED)})\b", source):  # most sources, which need not be parsed
         return set()
     return {
         node.attr
@@ -113,7 +116,7 @@ def test_what_is_asked_of_a_record_is_seen() -> None:
 
 
 def test_all_sources_of_analysis_are_read() -> None:
-    assert len(of_analysis(roots)) > 100
+    assert len(of_analysis(lambda source: {source[:1]})) > 100
 
 
 def test_package_never_imports_analysis():
