@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,8 @@ import numpy as np
 import pytest
 
 from granular_analysis.cases.refraction import case as figure
+from granular_analysis.cases.refraction import plane_front as settling
 from granular_analysis.cases.refraction.angles import ROWS, angle, front_speed, quasi_particle
-from granular_analysis.cases.refraction.plane_front import plane_front as settled
 from granular_analysis.cases.refraction.plane_front import scaled_speed
 from granular_analysis.measure.refraction import fronts_at_interface, plane_front
 from granular_analysis.theory import scattering
@@ -19,6 +20,7 @@ from granular_analysis.theory.chain_motion import march
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 
 SCENE = ImpactScene.load("refraction")
+settled = cache(settling.plane_front)
 
 # --- theory -----------------------------------------------------------------------------------------------------------
 
