@@ -1,4 +1,4 @@
-"""Monitors of contacts record the force of each sphere on its wall or substrate."""
+"""MonitorRecords of contacts record the force of each sphere on its wall or substrate."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +12,7 @@ from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.lammps.outputs import MONITOR
 from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.runs.export import export
+from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.scales import force_of, length_of
 from granular_lmp.scene.at_rest import crystal_of
 from tests.conftest import PAPER
@@ -57,10 +58,10 @@ def scenes() -> dict[str, Scene]:
     }
 
 
-def judged(record: Record, end: int, *, walls: bool = True) -> tuple[np.ndarray, np.ndarray]:
+def judged(record: Record, monitor: MonitorRecord, end: int, *, walls: bool = True) -> tuple[np.ndarray, np.ndarray]:
     """Return m a of a sphere from its velocity, and the sum of the forces of its contacts, N, (T - 2, D) each."""
-    monitor, scene = record.monitor("all"), record.scene
-    contacts, crystal = monitor.contacts, crystal_of(scene)
+    scene, contacts = record.scene, monitor.contacts
+    crystal = crystal_of(scene)
     number = int(monitor.spheres[end])
     sign = np.where(contacts.j == number, 1.0, np.where(contacts.i == number, -1.0, 0.0))
     sign[contacts.wall != ""] *= walls
@@ -77,18 +78,24 @@ def record(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return run(scenes()[request.param], tmp_path_factory.mktemp("walls") / "run")
 
 
-def test_forces_of_all_contacts_and_walls_are_what_moves_a_sphere(record: Record) -> None:
-    contacts = record.monitor("all").contacts
+@pytest.fixture(scope="module")
+def monitor(record: Record) -> MonitorRecord:
+    """The monitor of the record, whose contacts are read once."""
+    return record.monitor("all")
+
+
+def test_forces_of_all_contacts_and_walls_are_what_moves_a_sphere(record: Record, monitor: MonitorRecord) -> None:
+    contacts = monitor.contacts
     sphere = int(contacts.i[contacts.wall != ""][1])
-    momentum, force = judged(record, sphere)
+    momentum, force = judged(record, monitor, sphere)
     scale = np.abs(force).max()
     assert np.abs(momentum - force).max() < 1e-3 * scale
-    assert np.abs(momentum - judged(record, sphere, walls=False)[1]).max() > 0.1 * scale
+    assert np.abs(momentum - judged(record, monitor, sphere, walls=False)[1]).max() > 0.1 * scale
 
 
-def test_torques_of_contacts_and_substrate_are_what_turns_a_sphere(record: Record) -> None:
+def test_torques_of_contacts_and_substrate_are_what_turns_a_sphere(record: Record, monitor: MonitorRecord) -> None:
     """The shear force of a wall acts at a lever arm R."""
-    monitor, scene = record.monitor("all"), record.scene
+    scene = record.scene
     contacts, radius = monitor.contacts, monitor.crystal.arrays["radius"]
     number = int(contacts.i[contacts.wall != ""][1])
     half = np.where(contacts.wall == "", np.nan_to_num(contacts.overlap) * scene.sphere.overlap_ratio, 0.0)
@@ -145,14 +152,16 @@ def test_a_table_names_the_wall_as_partner(tmp_path: Path) -> None:
     assert {each["partner"] for each in table} == {"sphere", "wall zlo"}
     walls = [each for each in table if each["partner"] == "wall zlo"]
     assert {(each["row_j"], each["column_j"]) for each in walls} == {("-1", "-1")}
-    normal = record.monitor("all").contacts.normal[:, record.monitor("all").contacts.wall == "zlo"]
+    contacts = record.monitor("all").contacts
+    normal = contacts.normal[:, contacts.wall == "zlo"]
     assert [float(each["normal_N"]) for each in walls] == pytest.approx(normal.ravel() * force_of(record.scene))
 
 
 def test_a_sphere_that_bounces_off_a_wall_leaves_its_momentum_there(tmp_path: Path) -> None:
     """The force on the wall follows the law of Hertz on a rigid plane."""
     record = run(Scene.load("point_impact").with_values(BOUNCE), tmp_path / "run")
-    monitor, contacts = record.monitor("all"), record.monitor("all").contacts
+    monitor = record.monitor("all")
+    contacts = monitor.contacts
     at = contacts.wall == "yhi"
     normal, momentum = contacts.normal[:, at], monitor.velocity[..., 1].sum(axis=1)
     assert momentum[[0, -1]] == pytest.approx([1.0, -1.0], abs=0.3)
