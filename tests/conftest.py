@@ -56,11 +56,10 @@ def paper_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Record]
     done: dict[str, Record] = {}
 
     def make(changes: dict[str, Any] | None = None) -> Record:
-        changes = {"packing.rows": "auto"} | (changes or {})
-        key = repr(sorted(changes.items()))
+        scene = PAPER.with_values({"packing.rows": "auto"} | (changes or {}))
+        key = scene.to_toml()
         if key not in done:
-            folder = tmp_path_factory.mktemp("paper") / "run"
-            done[key] = run(PAPER.with_values(changes), folder)
+            done[key] = run(scene, tmp_path_factory.mktemp("paper") / "run")
         return done[key]
 
     return make
