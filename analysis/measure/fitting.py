@@ -143,8 +143,9 @@ def wavevectors(setting: Setting, points: Sequence[Point]) -> Floats:
     """Return the wave vectors of points (N, 2), 1/m; at k = 0 those next to it, where branches still have names."""
     unit, along = setting.unit, setting.scene.direction
     lengths = [each.wavenumber * (unit if each.unit == "rad/row" else 1.0) for each in points]
-    ways = [frame(along if each.direction is None else each.direction)[0] for each in points]
-    return np.maximum(lengths, _NEXT_TO_0 * unit)[:, None] * np.reshape(ways, (-1, 2))
+    degrees = [along if each.direction is None else each.direction for each in points]
+    ways = {each: frame(each)[0] for each in set(degrees)}
+    return np.maximum(lengths, _NEXT_TO_0 * unit)[:, None] * np.reshape([ways[each] for each in degrees], (-1, 2))
 
 
 class _Found(NamedTuple):

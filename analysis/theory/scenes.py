@@ -180,6 +180,8 @@ class Setting:
         Raises ValueError for what is not a pattern of rows of other densities.
         """
         scene, shape = self.scene, self.scene.shape
+        if not scene.inclusion:
+            return np.array([self.number("sphere.density")]), np.zeros(1, dtype=np.intp)
         rows = np.full(shape.rows, self.number("sphere.density"))
         kinds, named = np.full(shape.rows, scene.sphere.density), {kind for pair in scene.pair for kind in pair.of}
         for number, each in enumerate(scene.inclusion, 1):
