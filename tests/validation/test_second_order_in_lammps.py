@@ -78,8 +78,8 @@ def even(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Reco
 
 
 # The upper branch of layers, the second of a layer on a substrate and a film have their likes beside them; fcc and hcp
-# stand in test_space_in_lammps
-MORE = "layers, upper branch", "layer on a substrate, S2", "fcc", "hcp", "four layers"
+# stand in test_space_in_lammps. The square lattice stands below, and of the secant law are all whose law is not named
+MORE = "layers, upper branch", "layer on a substrate, S2", "fcc", "hcp", "four layers", "square", "secant"
 
 
 @pytest.mark.parametrize("name", members(CASES, *MORE))

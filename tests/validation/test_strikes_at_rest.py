@@ -62,8 +62,9 @@ SCENES: dict[str, dict[str, Any]] = {
 }
 
 
-# Faces, sources and unequal spheres stand beside in other scenes; contacts open in tests/validation/test_impacts.py
-MORE = "jkr", "opening", "even rows", "held sheet", "source alone"
+# Faces, sources and unequal spheres stand beside in other scenes, the free sheet with some features more; contacts open
+# in tests/validation/test_impacts.py
+MORE = "jkr", "opening", "even rows", "held sheet", "source alone", "free sheet"
 
 
 @pytest.mark.parametrize("name", members(SCENES, *MORE))

@@ -169,7 +169,7 @@ def test_compare_takes_the_network_of_unequal_spheres_in_space(tmp_path: Path) -
 
 
 def test_spheres_that_are_pushed_off_their_substrate_are_said() -> None:
-    rough = {"disorder.radius": 1e-2, "packing.columns": 12}
+    rough = {"disorder.radius": 1e-2}
     problem = prepare(scene_of("a layer").with_values(rough))
     lifted = problem.at_rest.equilibrium.lifted  # type: ignore[union-attr]  # it came to rest
     assert 0 < lifted == len(problem.crystal) - problem.contacts.on_wall.sum()
