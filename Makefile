@@ -171,7 +171,7 @@ rooms: .venv/ready
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or later is needed: make PYTHON=python3.12 ...") if sys.version_info < (3, 11) else None'
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --editable '.[test]'
-	$(BIN)/python -m compileall -q granular_lmp analysis
+	$(BIN)/python -m compileall -q granular_lmp analysis/granular_analysis
 	$(BIN)/granular-lmp build-kernel || echo "without the kernel, which makes runs faster, all else works"
 	touch $@
 

@@ -1,7 +1,7 @@
 /* The least that particles cost: velocity Verlet over a list of contacts that is made once.
 
    Contacts never part nor meet, all spheres are equal, and places are displacements from rest, so that no digits are
-   lost. The law is that of analysis/theory/network.py, whose slip is a number; it starts with the slip of one step from
+   lost. The law is that of analysis/granular_analysis/theory/network.py, whose slip is a number; it starts with the slip of one step from
    rest to the wave. As in LAMMPS it grows along the tangent at the end of a step, which leaves an error of first order
    below 1e-5 of p. SI units. */
 

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.timing import both_ratios, interleave, machine, spread, table
-from granular_analysis.cases.witness.case import NETWORK, PAIR, Point, measure
+from cases.witness.case import NETWORK, PAIR, Point, measure
 from granular_lmp import Scene, run
 from granular_lmp.lammps.outputs import LOG, read_log
 

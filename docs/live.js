@@ -1,4 +1,4 @@
-// The closed form of analysis/second_harmonic.py, drawn for the values of the sliders. No library, no server.
+// The closed form of analysis/granular_analysis/second_harmonic.py, drawn for the values of the sliders. No library, no server.
 // Equations and letters are those of that module and of docs/theory.md; tests/house/test_browser.py compares the two.
 "use strict";
 

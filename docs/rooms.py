@@ -14,8 +14,6 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "granular_lmp"
 DRAWING = ROOT / "figures" / "rooms.svg"
 LEFT_OUT = {"errors", "frozen"}
-# A record and a card draw themselves, and import the room when they are asked to: the arrows against the data
-LAZY = {("runs", "plot"), ("card", "plot")}
 Arrows = set[tuple[str, str]]
 
 _WIDTH, _BOX, _HEIGHT, _STEP, _LEFT = 980, 130, 30, 52, 150
@@ -59,7 +57,7 @@ def arrows() -> Arrows:
     found = {
         (used, room) for room, paths in known.items() for path in paths for used in imported(path.read_text("utf-8"))
     }
-    return {(used, room) for used, room in found if used in known and used != room and (room, used) not in LAZY}
+    return {(used, room) for used, room in found if used in known and used != room}
 
 
 def reduced(pairs: Arrows) -> Arrows:

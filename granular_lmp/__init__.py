@@ -13,11 +13,14 @@ A scene without a wave declares spheres that just touch and are struck; `ImpactS
 
 The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`,
 `studies` and `plot`. Each imports only from those before it (``tests/house/test_independence.py`` holds the
-table). A notebook's card of a scene, a deck, a record or a sweep is drawn by `plot.notebook`, which `card` asks for.
+table). `plot.notebook` draws a notebook's card of a scene, a deck, a record or a sweep; `card` learns of it here.
 """
 
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from granular_lmp.card import PAINTERS
 
 if TYPE_CHECKING:
     from granular_lmp.accuracy.ladder import build as build
@@ -55,6 +58,7 @@ _HOMES = {
     "front": "runs.front",
     "Record": "runs.record",
     "html": "plot.notebook",
+    "trajectory_figure": "plot.signals",
     "prepare": "problem",
     "run_impact": "accuracy.tolerance",
 }
@@ -70,3 +74,10 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+
+
+def _painted(name: str, *things: Any) -> Any:
+    return __getattr__(name)(*things)
+
+
+PAINTERS.update({name: partial(_painted, name) for name in ("html", "trajectory_figure")})

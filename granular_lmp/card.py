@@ -1,11 +1,16 @@
-"""The card of a scene, a deck, a record or a sweep in a notebook, which `granular_lmp.plot.notebook` draws."""
+"""Pictures of a scene, a deck, a record or a sweep, whose rooms stand below that of pictures and do not import it."""
+
+from collections.abc import Callable
+from typing import Any
+
+# Functions of `granular_lmp.plot` by name. The package's door fills it with functions that import the room when they
+# are called: matplotlib takes longer to load than most runs.
+PAINTERS: dict[str, Callable[..., Any]] = {}
 
 
 class HasCard:
     """A thing of which a notebook shows a card in place of its one line."""
 
     def _repr_html_(self) -> str:
-        """Return the card as HTML; the room of pictures is imported when it is asked for."""
-        from granular_lmp.plot.notebook import html  # matplotlib takes longer to load than most runs
-
-        return html(self)
+        """Return the card as HTML."""
+        return str(PAINTERS["html"](self))

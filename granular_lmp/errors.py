@@ -1,5 +1,24 @@
 """The errors of the package: one base class, and the exit status of the command line for each."""
 
+__all__ = [
+    "CrystalError",
+    "DeckError",
+    "EffectError",
+    "GranularError",
+    "LammpsError",
+    "LammpsMissingError",
+    "LaunchError",
+    "OutputError",
+    "PackageMissingError",
+    "ReadoutError",
+    "RunFolderError",
+    "RunInterrupted",
+    "SceneError",
+    "ToleranceError",
+    "ViewError",
+    "WorkerError",
+]
+
 # Arguments as messages name them → the options of the command line
 _OPTIONS = {
     "force=True": "--force",

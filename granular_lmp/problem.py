@@ -37,6 +37,8 @@ from granular_lmp.units import AnyUnits
 if TYPE_CHECKING:
     from granular_lmp.collisions import Collisions
 
+__all__ = ["Problem", "prepare"]
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:

@@ -3,6 +3,8 @@
 from time import monotonic
 from typing import Any
 
+__all__ = ["ProgressBar"]
+
 DELAY = 0.3  # s before a bar is drawn: what is faster needs none, and does not wait for tqdm to be imported
 
 

@@ -18,6 +18,8 @@ from granular_lmp.scene.at_rest import swiftness
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 
+__all__ = ["build"]
+
 RUNGS = 3  # runs that are planned, as of steps h, h/2, h/4
 # E of the first two runs over the tolerance; larger and smaller ones by 4 cost more in 94 scenes (tests/hard)
 COARSE = 16.0

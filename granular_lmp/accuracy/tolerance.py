@@ -18,6 +18,8 @@ from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
 
+__all__ = ["resume", "run"]
+
 
 def run(
     what: Scene | Deck,

@@ -31,6 +31,8 @@ from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.frozen import dataclass
 
+__all__ = ["Contacts", "find_contacts"]
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 # Tolerance between the overlaps of the positions and those of a declared force: a share of them, and rounding, in radii

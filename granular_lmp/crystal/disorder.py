@@ -23,6 +23,8 @@ from granular_lmp.crystal.stiffnesses import CLASSES, WIDEST, Pair, factors_of, 
 from granular_lmp.errors import CrystalError
 from granular_lmp.frozen import dataclass
 
+__all__ = ["Disorder", "Inclusion", "imperfect"]
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 BOXES = ("box", "fixed")  # what holds unequal spheres as they come to rest

@@ -48,6 +48,8 @@ from granular_lmp.crystal.walls import Face, on_wall
 from granular_lmp.errors import CrystalError
 from granular_lmp.frozen import dataclass
 
+__all__ = ["relax"]
+
 Floats = NDArray[np.float64]
 
 

@@ -31,6 +31,8 @@ from granular_lmp.crystal.stiffnesses import factors_of
 from granular_lmp.crystal.walls import Wall, on_wall
 from granular_lmp.frozen import dataclass
 
+__all__ = ["CHAIN", "Shape", "packed", "unit_cell"]
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _SAME_LATTICE = 1e-9  # relative: rounding of a lattice constant is far below it

@@ -27,6 +27,8 @@ from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.crystal.wavevector import WaveVector, zone_path
 from granular_lmp.errors import SceneError
 
+__all__ = ["bloch_modes"]
+
 MODES = ("L", "TR", "RT")
 _MEET = 1e-9  # relative distance of two frequencies below which the shapes of their branches are any
 _STILL = 1e-6  # A frequency below this share of the highest one is the root of a rounding

@@ -18,6 +18,8 @@ from typing import Self
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.frozen import dataclass
 
+__all__ = ["Scale"]
+
 # Hertz: (4√π/5) Γ(2/5)/Γ(9/10) (5/4)^{2/5} = 3.2181 (Landau & Lifshitz, Theory of Elasticity, section 9)
 _COLLISION = 0.8 * sqrt(pi) * gamma(0.4) / gamma(0.9) * 1.25**0.4
 DEEPEST = 0.625**0.4  # largest overlap of two equal spheres, in ℓ: (5μ/4m)^{2/5} with μ = m/2

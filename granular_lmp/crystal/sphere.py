@@ -19,6 +19,8 @@ from math import log, pi, sqrt
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
 from granular_lmp.frozen import dataclass
 
+__all__ = ["Sphere"]
+
 INERTIA_RATIO = 2 / 5  # Ĩ = I/(mR²) of a solid sphere, fixed in LAMMPS's sphere styles too
 
 

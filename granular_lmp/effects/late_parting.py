@@ -7,7 +7,7 @@ In y of `granular_lmp.crystal.adhesion_laws.Jkr` the overlap at the end is δ0 y
 
 Of the two LAMMPS has the second; the first needs the kernel. It is declared, as no wave calls for it by itself.
 
-Sources: as of `granular_analysis.theory.jkr`.
+Sources: as of `cases.pull_off.jkr`.
 """
 
 from collections.abc import Mapping

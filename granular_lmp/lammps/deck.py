@@ -35,6 +35,8 @@ from granular_lmp.lammps.outputs import SCENE, write_deck
 from granular_lmp.problem import Problem
 from granular_lmp.scene.scene import Scene
 
+__all__ = ["Deck"]
+
 # In their order
 BLOCKS = (
     Block(variables.heading, again=variables.continues),

@@ -21,6 +21,8 @@ from granular_lmp.runs.scales import force_of, length_of
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.runs.tables import write_csv
 
+__all__ = ["export"]
+
 
 def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float64]]:
     """Return `MonitorRecord.columns` in SI units by column; places stay rows and columns of the packing.

@@ -29,6 +29,8 @@ from granular_lmp.scene.places import place_troubles, spheres_at
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import allowed_names
 
+__all__ = ["Front", "front"]
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -46,6 +46,8 @@ from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import allowed_names
 
+__all__ = ["ContactForces", "MonitorRecord"]
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.card import HasCard
+from granular_lmp.card import PAINTERS, HasCard
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import RunFolderError
@@ -38,9 +38,12 @@ from granular_lmp.runs.tables import optional_package as optional_package
 from granular_lmp.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from granular_lmp.plot.signals import Picture
+    from matplotlib.figure import Figure
+
     from granular_lmp.runs.monitors import MonitorRecord
     from granular_lmp.runs.snapshots import Snapshots
+
+__all__ = ["Record", "load"]
 
 Floats = NDArray[np.float64]
 
@@ -398,11 +401,10 @@ class Record(HasCard):
         with writable(Path(path)):
             tables.write_csv(self.si, Path(path))
 
-    def plot(self) -> "Picture":
+    def plot(self) -> "Figure":
         """Return a figure of p, q and φ over τ, without signals that stay zero; a notebook shows it."""
-        from granular_lmp.plot.signals import trajectory_figure  # matplotlib takes longer to load than most runs
-
-        return trajectory_figure(self.tau, self.signals, self.scene)
+        figure: Figure = PAINTERS["trajectory_figure"](self.tau, self.signals, self.scene)
+        return figure
 
     def to_pandas(self) -> Any:
         """Return `columns` as a ``pandas.DataFrame``; those of the centre sphere over tau.

@@ -36,6 +36,8 @@ from granular_lmp.scene.at_rest import crystal_of, sphere_count
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.scene import Scene
 
+__all__ = ["Snapshots"]
+
 Floats = NDArray[np.float64]
 
 

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from granular_lmp.frozen import dataclass
 
+__all__ = ["spectrum"]
+
 Floats = NDArray[np.float64]
 
 FEWEST = 8  # records

@@ -29,6 +29,8 @@ from granular_lmp.scene.start import Start
 from granular_lmp.scene.strikers import scale_of
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
+__all__ = ["Collision"]
+
 NORMAL_LAWS = ("dmt", "hertz", "jkr")
 TANGENTIAL_LAWS = (*SHEAR_LAWS, RESCALED, "none")
 RECORDS = 500  # fewest records in a contact time
@@ -234,7 +236,7 @@ class Collision(Document):
 
         By the law "jkr" it is 2^{−4/3} Δ0 = (3π² w² Rc/64 E*²)^{1/3}, where the pull is F and a constant load would
         part the bodies. The published loss of a collision takes the contact to 6^{−4/3} 9 Δ0, twice as far, where it
-        ends if the distance is prescribed, ``contact.parting = "distance"`` (`granular_analysis.theory.jkr`).
+        ends if the distance is prescribed, ``contact.parting = "distance"`` (`cases.pull_off.jkr`).
         """
         return -float(self.law.pull_off_overlap) * (LATER if self.contact.parting == DISTANCE else 1.0)
 

@@ -65,6 +65,8 @@ from granular_lmp.scene.stiffnesses import check_stiffnesses
 from granular_lmp.scene.strikers import Striker, check_strikes
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
 
+__all__ = ["Scene"]
+
 
 @dataclass(frozen=True, repr=False, init=False)
 class Scene(HasCard, Derived):

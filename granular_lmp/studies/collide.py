@@ -20,6 +20,8 @@ from granular_lmp.runs.record import Record
 from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.scene import Scene
 
+__all__ = ["run"]
+
 DECLARED = "collision.toml"
 COURSE = "collision.csv"
 RESULT = "collision.json"

@@ -21,6 +21,8 @@ from typing import Any
 
 from granular_lmp.errors import LaunchError, RunInterrupted, WorkerError
 
+__all__ = ["Workers"]
+
 _STOP = b""  # message that asks for a stop instead of a call
 _served: Connection | None = None  # connection of a worker to the caller
 _terminated = False  # SIGTERM came during a call

@@ -48,6 +48,8 @@ from granular_lmp.studies.sweep_rows import (
     table_of,
 )
 
+__all__ = ["Sweep", "sweep"]
+
 Progress = Callable[[int, int, float], None]
 
 _LOOK = 0.02  # s between two checks for finished runs

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.compare import compare, main
 from granular_analysis.measure.budget import Source, error_budget
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.signals import errors
@@ -16,6 +15,7 @@ from granular_analysis.theory.choice import trajectory, wave_of
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.timestep import limit, stepped
 from granular_analysis.theory.wave import Wave
+from granular_analysis.tools.compare import compare, main
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy import budget as known
 from granular_lmp.accuracy.ladder import with_step

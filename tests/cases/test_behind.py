@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.cases.behind import case as behind
-from granular_analysis.cases.behind.case import Behind, Parts
+from cases.behind import case as behind
+from cases.behind.case import Behind, Parts
 from granular_analysis.measure.rows import waves
 from granular_analysis.second_harmonic import mode, ratios
 from granular_analysis.theory.contact import Contact

@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cases.convergence import case as cv
 from granular_analysis import second_harmonic as sh
-from granular_analysis.cases.convergence import case as cv
 from tests.conftest import members
 
 SILICA = sh.ratios(cv.POISSON_RATIO)

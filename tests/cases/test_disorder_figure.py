@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.cases.defects import case as defects
-from granular_analysis.cases.disorder import case as disorder
+from cases.defects import case as defects
+from cases.disorder import case as disorder
 from granular_analysis.measure.disordered import (
     CUT_VARIANCE,
     Value,

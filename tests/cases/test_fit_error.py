@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.cases.fit_error.case import SETTINGS, TRUTH, Row, draw, exact, fitted, table
+from cases.fit_error.case import SETTINGS, TRUTH, Row, draw, exact, fitted, table
 from tests.conftest import members
 
 PAGE = Path(__file__).parents[2] / "analysis" / "cases" / "fit_error" / "README.md"

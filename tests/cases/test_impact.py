@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.cases.impact import case as impact
-from granular_analysis.cases.impact.case import Run, errors, stepped, table
-from granular_analysis.cases.solitary import case as solitary
+from cases.impact import case as impact
+from cases.impact.case import Run, errors, stepped, table
+from cases.solitary import case as solitary
 from granular_analysis.theory.chain_motion import SIXTH, VERLET
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import network
-from granular_analysis.cases.witness.case import LAMMPS, NETWORK, PAIR, Point
+from cases.witness.case import LAMMPS, NETWORK, PAIR, Point
 from granular_lmp import run
 from granular_lmp.lammps.outputs import read_log
 

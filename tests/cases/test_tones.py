@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.cases.tones import case as tones
+from cases.tones import case as tones
 from granular_analysis.measure.rows import Rows, amplitudes_at, rows_of
 from granular_analysis.theory.contact import Contact
 from granular_lmp import Record, Scene, run

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.cases.unequal import case as unequal
+from cases.unequal import case as unequal
 from granular_analysis.theory.network import Material, Network
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import start

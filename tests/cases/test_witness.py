@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.cases.witness import case as witness
+from cases.witness import case as witness
 from granular_analysis.theory.errors import TheoryError
 from granular_lmp import Record, Scene, run
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.cases.accuracy import case as accuracy
-from granular_analysis.cases.accuracy.case import (
+from cases.accuracy import case as accuracy
+from cases.accuracy.case import (
     FORMULA,
     LAMMPS,
     LATTICE,

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis import compare, curves
-from granular_analysis.cases.figure2 import case as figure2
-from granular_analysis.cases.figure3 import case as figure3
+from cases.figure2 import case as figure2
+from cases.figure3 import case as figure3
 from granular_analysis.measure import signals
 from granular_analysis.measure.swept import Swept
 from granular_analysis.second_harmonic import generated_amplitude, mode, nonlinearity, ratios, second_harmonic
 from granular_analysis.theory import bloch
 from granular_analysis.theory.choice import THEORIES, best, trajectory, wave_of
+from granular_analysis.tools import compare, curves
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.record import read_status, write_status
@@ -428,7 +428,7 @@ def test_what_the_caption_of_figure_3_says_of_the_resonance(shown: Shown) -> Non
 
 
 def test_compare_is_imported_without_scipy() -> None:
-    said = "import sys, granular_analysis.compare; sys.exit('scipy was loaded' if 'scipy' in sys.modules else 0)"
+    said = "import sys, granular_analysis.tools.compare; sys.exit('scipy was loaded' if 'scipy' in sys.modules else 0)"
     assert subprocess.run([sys.executable, "-c", said], capture_output=True, text=True).stderr == ""
 
 

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from granular_analysis import design as design_module
+from cases.mixing import case as mixing_map
+from cases.mixing.case import partners, width
 from granular_analysis import second_harmonic
-from granular_analysis.cases.mixing import case as mixing_map
-from granular_analysis.cases.mixing.case import partners, width
 from granular_analysis.cli import main as analysis_main
-from granular_analysis.design import SILICA, Resonance, compressed, design, main, table
 from granular_analysis.theory import lattice
 from granular_analysis.theory.bloch import BONDS
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.mixing import Pair, Tone, detunings, mixed_wave
 from granular_analysis.theory.neighbours import shifted
 from granular_analysis.theory.wave import Wave, generated
+from granular_analysis.tools import design as design_module
+from granular_analysis.tools.design import SILICA, Resonance, compressed, design, main, table
 from tests.conftest import members
 from tests.polarisations import modes
 from tests.theory.test_mixing import relative

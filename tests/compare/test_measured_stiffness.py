@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from granular_analysis import second_harmonic as sh
-from granular_analysis.compare import compare
 from granular_analysis.measure.fitting import Fit
 from granular_analysis.measure.points import Point
-from granular_analysis.resonances import rows
 from granular_analysis.theory.contact import Contact, ratios_of
 from granular_analysis.theory.phase_matching import matches
 from granular_analysis.theory.scenes import Setting
+from granular_analysis.tools.compare import compare
+from granular_analysis.tools.resonances import rows
 from granular_lmp import Scene, run
 
 SOFT = {"contact.normal_stiffness": 500.0, "contact.shear_stiffness": 200.0}  # κ = 0.4, of ν = ¾ if of any

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis import compare
 from granular_analysis.measure import reference
 from granular_analysis.measure.reference import Reference
 from granular_analysis.theory import catalogue
 from granular_analysis.theory.choice import refuse_less, wave_of
 from granular_analysis.theory.errors import TheoryError
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, run
 from tests.stand_in import of_first_format
 from tests.validation.test_imperfect_in_lammps import OVERLAP_RATIO, SHEET, SIGNALS, extrapolated

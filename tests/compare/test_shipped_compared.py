@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis import compare
 from granular_analysis.measure.runs import load
 from granular_analysis.measure.signals import COMPONENTS
+from granular_analysis.tools import compare
 from granular_lmp import Scene, run
 from granular_lmp.scene.shipped import SHIPPED
 from tests.conftest import members

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.compare import compare
 from granular_analysis.measure.snapshot import read_network
 from granular_analysis.theory.choice import TheoryError, beyond, wave_of
 from granular_analysis.theory.network import Material
 from granular_analysis.theory.network_motion import integrate
+from granular_analysis.tools.compare import compare
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.second_harmonic import second_harmonic
 from granular_lmp.crystal.modes import restored

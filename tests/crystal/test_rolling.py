@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.compare import main as compare
+from granular_analysis.tools.compare import main as compare
 from granular_lmp import build, run
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.crystal.contacts import find_contacts

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.compare import compare
 from granular_analysis.measure import stiffnesses as of_analysis
 from granular_analysis.theory.scenes import Setting
+from granular_analysis.tools.compare import compare
 from granular_lmp import Record, Scene, prepare, run
 from granular_lmp.crystal import stiffnesses
 from granular_lmp.crystal.contacts import FACTORS

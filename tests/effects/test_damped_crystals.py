@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis import compare
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.reading import Reading

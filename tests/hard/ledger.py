@@ -1,4 +1,4 @@
-"""The energy ledger of LAMMPS's spheres, contact by contact: `granular_analysis.theory.energy` is that of the lattice.
+"""The energy ledger of LAMMPS's spheres, contact by contact: `tests.theory.energy` is that of the lattice.
 
 In units of k1Δ0², with the overlap d in Δ0, the shear force S in k1Δ0 and the slip s = S/(κ√d) of each contact,
 

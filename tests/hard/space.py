@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from granular_analysis.compare import compare
 from granular_analysis.measure.signals import recorded
 from granular_analysis.theory.monolayer import Layer
 from granular_analysis.theory.scenes import Setting
+from granular_analysis.tools.compare import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import CrystalError
 from granular_lmp.lammps.deck import deck_of

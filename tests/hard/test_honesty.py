@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 
-from granular_analysis import compare
-from granular_analysis.cases.figure3 import case as figure3
+from cases.figure3 import case as figure3
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import run as run_any
 from granular_lmp.cli import main

@@ -73,7 +73,7 @@ def missing_tests(text: str) -> set[str]:
 
 
 def missing_names(text: str) -> set[str]:
-    """Dotted names in backticks, `analysis.module.name` or of granular_lmp, that cannot be imported."""
+    """Dotted names in backticks, of either package or of cases, that cannot be imported."""
 
     def found(dotted: str) -> bool:
         package, *rest = dotted.split(".")
@@ -87,7 +87,7 @@ def missing_names(text: str) -> set[str]:
             here = getattr(here, name)
         return True
 
-    names = set(re.findall(r"`((?:granular_analysis|granular_lmp)(?:\.\w+)+)(?:\([^`]*\))?`", text))
+    names = set(re.findall(r"`((?:granular_analysis|granular_lmp|cases)(?:\.\w+)+)(?:\([^`]*\))?`", text))
     return {name for name in names if not found(name)}
 
 
@@ -115,7 +115,7 @@ def test_a_link_to_nowhere_is_found() -> None:
 def test_a_name_of_nothing_is_found() -> None:
     assert missing_tests("`test_a_name_of_nothing_is_found`, `test_of_nothing[x]`") == {"test_of_nothing"}
     page = (
-        "`granular_analysis.compare`, `granular_analysis.theory.lattice.torus(mode)`, `granular_analysis.latice`, "
+        "`granular_analysis.cli`, `granular_analysis.theory.lattice.torus(mode)`, `granular_analysis.latice`, "
         "`granular_analysis.theory.lattice.tori`"
     )
     assert missing_names(page) == {"granular_analysis.latice", "granular_analysis.theory.lattice.tori"}
@@ -204,7 +204,7 @@ def test_prose_that_is_not_as_it_should_be_is_found() -> None:
 # ---------------------------------------------------------------- commands
 
 TARGETS = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
-SHARED = (ROOT / "analysis" / "plotting.py").read_text("utf-8")
+SHARED = (ROOT / "analysis/granular_analysis/plotting.py").read_text("utf-8")
 
 
 def commands(page: str) -> list[list[str]]:
@@ -234,13 +234,13 @@ def judge_analysis(words: list[str]) -> None:
     """Refuse a script that is not there, and an option whose name is neither in the script nor in what all share."""
     script, *rest = ["case", "--list", *words[1:]] if words[0] == "cases" else words
     assert script in KNOWN(), script
-    file = f"{script}.py" if script in DOORS else f"cases/{script}/case.py"
+    file = f"granular_analysis/tools/{script}.py" if script in DOORS else f"cases/{script}/case.py"
     text = (ROOT / "analysis" / file).read_text("utf-8") + SHARED
     assert [word for word in rest if word.startswith("-") and f'"{word}"' not in text] == []
 
 
 def judge_python(words: list[str]) -> None:
-    """Refuse a module of `analysis` that is no script."""
+    """Refuse a module of `granular_analysis` that is no script."""
     if words[0] == "-m" and words[1].startswith("granular_analysis."):
         judge_analysis([words[1].split(".")[-1], *words[2:]])
 

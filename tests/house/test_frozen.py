@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from granular_lmp import frozen
-from tests.house.test_independence import imports, sources
+from tests.house.test_independence import FOLDERS, imports, sources
 
 
 def grain(decorator: Any, **options: bool) -> Any:
@@ -93,5 +93,5 @@ def test_a_record_that_is_not_frozen_is_refused() -> None:
 
 
 def test_every_record_of_the_package_is_ours() -> None:
-    paths = [path for path in sources("granular_lmp") if path.name != "frozen.py"]
+    paths = [path for path in sources(FOLDERS["granular_lmp"]) if path.name != "frozen.py"]
     assert [path for path in paths if "dataclasses.dataclass" in imports(path.read_text())] == []

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).parents[2]
+FOLDERS = {"granular_lmp": ROOT / "granular_lmp", "granular_analysis": ROOT / "analysis/granular_analysis"}
 FROM_PACKAGE = {"granular_lmp.runs.record", "granular_lmp.crystal.sphere"}
 
 
@@ -43,8 +44,8 @@ def forbidden_in_analysis(source: str) -> set[str]:
     return {name for name in names if not {name, name.rpartition(".")[0]} & FROM_PACKAGE}
 
 
-def sources(folder: str) -> list[Path]:
-    return sorted((ROOT / folder).rglob("*.py"))
+def sources(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*.py"))
 
 
 @pytest.mark.parametrize(
@@ -69,17 +70,17 @@ def test_record_and_sphere_are_allowed(line):
 
 def test_closed_form_needs_numpy_and_the_standard_library_only():
     allowed = {"numpy"} | set(sys.stdlib_module_names)
-    assert roots((ROOT / "analysis/second_harmonic.py").read_text()) <= allowed
+    assert roots((ROOT / "analysis/granular_analysis/second_harmonic.py").read_text()) <= allowed
 
 
 def test_lattice_is_built_on_no_part_of_the_package():
     allowed = {"numpy", "scipy", "granular_analysis"} | set(sys.stdlib_module_names)
-    assert roots((ROOT / "analysis/theory/lattice.py").read_text()) <= allowed
+    assert roots((ROOT / "analysis/granular_analysis/theory/lattice.py").read_text()) <= allowed
 
 
 def of_analysis(find: Callable[[str], set[str]]) -> dict[Path, set[str]]:
     """Return what a function finds in the sources of analysis, of those where it finds something."""
-    found = {path: find(path.read_text()) for path in sources("analysis")}
+    found = {path: find(path.read_text()) for path in sources(ROOT / "analysis")}
     return {path: wrong for path, wrong in found.items() if wrong}
 
 
@@ -119,9 +120,9 @@ def test_all_sources_of_analysis_are_read() -> None:
     assert len(of_analysis(lambda source: {source[:1]})) > 100
 
 
-def test_package_never_imports_analysis():
-    names = {"analysis", "granular_analysis"}
-    assert not [path.name for path in sources("granular_lmp") if names & roots(path.read_text())]
+def test_package_never_imports_analysis_and_analysis_no_case():
+    for package, others in (("granular_lmp", {"granular_analysis", "cases"}), ("granular_analysis", {"cases"})):
+        assert not [path.name for path in sources(FOLDERS[package]) if others & roots(path.read_text())]
 
 
 # --- rooms of the package ---------------------------------------------------------------------------------------------
@@ -149,27 +150,16 @@ MAY_IMPORT: dict[str, set[str]] = {
     "doctor": {"errors", "frozen", "scene", "problem", "lammps", "runs", "accuracy", "studies"},
 }
 MAY_IMPORT["cli"] = set(MAY_IMPORT)
-# A record and a card draw themselves: matplotlib and the room are imported when they are asked to
-LAZY = {("runs", "plot"), ("card", "plot")}
 
 
-# The rooms of analysis: the closed form is read first and knows none of them; compare is the door to all.
+# The rooms of analysis: the closed form is read first and knows none of them; the tools are the door to all.
 ANALYSIS_MAY_IMPORT: dict[str, set[str]] = {
-    "short_name": set(),
     "second_harmonic": set(),
     "theory": {"second_harmonic"},
     "measure": {"second_harmonic", "theory"},
     "plotting": {"theory"},
-    "curves": {"measure"},
-    "compare": {"second_harmonic", "theory", "measure", "plotting", "curves"},
-    "design": {"theory", "plotting"},
-    "fit": {"theory", "measure", "plotting"},
-    "harmonic": {"measure", "plotting"},
-    "resonances": {"theory", "plotting"},
-    "saw": {"theory", "measure", "plotting"},
-    "cases": {"second_harmonic", "theory", "measure", "plotting"},
-    "case": {"plotting", "cases"},
-    "cli": {"plotting", "compare", "design", "fit", "harmonic", "resonances", "saw", "cases", "case"},
+    "tools": {"second_harmonic", "theory", "measure", "plotting"},
+    "cli": {"plotting", "tools"},
 }
 
 
@@ -199,53 +189,48 @@ def circle(graph: dict[str, set[str]]) -> set[str]:
 
 def of_package(package: str) -> dict[str, str]:
     """Return the source of each module of a package but ``__init__`` and ``__main__``."""
-    root = ROOT / package
+    root = FOLDERS[package]
     return {
         ".".join(path.relative_to(root).with_suffix("").parts): path.read_text()
-        for path in sources(package)
+        for path in sources(root)
         if path.stem not in ("__init__", "__main__")
     }
 
 
-TABLES = {"granular_lmp": MAY_IMPORT, "analysis": ANALYSIS_MAY_IMPORT}
-PACKAGES = {"granular_lmp": "granular_lmp", "analysis": "granular_analysis"}  # folder: name
+TABLES = {"granular_lmp": MAY_IMPORT, "granular_analysis": ANALYSIS_MAY_IMPORT}
 
 
 @cache
-def graph_of(folder: str) -> dict[str, set[str]]:
+def graph_of(package: str) -> dict[str, set[str]]:
     """Return the graph of a package; it takes a second, for which no other file of tests waits."""
-    return package_graph(of_package(folder), PACKAGES[folder])
+    return package_graph(of_package(package), package)
 
 
-@pytest.mark.parametrize("folder", PACKAGES)
-def test_every_room_has_its_line_in_the_table(folder: str) -> None:
-    assert {module.split(".")[0] for module in graph_of(folder)} == set(TABLES[folder])
+@pytest.mark.parametrize("package", FOLDERS)
+def test_every_room_has_its_line_in_the_table(package: str) -> None:
+    assert {module.split(".")[0] for module in graph_of(package)} == set(TABLES[package])
 
 
-@pytest.mark.parametrize("table", [MAY_IMPORT, ANALYSIS_MAY_IMPORT], ids=["granular_lmp", "analysis"])
+@pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
 def test_a_room_imports_only_what_stands_above_it_in_the_table(table: dict[str, set[str]]) -> None:
     for place, (room, allowed) in enumerate(table.items()):
         assert allowed <= set(list(table)[:place]), room
 
 
-@pytest.mark.parametrize(("folder", "allowed"), [("granular_lmp", LAZY), ("analysis", set())], ids=list(PACKAGES))
-def test_no_room_imports_another_than_it_may(folder: str, allowed: set[tuple[str, str]]) -> None:
-    beyond = {(room, used) for room, used in arrows(graph_of(folder)) if used not in TABLES[folder][room]}
-    assert beyond == allowed, {pair: importers(folder, *pair) for pair in beyond ^ allowed}
+@pytest.mark.parametrize("package", FOLDERS)
+def test_no_room_imports_another_than_it_may(package: str) -> None:
+    beyond = {(room, used) for room, used in arrows(graph_of(package)) if used not in TABLES[package][room]}
+    assert not beyond, {pair: importers(package, *pair) for pair in beyond}
 
 
-def importers(folder: str, room: str, used: str) -> list[str]:
+def importers(package: str, room: str, used: str) -> list[str]:
     """Return the modules of a room that import another room."""
-    return sorted(module for module, names in graph_of(folder).items() if (room, used) in arrows({module: names}))
+    return sorted(module for module, names in graph_of(package).items() if (room, used) in arrows({module: names}))
 
 
-@pytest.mark.parametrize("folder", PACKAGES)
-def test_no_circle_between_modules(folder: str) -> None:
-    eager = {
-        module: {used for used in all_used if (module.split(".")[0], used.split(".")[0]) not in LAZY}
-        for module, all_used in graph_of(folder).items()
-    }
-    assert not circle(eager)
+@pytest.mark.parametrize("package", FOLDERS)
+def test_no_circle_between_modules_also_not_through_imports_inside_functions(package: str) -> None:
+    assert not circle(graph_of(package))
 
 
 @pytest.mark.parametrize(
@@ -273,16 +258,16 @@ def test_the_theory_of_any_crystal_knows_neither_the_closed_form_nor_the_package
     found, left = set(), {f"theory.{name}"}
     while left:
         found |= left
-        left = set().union(*(graph_of("analysis")[each] for each in left)) - found
+        left = set().union(*(graph_of("granular_analysis")[each] for each in left)) - found
     assert "second_harmonic" not in found
-    texts = of_package("analysis")
+    texts = of_package("granular_analysis")
     assert not any("granular_lmp" in roots(texts[each]) for each in found)
 
 
 # --- rooms of the tests -----------------------------------------------------------------------------------------------
 
 # Beside the rooms of both packages: what compares and designs, what LAMMPS does beside theory, what stands in no room
-OTHER_ROOMS = {"compare", "validation", "hard", "matrix", "promises", "house", "engines", "manual"}
+OTHER_ROOMS = {"cases", "compare", "validation", "hard", "matrix", "promises", "house", "engines", "manual"}
 
 
 def test_every_test_stands_in_a_room_of_what_it_tests() -> None:

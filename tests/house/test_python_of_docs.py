@@ -87,7 +87,7 @@ PAGES_OF_PYTHON = [
 
 MORE = ["docs/how-to.md", "docs/sweeps.md", "docs/experiments.md", "docs/impacts.md", "docs/layers.md"]
 MORE += ["docs/gallery.md", "docs/collisions.md", "analysis/cases/solitary/README.md"]
-PAGE = "```python\nimport analysis\nx = 1\n```\n\n```console\nfalse\n```\n\n```python\n{}\n```\n"
+PAGE = "```python\nimport granular_analysis\nx = 1\n```\n\n```console\nfalse\n```\n\n```python\n{}\n```\n"
 LINES = {"right": "assert x == 1", "wrong": "assert x == 2", "gone": "import os; os._exit(0)"}
 
 

@@ -49,8 +49,7 @@ def test_the_drawing_of_the_rooms_is_that_of_the_sources() -> None:
 def test_the_arrows_are_those_of_the_table_of_imports() -> None:
     rooms = loaded("rooms")
     expected = {(used, room) for room, used in test_independence.arrows(test_independence.graph_of("granular_lmp"))}
-    lazy = {(used, room) for room, used in test_independence.LAZY}
-    assert rooms.arrows() == {pair for pair in expected - lazy if rooms.LEFT_OUT.isdisjoint(pair)}
+    assert rooms.arrows() == {pair for pair in expected if rooms.LEFT_OUT.isdisjoint(pair)}
 
 
 def test_an_arrow_that_a_chain_implies_is_left_out_and_no_other() -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from granular_analysis.cli import DOORS, help_texts, scripts
 from granular_lmp.scene.shipped import SHIPPED
+from tests.house.test_independence import FOLDERS
 from tests.house.test_python_of_docs import PYTHON, ROOT
 
 # Of the variables of this process, those that would let Python find the checkout
@@ -79,18 +80,12 @@ def test_the_wheel_holds_both_packages_typed_and_every_shipped_file(built: Path)
         "granular_lmp/lammps/kernel/contact.cpp",
         "granular_lmp/studies/identity.json",
         "granular_analysis/theory/dop853.json",
-        "analysis/__init__.py",  # the short name
         "granular_analysis/theory/loops.c",
         "granular_lmp/plot/page.html",
     }
-    for package in ("granular_lmp", "granular_analysis"):
-        wanted |= {path.relative_to(ROOT).as_posix() for path in (ROOT / package).rglob("*.py")}
+    for package, folder in FOLDERS.items():
+        wanted |= {path.relative_to(folder.parent).as_posix() for path in folder.rglob("*.py")}
         wanted.add(f"{package}/py.typed")
-    wanted |= {
-        path.relative_to(ROOT).as_posix()
-        for path in (ROOT / "granular_analysis").rglob("*")
-        if path.suffix in (".toml", ".json", ".md")
-    }
     held = {name for name in names(one(built, ".whl")) if ".dist-info/" not in name}
     assert held == wanted
 
@@ -105,11 +100,7 @@ def test_the_source_distribution_gives_the_same_wheel(built: Path, tmp_path: Pat
     assert names(one(tmp_path / "again", ".whl")) == names(one(built, ".whl"))
 
 
-def test_an_installed_scene_runs_and_is_compared_beside_another_folder_named_analysis(
-    programs: Path, tmp_path: Path
-) -> None:
-    (tmp_path / "analysis").mkdir()
-    (tmp_path / "analysis" / "__init__.py").write_text("raise ImportError('the wrong analysis')", encoding="utf-8")
+def test_an_installed_scene_runs_and_is_compared(programs: Path, tmp_path: Path) -> None:
     short = ["--set", "packing.rows=16", "--set", "time.duration=12"]
     started(programs / "granular-lmp", "run", "tr_periodic", *short, "-o", "run", cwd=tmp_path)
     assert "hierarchy" in started(programs / "granular-analysis", "compare", "run", cwd=tmp_path)
@@ -118,8 +109,20 @@ def test_an_installed_scene_runs_and_is_compared_beside_another_folder_named_ana
 
 
 def test_the_installed_analysis_runs_as_modules_and_as_scripts(programs: Path, tmp_path: Path) -> None:
-    assert "RUN" in started(programs / "python", "-m", "granular_analysis.compare", "--help", cwd=tmp_path)
-    assert "granular-analysis figure2" in started(programs / "granular-analysis", "figure2", "--help", cwd=tmp_path)
+    assert "RUN" in started(programs / "python", "-m", "granular_analysis.tools.compare", "--help", cwd=tmp_path)
+    assert "granular-analysis sheets" in started(programs / "granular-analysis", "sheets", "--help", cwd=tmp_path)
+
+
+def test_cases_are_only_in_a_checkout_and_an_installed_command_says_so(programs: Path, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [programs / "granular-analysis", "case", "figure2"],
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2
+    assert "figure2: is no case; cases are only in a checkout of the repository" in done.stderr
 
 
 def test_the_python_of_the_readme_runs_where_the_wheel_is_installed(programs: Path, tmp_path: Path) -> None:
@@ -128,15 +131,6 @@ def test_the_python_of_the_readme_runs_where_the_wheel_is_installed(programs: Pa
     where = "import granular_analysis, granular_lmp; print(granular_analysis.__file__, granular_lmp.__file__)"
     files = started(programs / "python", "-c", where, cwd=tmp_path).split()
     assert all(Path(file).is_relative_to(programs.parent) for file in files)
-
-
-def test_the_short_name_is_the_same_package_and_may_be_that_of_a_script(programs: Path, tmp_path: Path) -> None:
-    same = "import analysis.theory.lattice as a, granular_analysis.theory.lattice as b; assert a is b"
-    started(programs / "python", "-c", same, cwd=tmp_path)
-    assert "RUN" in started(programs / "python", "-m", "analysis.compare", "--help", cwd=tmp_path)
-    (tmp_path / "analysis.py").write_text("MINE = 1\n", encoding="utf-8")
-    both = "import analysis, granular_analysis.compare; print(analysis.MINE)"
-    assert started(programs / "python", "-c", both, cwd=tmp_path) == "1\n"
 
 
 def test_the_reference_has_the_help_of_every_door_of_analysis() -> None:
@@ -148,7 +142,9 @@ def test_the_reference_has_the_help_of_every_door_of_analysis() -> None:
 
 def test_every_script_of_analysis_has_its_name_in_the_command() -> None:
     files = [path for path in (ROOT / "analysis").rglob("*.py") if "\ndef main(" in path.read_text("utf-8")]
-    names = {path.parent.name if path.parents[1].stem == "cases" else path.stem for path in files}
+    names = {
+        path.parent.name if path.name == "case.py" and path.parents[1].name == "cases" else path.stem for path in files
+    }
     assert set(scripts()) == names - {"cli"}
 
 

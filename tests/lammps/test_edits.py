@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.compare import compare
+from granular_analysis.tools.compare import compare
 from granular_lmp import Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.errors import DeckError, RunFolderError

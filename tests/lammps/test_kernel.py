@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.theory import jkr
+from cases.pull_off import jkr
 from granular_lmp import Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.cli import main

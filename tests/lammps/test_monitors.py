@@ -10,9 +10,9 @@ import ase.io
 import numpy as np
 import pytest
 
-from granular_analysis import compare
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.theory.choice import traits_of
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.recorded import Recorded
 from granular_lmp.cli import main

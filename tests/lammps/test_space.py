@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.compare import compare
+from granular_analysis.tools.compare import compare
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.crystal.lattices import centre, places

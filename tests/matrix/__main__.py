@@ -4,7 +4,6 @@ It writes docs/reference/combinations.md, too.
 """
 
 from tests.matrix.features import KINDS
-from tests.matrix.names import CHANGELOG, NAMES, gone, listed, public_names
 from tests.matrix.outcomes import GOLDEN, gains, golden, row, text, update
 from tests.matrix.page import PAGE, current
 
@@ -17,8 +16,3 @@ for kind in KINDS:
     file.write_text(text(update(before, now)), encoding="utf-8")
 
 PAGE.write_text(current(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
-
-held, now = listed() if NAMES.exists() else set(), public_names()
-if lost := gone(held, now, CHANGELOG.read_text("utf-8")):
-    raise SystemExit(f"no more there, and not in {CHANGELOG.name}: {', '.join(sorted(lost))}")
-NAMES.write_text("\n".join(sorted(now)) + "\n", "utf-8")

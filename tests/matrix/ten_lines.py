@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 
-from analysis.second_harmonic import mode, ratios, second_harmonic
+from granular_analysis.second_harmonic import mode, ratios, second_harmonic
 
 folder, wavenumber, amplitude, poisson_ratio = sys.argv[1], *map(float, sys.argv[2:])
 tau, p, q, phi = np.loadtxt(f"{folder}/trajectory.csv", delimiter=",", skiprows=1).T

@@ -62,7 +62,7 @@ def test_nothing_moves():
     reference="analytic: the rate 0.05 and frequency 0.8 put in",
     tolerance=1e-10,
     reason="rounding of a fit over ninety times",
-    mutant=Mutant("analysis/measure/coherent.py", "centre = share @ x", "centre = np.mean(x)"),
+    mutant=Mutant("analysis/granular_analysis/measure/coherent.py", "centre = share @ x", "centre = np.mean(x)"),
 )
 def test_decay_and_frequency_are_those_of_the_wave(measured):
     fit = decay(TIMES, running(0.3 - 0.4j, 0.05, 0.8))

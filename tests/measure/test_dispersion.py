@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.cases.dispersion import case as dispersion_figure
 from granular_analysis.measure import dispersion
 from granular_analysis.theory.contact import Contact
+from granular_analysis.tools import dispersion as dispersion_figure
 from granular_lmp import Scene, load, prepare, resume, run
 from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, RunFolderError, RunInterrupted, SceneError

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.cases.recovery.case import judged, setups, wrong_law
-from granular_analysis.fit import main
+from cases.recovery.case import judged, setups, wrong_law
 from granular_analysis.measure.fitting import Fit
 from granular_analysis.measure.front import crest
 from granular_analysis.measure.points import Point
 from granular_analysis.second_harmonic import mode, ratios, second_harmonic
 from granular_analysis.theory.monolayer import Layer
+from granular_analysis.tools.fit import main
 from granular_lmp import Scene, run
 from tests.conftest import members
 from tests.manual import Measure, Mutant, verifies
@@ -46,7 +46,11 @@ def closed_form(scene: Scene) -> list[Point]:
     reference="analytic: the paper's closed form, which the fit does not use",
     tolerance=1e-06,
     reason="frequencies are met to rounding; far below any measurement",
-    mutant=Mutant("analysis/measure/fitting.py", "axis=1)[:, 0] / (2 * np.pi)", "axis=1)[:, 0] / (2.0002 * np.pi)"),
+    mutant=Mutant(
+        "analysis/granular_analysis/measure/fitting.py",
+        "axis=1)[:, 0] / (2 * np.pi)",
+        "axis=1)[:, 0] / (2.0002 * np.pi)",
+    ),
 )
 def test_keys_are_found_again_from_the_closed_form(measured: Measure) -> None:
     truth = SCENE.with_values({E: 6.5e10, NU: 0.25})
@@ -261,7 +265,9 @@ def resonances(**hertz: float) -> list[Point]:
     tolerance=0.002,
     reason="the arm of torques, η, that the closed form leaves out",
     mutant=Mutant(
-        "analysis/theory/monolayer.py", "lower = 2.5 * neighbours * shear", "lower = 2.51 * neighbours * shear"
+        "analysis/granular_analysis/theory/monolayer.py",
+        "lower = 2.5 * neighbours * shear",
+        "lower = 2.51 * neighbours * shear",
     ),
 )
 def test_three_resonances_tell_three_stiffnesses_by_the_closed_form(measured: Measure) -> None:

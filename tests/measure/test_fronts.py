@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.cases.fronts import case as fronts
+from cases.fronts import case as fronts
 from granular_analysis.measure.front import Front, crest, front
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 

@@ -11,9 +11,6 @@ import numpy as np
 import pytest
 
 from granular_analysis import cli
-from granular_analysis import harmonic as command
-from granular_analysis.compare import compare
-from granular_analysis.harmonic import harmonic, table
 from granular_analysis.measure import harmonic as measure
 from granular_analysis.measure.coherent import project
 from granular_analysis.measure.harmonic import PHASES, by_cell, by_network, by_runs, by_theory, over_phases
@@ -21,6 +18,9 @@ from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.second_harmonic import second_harmonic
 from granular_analysis.theory import cell as cell_module
 from granular_analysis.theory.choice import wave_of
+from granular_analysis.tools import harmonic as command
+from granular_analysis.tools.compare import compare
+from granular_analysis.tools.harmonic import harmonic, table
 from granular_lmp import Record, Scene, run
 from tests.conftest import members
 

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.cases.effects import case as effects
-from granular_analysis.cases.oblique import case as oblique_figure
-from granular_analysis.cases.spectrum import case as spectrum
+from cases.effects import case as effects
 from granular_analysis.measure import oblique, sheets
 from granular_analysis.second_harmonic import second_harmonic
 from granular_analysis.theory import bloch
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave
+from granular_analysis.tools import oblique as oblique_figure
+from granular_analysis.tools import spectrum
 from granular_lmp import Record, Scene, run
 from granular_lmp.studies.sweep import sweep
 from tests.conftest import members

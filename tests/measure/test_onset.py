@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.cases.onset import case as figure
-from granular_analysis.measure.onset import crossing, onset
+from cases.onset import case as figure
+from cases.onset.onset import crossing, onset
 from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.plotting import save
 from granular_analysis.theory.network_ledger import energy

@@ -23,7 +23,11 @@ HELD = PERIODIC | {"packing.ends": "fixed", "packing.rows": 17, "time.allow_echo
     reference="other code: LAMMPS",
     tolerance=5e-05,
     reason="the error of Verlet's steps: 1e-4 of the wave with four times the step",
-    mutant=Mutant("analysis/measure/snapshot.py", "        return columns[:, 0]\n", "        return -columns[:, 0]\n"),
+    mutant=Mutant(
+        "analysis/granular_analysis/measure/snapshot.py",
+        "        return columns[:, 0]\n",
+        "        return -columns[:, 0]\n",
+    ),
 )
 def test_the_network_moves_as_the_run_that_it_was_read_from(changes, tmp_path, measured):
     scene = Scene.load("tr_periodic").with_values(changes)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from granular_analysis import second_harmonic as closed
-from granular_analysis.cases.spectrum import case as spectrum_figure
 from granular_analysis.measure import spectrum
 from granular_analysis.measure.runs import by_wave, sweep
 from granular_analysis.theory.choice import wave_of
 from granular_analysis.theory.wave import Wave
+from granular_analysis.tools import spectrum as spectrum_figure
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.ladder import with_step
 from tests.conftest import members

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.cases.dimers import case as dimers
-from granular_analysis.cases.fronts import case as fronts
-from granular_analysis.cases.refraction import case as refraction
-from granular_analysis.cases.solitary import case as solitary
-from granular_analysis.cases.unequal import case as unequal
+from cases.dimers import case as dimers
+from cases.fronts import case as fronts
+from cases.refraction import case as refraction
+from cases.solitary import case as solitary
+from cases.unequal import case as unequal
 from granular_analysis.measure.strikes import require
 from granular_lmp import ImpactRecord, ImpactScene
 from granular_lmp.problem import prepare

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis import saw
-from granular_analysis.cases.recovery.case import judged
-from granular_analysis.fit import main
+from cases.recovery.case import judged
 from granular_analysis.measure.fitting import Fit
 from granular_analysis.measure.points import Point
+from granular_analysis.tools import saw
+from granular_analysis.tools.fit import main
 from granular_lmp import Scene
 
 K_N, K_S = "substrate.normal_stiffness", "substrate.shear_stiffness"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis import compare
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.tolerance import run as run_any
 from granular_lmp.effects.selection import EFFECTS, select, switches

@@ -77,7 +77,7 @@ def test_nothing_of_the_old_run_and_all_of_the_user_is_left(
 ) -> None:
     second(small, tmp_path / "alone")
     first(small.with_values({"name": "earlier"}), tmp_path / "run")
-    (tmp_path / "run" / "compare.png").touch()  # as `granular_analysis.compare` leaves it
+    (tmp_path / "run" / "compare.png").touch()  # as `granular_analysis.tools.compare` leaves it
     notes = {"notes.txt", "in.mine", "data.mine", "1_per_sample", "1_per_sample/notes.txt", "my_per_sample"}
     for folder in ("1_per_sample", "my_per_sample"):
         (tmp_path / "run" / folder).mkdir(exist_ok=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.cases.fronts.case import CHAIN as CHAIN_SPEED
+from cases.fronts.case import CHAIN as CHAIN_SPEED
 from granular_analysis.measure.front import front as front_of_theory
 from granular_lmp import Record, Scene, front, run
 from granular_lmp.cli import main

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis import compare
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene
 from granular_lmp.cli import main
 from granular_lmp.effects.selection import EFFECTS

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis import compare
+from granular_analysis.tools import compare
 from granular_lmp import ImpactRecord, ImpactScene, Record, Scene, run, run_impact
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.cli import main

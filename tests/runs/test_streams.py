@@ -24,16 +24,16 @@ from tests.conftest import members
 
 SCRIPTS = (
     "cases.accuracy.case",
-    "compare",
+    "granular_analysis.tools.compare",
     "cases.disorder.case",
-    "cases.dispersion.case",
-    "cases.driven.case",
+    "granular_analysis.tools.dispersion",
+    "granular_analysis.tools.driven",
     "cases.effects.case",
     "cases.figure3.case",
-    "cases.oblique.case",
-    "cases.sheets.case",
-    "cases.spectrum.case",
-    "cases.standing.case",
+    "granular_analysis.tools.oblique",
+    "granular_analysis.tools.sheets",
+    "granular_analysis.tools.spectrum",
+    "granular_analysis.tools.standing",
 )
 GRANULAR = f"{sys.executable} -m granular_lmp"
 
@@ -77,7 +77,7 @@ def test_a_full_standard_error_does_not_stop_a_run(
     assert "24 spheres" in out
 
 
-DOORS = ["-m granular_analysis.compare", "-c 'from granular_analysis.cli import program; program()' compare"]
+DOORS = ["-m granular_analysis.tools.compare", "-c 'from granular_analysis.cli import program; program()' compare"]
 
 
 @pytest.mark.parametrize("door", members(DOORS, DOORS[0]))
@@ -109,7 +109,7 @@ def test_bad_input_of_a_script_is_one_line_and_status_2(
 ) -> None:
     monkeypatch.setattr(sys, "argv", [name, str(tmp_path / "nowhere")])
     with pytest.raises(SystemExit) as refused:
-        start(import_module(f"granular_analysis.{name}").main)
+        start(import_module(name).main)
     assert refused.value.code == 2
     said = capsys.readouterr()
     assert said.out == ""

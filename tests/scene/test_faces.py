@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis import compare
 from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.theory import green
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.green import Load
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL, Shape, packed
 from granular_lmp.crystal.sphere import INERTIA_RATIO

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.compare import compare
 from granular_analysis.theory.phase_matching import matches
 from granular_analysis.theory.scenes import Setting
+from granular_analysis.tools.compare import compare
 from granular_lmp import Scene, run
 from granular_lmp.crystal.modes import FULL, bloch_modes
 from granular_lmp.errors import SceneError

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.compare import compare
 from granular_analysis.theory.scenes import Setting
+from granular_analysis.tools.compare import compare
 from granular_lmp import Scene, run
 from granular_lmp.cli import main
 from granular_lmp.crystal.chain_bands import edges

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis import compare
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.theory import green
 from granular_analysis.theory.catalogue import NETWORK, REFERENCES, missing
 from granular_analysis.theory.choice import traits_of
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.green import Crystal, Load
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
 from granular_lmp.effects.case import Case

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.cases.scatter import case as beside_theory
+from granular_analysis.tools import scatter as beside_theory
 from granular_lmp import Scene, run
 from granular_lmp.cli import main
 from granular_lmp.crystal.lattices import unit_lattice

@@ -8,20 +8,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.cases.adhesion_laws import case as figure
-from granular_analysis.cases.effects import case as effects_figure
-from granular_analysis.design import design
+from cases.adhesion_laws import case as figure
+from cases.effects import case as effects_figure
 from granular_analysis.measure.norms import relative_error, slope
 from granular_analysis.second_harmonic import ModeName
 from granular_analysis.theory import bloch
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.energy import ledger, opening_time
 from granular_analysis.theory.hierarchy import hierarchy
 from granular_analysis.theory.lattice import torus
 from granular_analysis.theory.network import Material, Network
 from granular_analysis.theory.network_state import forces, start
 from granular_analysis.theory.resonance import three_mode
 from granular_analysis.theory.wave import Wave, antiresonance, nonlinearity, resonance, shifted_second_order, trajectory
+from granular_analysis.tools.design import design
 from granular_lmp import ImpactScene, Scene, build
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.disorder import Disorder, imperfect
@@ -35,6 +34,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.studies.kick import run_kicked
 from tests.conftest import latin, members
 from tests.polarisations import spoilt
+from tests.theory.energy import ledger, opening_time
 
 PERIODIC = Scene.load("tr_periodic")
 DMT = PERIODIC.sphere

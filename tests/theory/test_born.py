@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from cases.defects.born import group_speed, impurity_width, long_wave, scattered, sound_speed
 from granular_analysis.measure.coherent import decay
 from granular_analysis.theory.bloch import branch_index
-from granular_analysis.theory.born import group_speed, impurity_width, long_wave, scattered, sound_speed
 from granular_analysis.theory.contact import Contact
 from tests.manual import Mutant, verifies
 from tests.polarisations import bloch_matrix, modes
@@ -23,7 +23,9 @@ STEP = 0.25
     tolerance=0.005,
     reason="dispersion and the width of δ, (0.006/0.07)², take up to 0.3 %",
     mutant=Mutant(
-        "analysis/theory/born.py", "by_branch = energy.imag / (2 * frequency)", "by_branch = energy.imag / frequency"
+        "analysis/cases/defects/born.py",
+        "by_branch = energy.imag / (2 * frequency)",
+        "by_branch = energy.imag / frequency",
     ),
 )
 def test_long_waves_decay_as_rayleigh_says(name, measured):

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis import compare
-from granular_analysis.cases.effects import case as effects
-from granular_analysis.cases.figure3 import case as figure3
+from cases.effects import case as effects
+from cases.figure3 import case as figure3
 from granular_analysis.measure import oblique, sheets, spectrum
 from granular_analysis.measure.rows import load_form
 from granular_analysis.theory import catalogue
@@ -29,6 +28,7 @@ from granular_analysis.theory.catalogue import (
     script_for,
 )
 from granular_analysis.theory.choice import THEORIES, TheoryError, best, holding, traits, traits_of, trajectory, wave_of
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.effects import selection as package_effects

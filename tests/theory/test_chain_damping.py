@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cases.impact.chain_damping import damping_ratio, decay, power
 from granular_analysis.theory.chain import (
     Chain,
     acceleration,
@@ -15,7 +16,6 @@ from granular_analysis.theory.chain import (
     normal_modes,
     uniform,
 )
-from granular_analysis.theory.chain_damping import damping_ratio, decay, power
 from granular_analysis.theory.chain_motion import SIXTH, collision_time, follow, integrate, march, peak
 from granular_analysis.theory.solitary import solitary_wave
 from tests.conftest import latin, members

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from granular_analysis.cases.impact.case import collision_error, energy_errors
+from cases.impact.case import collision_error, energy_errors
 from granular_analysis.theory.chain import Chain, compressed, energies, uniform
 from granular_analysis.theory.chain_motion import (
     SIXTH,

@@ -41,7 +41,7 @@ def shrinking(mode, viscosity, **effects):
     tolerance=0.001,
     reason="of the order Γ = 1e-3, and of the integration, 5e-11 over Γ ≥ 5e-6",
     mutant=Mutant(
-        "analysis/theory/wave.py",
+        "analysis/granular_analysis/theory/wave.py",
         "wave.contact.shear * np.sum(np.abs(strain.slip) ** 2)",
         "0.99 * wave.contact.shear * np.sum(np.abs(strain.slip) ** 2)",
     ),
@@ -130,7 +130,7 @@ def test_the_law_of_the_shear_force_changes_nothing_of_the_damping(law):
     tolerance=0.002,
     reason="the grid of times, 1e-3, and the corner at zero overlap",
     mutant=Mutant(
-        "analysis/theory/contact.py",
+        "analysis/granular_analysis/theory/contact.py",
         "np.sqrt(5) * loss / np.hypot(np.pi, loss) / np.sqrt(6 * (kappa + 3))",
         "np.sqrt(5) * loss / np.hypot(np.pi, loss) / np.sqrt(5.8 * (kappa + 3))",
     ),

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.cases.dimers import case as dimers
-from granular_analysis.cases.dimers.front import antiresonance, decay, dimer, rattle, rattle_of, resonance, struck
+from cases.dimers import case as dimers
+from cases.dimers.front import antiresonance, decay, dimer, rattle, rattle_of, resonance, struck
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from tests.conftest import members
 from tests.manual import Measure, Mutant, verifies

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import DOP853
 
+from cases.map import case as zone_map
 from granular_analysis import second_harmonic
-from granular_analysis.cases.map import case as zone_map
 from granular_analysis.second_harmonic import SOLID_SPHERE
 from granular_analysis.theory import bloch, bonds, crystal, lattice, mixing
 from granular_analysis.theory.bloch import BONDS, branch_index, wavevector_of

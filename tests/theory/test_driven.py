@@ -10,13 +10,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from granular_analysis import second_harmonic as sh
-from granular_analysis.cases.driven import case as driven_figure
-from granular_analysis.cases.driven import waves as driven
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.rows import amplitudes_at, rows_of
+from granular_analysis.theory import driven as driven
 from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.wave import Wave, resonance
+from granular_analysis.tools import driven as driven_figure
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER, members
 from tests.stand_in import AMPLITUDE, refused_in_one_line, run_of_rows

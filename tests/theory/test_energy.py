@@ -8,10 +8,11 @@ import pytest
 from scipy.integrate import simpson
 
 from granular_analysis import second_harmonic as sh
-from granular_analysis.theory import bloch, energy, lattice
+from granular_analysis.theory import bloch, lattice
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave
 from tests.conftest import latin
+from tests.theory import energy
 
 NU = 0.17
 SILICA = sh.ratios(NU)

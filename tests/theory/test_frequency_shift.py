@@ -99,7 +99,9 @@ EVERY = [(*wave, contact) for wave in SHIFTED for contact in CONTACTS]
     tolerance=1e-07,
     reason="that order is integrated to 1e-9 of it",
     mutant=Mutant(
-        "analysis/theory/third_order.py", "f2 * x * longer - f3 * x**3 / 6", "f2 * x * longer - f3 * x**3 / 6.01"
+        "analysis/granular_analysis/theory/third_order.py",
+        "f2 * x * longer - f3 * x**3 / 6",
+        "f2 * x * longer - f3 * x**3 / 6.01",
     ),
 )
 def test_the_shift_is_that_of_the_exact_lattice_with_geometry_and_memory(name, xi, direction, contact, measured):

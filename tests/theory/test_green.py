@@ -34,7 +34,7 @@ def sheet(rows: int = ROWS, columns: int = COLUMNS, *, walls: bool = False, cont
     tolerance=1e-05,
     reason="the trapezoidal rule, (ωh)²/12 with h = 9/2000",
     mutant=Mutant(
-        "analysis/theory/green.py",
+        "analysis/granular_analysis/theory/green.py",
         "(self.contact.shear_stiffness, np.hstack([-tangent, -one, tangent, -one]))",
         "(self.contact.shear_stiffness, np.hstack([-tangent, -one, tangent, one]))",
     ),
@@ -108,7 +108,7 @@ def test_the_sum_over_modes_solves_the_equations_of_motion(load: Load, walls: bo
     tolerance=0.0001,
     reason="the trapezoidal rule, h²ω²/12 with h = 0.01",
     mutant=Mutant(
-        "analysis/theory/green.py",
+        "analysis/granular_analysis/theory/green.py",
         "0.5 * np.asarray(v**2 @ self.mass +",
         "0.5 * np.asarray(v**2 @ (1.01 * self.mass) +",
     ),

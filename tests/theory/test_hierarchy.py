@@ -122,7 +122,7 @@ def test_leaving_out_the_geometry_is_seen_at_the_antiresonance():
     tolerance=5e-09,
     reason="the integration leaves 160 rtol, the circle 1e-11 of order 13, a few 100 of L at ξ = 2",
     mutant=Mutant(
-        "analysis/theory/hierarchy.py",
+        "analysis/granular_analysis/theory/hierarchy.py",
         "np.fft.irfft(waves.conj(), circle, axis=0)",
         "np.fft.irfft(waves, circle, axis=0)",
     ),

@@ -6,7 +6,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from granular_analysis.theory.jkr import PARTS, TOUCH, Contact, Parting
+from cases.pull_off.jkr import PARTS, TOUCH, Contact, Parting
 from tests.manual import Measure, Mutant, off, verifies
 
 CONTACT = Contact(radius=0.7, modulus=1.3, work=0.9)  # in no units: the law has none
@@ -81,7 +81,7 @@ def test_the_loss_is_the_area_between_touching_and_parting(parting: Parting) -> 
     tolerance=1e-12,
     reason="a few roundings of a few powers",
     mutant=Mutant(
-        "analysis/theory/jkr.py",
+        "analysis/cases/pull_off/jkr.py",
         "y ** (4 / 3) * (1.2 * y**2 - 2 * y + 0.5)",
         "y ** (4 / 3) * (1.2 * y**2 - 2 * y + 0.499)",
     ),
@@ -102,7 +102,7 @@ def test_the_energy_is_elastic_energy_less_that_of_the_surfaces(measured: Measur
     reference="published: 1.84, Thornton and Ning 1998",
     tolerance=0.005,
     reason="half a unit of the published digit",
-    mutant=Mutant("analysis/theory/jkr.py", "return float(end - start)", "return float(end)"),
+    mutant=Mutant("analysis/cases/pull_off/jkr.py", "return float(end - start)", "return float(end)"),
 )
 def test_the_sticking_speed_of_a_sphere_on_a_plane_is_the_published_one(measured: Measure) -> None:
     """Thornton & Ning 1998: v_s = 1.84 (w⁵/(R⁵ ϱ³ E*²))^{1/6}."""

@@ -92,7 +92,9 @@ def test_a_pair_turned_rigidly_slips_by_its_overlap():
     reference="other code: the centre of 201 rows, the paper's set-up",
     tolerance=1e-10,
     reason="fifty times rtol = 1e-12, the error of either integration",
-    mutant=Mutant("analysis/theory/lattice.py", "row + wave.phase - torus_phases", "row - torus_phases"),
+    mutant=Mutant(
+        "analysis/granular_analysis/theory/lattice.py", "row + wave.phase - torus_phases", "row - torus_phases"
+    ),
 )
 def test_torus_is_the_centre_of_201_rows_before_the_walls_are_heard(name, xi, measured):
     mode = sh.mode(name, xi, SILICA)
@@ -176,7 +178,11 @@ def slopes(mode, ratios):
     reference="other integrator: the exact lattice, DOP853",
     tolerance=0.02,
     reason="the fourth order still left at a = 0.1 bends the slope by up to 0.01",
-    mutant=Mutant("analysis/second_harmonic.py", "alpha=(2 * kappa - 1 + 2 * h", "alpha=(2 * kappa - 0.99 + 2 * h"),
+    mutant=Mutant(
+        "analysis/granular_analysis/second_harmonic.py",
+        "alpha=(2 * kappa - 1 + 2 * h",
+        "alpha=(2 * kappa - 0.99 + 2 * h",
+    ),
 )
 def test_relative_error_of_second_order_falls_as_amplitude_squared(name, xi, measured):
     # 0.02: the fourth order still left at a=0.1 bends the slope by up to 0.01 (L at ξ=2).

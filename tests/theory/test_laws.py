@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cases.laws import case as laws_figure
 from granular_analysis import second_harmonic as sh
-from granular_analysis.cases.laws import case as laws_figure
 from granular_analysis.measure.norms import relative_error, slope
 from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import LAWS, Contact
@@ -132,7 +132,7 @@ def test_the_scan_of_signs_finds_an_antiresonance():
 
 
 def test_the_form_of_the_potential_law_is_definite():
-    # The proof of granular_analysis.cases.laws: κ ≤ 4/3 on −1 ≤ ν, and the discriminant in X, Y is 16κ(κ/3 − 1).
+    # The proof of cases.laws: κ ≤ 4/3 on −1 ≤ ν, and the discriminant in X, Y is 16κ(κ/3 − 1).
     kappa = np.array([sh.ratios(nu).kappa for nu in NUS])
     discriminant = (8 * kappa / np.sqrt(3)) ** 2 - 16 * kappa * (kappa + 1)
     assert discriminant == pytest.approx(16 * kappa * (kappa / 3 - 1), rel=1e-13)

@@ -34,7 +34,7 @@ def bare(body: Layered, k: float, number: int, most: float) -> float:
     tolerance=1e-09,
     reason="rounding of the film, which 1/kh enlarges",
     mutant=Mutant(
-        "analysis/theory/layered.py",
+        "analysis/granular_analysis/theory/layered.py",
         "below = stiff[..., 3:, 3:] - stiff[..., 3:, :3]",
         "below = stiff[..., :3, :3] - stiff[..., 3:, :3]",
     ),
@@ -80,7 +80,7 @@ def test_a_plate_is_stable_where_it_is_very_thick() -> None:
     tolerance=0.2,
     reason="the next order, (kh)² = 1e-2 of it, and rounding",
     mutant=Mutant(
-        "analysis/theory/layered.py",
+        "analysis/granular_analysis/theory/layered.py",
         "slope * up + (plane - 2 * shear) * ik * along",
         "slope * up + (plane - 1.99 * shear) * ik * along",
     ),

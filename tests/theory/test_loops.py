@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from granular_analysis.theory import energy as energy_of_waves
 from granular_analysis.theory import lattice, loops, timestep
 from granular_analysis.theory.adhesion import Adhesion
 from granular_analysis.theory.chain import acceleration, compressed
@@ -34,6 +33,7 @@ from granular_analysis.theory.network_loop import contact_loop
 from granular_analysis.theory.network_motion import _Rates, integrate
 from granular_analysis.theory.network_state import BLOCK, State, contacts, present, resultants, start
 from granular_analysis.theory.wave import Wave
+from tests.theory import energy as energy_of_waves
 
 compiled = pytest.mark.skipif(loops.library() is None, reason="no C compiler")
 Floats = NDArray[np.float64]

@@ -125,7 +125,7 @@ MORE += ["along y, RT and TR", "difference phase-matched to 0.005"]
     tolerance=1e-05,
     reason="extrapolation leaves a⁶, some 1e-7, the integration 1e-11 of a over a² = 1e-4, times ten",
     mutant=Mutant(
-        "analysis/theory/bonds.py",
+        "analysis/granular_analysis/theory/bonds.py",
         "return together, 0.5 * self.law.shear_growth",
         "return together, 0.501 * self.law.shear_growth",
     ),

@@ -63,7 +63,7 @@ def test_six_branches_miss_those_of_the_crystal_by_half_of_the_overlap_ratio(nam
     tolerance=0.00025,
     reason="closed forms leave out η/2, η = 2.5e-4 of two spheres",
     mutant=Mutant(
-        "analysis/theory/monolayer.py",
+        "analysis/granular_analysis/theory/monolayer.py",
         "total = 7 * substrate + 5 * neighbours * shear",
         "total = 7 * substrate + 4.98 * neighbours * shear",
     ),

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.special import beta
 
+from cases.pull_off import jkr as johnson
 from granular_analysis import second_harmonic as sh
 from granular_analysis.measure.norms import slope
-from granular_analysis.theory import jkr as johnson
 from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.network import Material, Network
@@ -173,7 +173,9 @@ def test_a_hard_sphere_on_a_soft_one_is_as_soft_as_against_a_rigid_one():
     reference="analytic: Hertz 1882",
     tolerance=2e-06,
     reason="the force is not smooth where a contact closes: the estimate misses up to 1e4 times rtol = 1e-10 there",
-    mutant=Mutant("analysis/theory/loops.c", "P = A[c] * overlap * root", "P = 1.001 * A[c] * overlap * root"),
+    mutant=Mutant(
+        "analysis/granular_analysis/theory/loops.c", "P = A[c] * overlap * root", "P = 1.001 * A[c] * overlap * root"
+    ),
 )
 def test_a_head_on_collision_has_the_time_and_depth_of_hertz(measured):
     speed, gap, radius = 0.5, 600.0, 1000.0  # the gap is beyond the margin: the contact is found on the way
@@ -201,7 +203,7 @@ def test_a_head_on_collision_has_the_time_and_depth_of_hertz(measured):
     reference="analytic: the impulse across is μ times the normal one",
     tolerance=0.002,
     reason="the line of centres turns by 6e-5 on the way, which adds 6e-4 of the normal speed",
-    mutant=Mutant("analysis/theory/loops.c", "limit *= c->friction;", "limit *= 1.01 * c->friction;"),
+    mutant=Mutant("analysis/granular_analysis/theory/loops.c", "limit *= c->friction;", "limit *= 1.01 * c->friction;"),
 )
 def test_a_sliding_collision_turns_the_momentum_by_the_friction(measured):
     # Gross sliding: the tangential impulse is μ times the normal one, whatever the law of the contact.
@@ -259,7 +261,7 @@ def test_a_contact_that_opens_forgets_its_slip():
     reference="other integrator: the wave from its travelling-wave equation, 0.840509 and 0.681632 (Nesterenko 1983)",
     tolerance=1e-05,
     reason="the parabola through three samples errs by 1e-8, spheres 35 to 45 still shed the start",
-    mutant=Mutant("analysis/theory/loops.c", "both = distance + length[c],", "both = 2 * distance,"),
+    mutant=Mutant("analysis/granular_analysis/theory/loops.c", "both = distance + length[c],", "both = 2 * distance,"),
 )
 def test_a_struck_chain_carries_the_solitary_wave(measured):
     count, radius = 60, 1000.0
@@ -301,7 +303,7 @@ def two(overlap):
     tolerance=1e-10,
     reason="what is left of 1e-6 m, rounded to 2e-22 m, is 1e-12 of the overlap",
     mutant=Mutant(
-        "analysis/theory/network_laws.py",
+        "analysis/granular_analysis/theory/network_laws.py",
         "(3 * adhesion / hertz) ** (2 / 3) / 3",
         "(2.99 * adhesion / hertz) ** (2 / 3) / 3",
     ),
@@ -350,7 +352,9 @@ def test_spheres_stick_below_the_sticking_speed_of_lammps(speed, sticks):
     reference="analytic: conserved; over the momentum times R",
     tolerance=1e-06,
     reason="it is not linear in the state, so it is kept to rtol = 1e-8 of each step only",
-    mutant=Mutant("analysis/theory/loops.c", "(Q - arm) * twist[turn + k]", "(R - arm) * twist[turn + k]"),
+    mutant=Mutant(
+        "analysis/granular_analysis/theory/loops.c", "(Q - arm) * twist[turn + k]", "(R - arm) * twist[turn + k]"
+    ),
 )
 def test_momentum_and_angular_momentum_are_conserved(law, measured):
     network, state = cluster(law=law)
@@ -370,7 +374,7 @@ def test_momentum_and_angular_momentum_are_conserved(law, measured):
     reference="analytic: constant; share of the kinetic energy",
     tolerance=1e-07,
     reason="a thousand times rtol = 1e-10, for the steps add up",
-    mutant=Mutant("analysis/theory/loops.c", "work = 2 * stiffness *", "work = 1.99 * stiffness *"),
+    mutant=Mutant("analysis/granular_analysis/theory/loops.c", "work = 2 * stiffness *", "work = 1.99 * stiffness *"),
 )
 def test_the_ledger_closes_with_the_work_of_the_shear_law_alone(law, adhesion, measured):
     network = crystal(6, 4, law=law, adhesion=adhesion)
@@ -391,7 +395,7 @@ def test_the_ledger_closes_with_the_work_of_the_shear_law_alone(law, adhesion, m
     tolerance=0.3,
     reason="from step to step the order is 7.96 to 8.07: the next power is not yet gone",
     mutant=Mutant(
-        "analysis/theory/network_closed.py",
+        "analysis/granular_analysis/theory/network_closed.py",
         "[np.ones((ROWS, 1)), length * table.stages]",
         "[np.ones((ROWS, 1)), (1 + 1e-6) * length * table.stages]",
     ),

@@ -28,7 +28,9 @@ def spheres(places: list[list[float]], **changes) -> Network:
     tolerance=1e-05,
     reason="the grid of 801 times misses the deepest one by up to 4e-6",
     mutant=Mutant(
-        "analysis/theory/network.py", "(radii, np.full_like(radii, np.inf))", "(radii, np.full_like(radii, 1e3))"
+        "analysis/granular_analysis/theory/network.py",
+        "(radii, np.full_like(radii, np.inf))",
+        "(radii, np.full_like(radii, 1e3))",
     ),
 )
 def test_a_sphere_bounces_off_a_wall_with_the_depth_and_time_of_hertz(wall: int, measured: Measure) -> None:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.cases.refraction import case as figure
-from granular_analysis.cases.refraction import plane_front as settling
-from granular_analysis.cases.refraction.angles import ROWS, angle, front_speed, quasi_particle
-from granular_analysis.cases.refraction.plane_front import scaled_speed
-from granular_analysis.measure.refraction import fronts_at_interface, plane_front
+from cases.refraction import case as figure
+from cases.refraction import plane_front as settling
+from cases.refraction.angles import ROWS, angle, front_speed, quasi_particle
+from cases.refraction.plane_front import scaled_speed
+from cases.refraction.refraction import fronts_at_interface, plane_front
 from granular_analysis.theory import scattering
 from granular_analysis.theory.chain import compressed, uniform
 from granular_analysis.theory.chain_motion import march

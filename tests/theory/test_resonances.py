@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from granular_analysis import resonances as script
+from cases.growth import case as growth
 from granular_analysis import second_harmonic as sh
-from granular_analysis.cases.growth import case as growth
 from granular_analysis.theory.bloch import frame, hexagonal
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.crystal import Crystal, padded
@@ -22,6 +21,7 @@ from granular_analysis.theory.phase_matching import Match, matches, zone_edge
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.second_order import Mixed, branch_of
 from granular_analysis.theory.selection import forbidden, mirrors
+from granular_analysis.tools import resonances as script
 from granular_lmp import Scene, run
 from tests.conftest import members
 

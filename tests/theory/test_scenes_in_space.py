@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis import resonances as script
 from granular_analysis.theory.branches import named_branch, names_of
 from granular_analysis.theory.scenes import Setting
+from granular_analysis.tools import resonances as script
 from granular_lmp import Scene
 from granular_lmp.scene.linear import mode_of
 

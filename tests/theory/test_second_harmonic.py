@@ -74,7 +74,7 @@ def sign_changes(values):
     tolerance=0.0021,
     reason="the spacing of the grid",
     mutant=Mutant(
-        "analysis/second_harmonic.py",
+        "analysis/granular_analysis/second_harmonic.py",
         "b = 2 * mu2 * (2 + C) - ratios.inertia * (1 - C**2) / 4",
         "b = 2 * mu2 * (2 + C) - ratios.inertia * (1 - C**2) / 2",
     ),
@@ -128,7 +128,9 @@ def exact_branch(name, xi, r):
     reference="other code: the quadratic equation in 60 digits (mpmath)",
     tolerance=1e-13,
     reason="some ten roundings in each component, also where it is as small as 1e-16",
-    mutant=Mutant("analysis/second_harmonic.py", "determinant / (half_trace + r)", "(half_trace - r) / inertia"),
+    mutant=Mutant(
+        "analysis/granular_analysis/second_harmonic.py", "determinant / (half_trace + r)", "(half_trace - r) / inertia"
+    ),
 )
 def test_modes_are_accurate_from_long_waves_to_the_zone_edge(xi, name, inertia, measured):
     r = sh.ratios(0.17, inertia)
@@ -185,7 +187,7 @@ def driven(mode, r, amplitude, tau):
     tolerance=3e-08,
     reason="Simpson's error h⁴ω⁴/180 · τ · source with h = 0.01, ω < 4.5, source < 0.03",
     mutant=Mutant(
-        "analysis/second_harmonic.py",
+        "analysis/granular_analysis/second_harmonic.py",
         "ratios.beta / np.sqrt(3) * np.sin(mode.wavenumber) * mode.f",
         "ratios.beta / np.sqrt(3) * np.sin(mode.wavenumber) * mode.q",
     ),

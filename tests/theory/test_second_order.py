@@ -6,9 +6,10 @@ from itertools import product
 import numpy as np
 import pytest
 
+from cases.pull_off import jkr
 from granular_analysis import second_harmonic as sh
-from granular_analysis.cases.driven import waves as driven
-from granular_analysis.theory import bonds, jkr, third_order
+from granular_analysis.theory import bonds, third_order
+from granular_analysis.theory import driven as driven
 from granular_analysis.theory.bloch import hexagonal
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.creep import creep, winding_rate
@@ -159,7 +160,7 @@ MORE = [("square", "secant"), ("layered", "incremental"), ("layered oblique", "i
     tolerance=1e-05,
     reason="the extrapolation leaves a part in 1e6, the integrator's 1e-11 is 1e-8 of a²",
     mutant=Mutant(
-        "analysis/theory/bonds.py",
+        "analysis/granular_analysis/theory/bonds.py",
         "pressed = law.curvature * one.stretch",
         "pressed = 1.001 * law.curvature * one.stretch",
     ),
@@ -237,7 +238,7 @@ CUBE = np.array([[0, 0, 0], [0, C / 2, C / 2], [C / 2, 0, C / 2], [C / 2, C / 2,
     tolerance=1e-05,
     reason="the extrapolation leaves a part in 1e6, the integrator's 1e-11 is 1e-8 of a²",
     mutant=Mutant(
-        "analysis/theory/bonds.py",
+        "analysis/granular_analysis/theory/bonds.py",
         "turned = self._about(one.twist[..., None] * mu + other.twist[..., None] * nu)",
         "turned = self._about(one.twist[..., None] * mu - other.twist[..., None] * nu)",
     ),
@@ -584,7 +585,7 @@ def drift(crystal: Crystal, one: Wave, size: float) -> float:
     tolerance=0.003,
     reason="sixty phases miss the largest by up to 4e-4, and the next order is 1e-3 of it",
     mutant=Mutant(
-        "analysis/theory/validity.py",
+        "analysis/granular_analysis/theory/validity.py",
         "np.abs(np.sum(strain.slip**2, axis=-1))) / 2)",
         "np.abs(np.sum(strain.slip**2, axis=-1))) / 2.1)",
     ),

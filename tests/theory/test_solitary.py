@@ -31,7 +31,7 @@ def test_the_constants_are_those_of_the_travelling_wave() -> None:
     reference="other integrator: a struck chain by DOP853",
     tolerance=1e-07,
     reason="errors of 3e-9 of DOP853, and 6e-8 at sphere 25 where the start is still near",
-    mutant=Mutant("analysis/theory/solitary.py", "force = change**2", "force = 1.001 * change**2"),
+    mutant=Mutant("analysis/granular_analysis/theory/solitary.py", "force = change**2", "force = 1.001 * change**2"),
 )
 def test_a_chain_struck_at_unit_velocity_carries_this_wave(measured: Measure) -> None:
     count, times = 70, np.arange(0.0, 74.0, 0.1)
@@ -104,7 +104,9 @@ def test_the_long_wave_theory_is_near_from_sound_to_the_strong_wave(ratio: float
     tolerance=1e-12,
     reason="some roundings",
     mutant=Mutant(
-        "analysis/theory/solitary.py", "(2 * y**3 + 4 * y**2 + 6 * y + 3)", "(2 * y**3 + 4 * y**2 + 5 * y + 3)"
+        "analysis/granular_analysis/theory/solitary.py",
+        "(2 * y**3 + 4 * y**2 + 6 * y + 3)",
+        "(2 * y**3 + 4 * y**2 + 5 * y + 3)",
     ),
 )
 def test_the_long_wave_speed_is_nesterenkos(measured: Measure) -> None:

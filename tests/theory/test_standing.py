@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from granular_analysis import second_harmonic as sh
-from granular_analysis.cases.standing import case as standing_figure
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.rows import rows_of
 from granular_analysis.theory import bloch, lattice
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.wave import Wave
+from granular_analysis.tools import standing as standing_figure
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER, members
 from tests.stand_in import AMPLITUDE, refused_in_one_line, run_of_rows

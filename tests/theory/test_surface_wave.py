@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from granular_analysis import saw
 from granular_analysis.theory.crystal import Crystal, Wall
 from granular_analysis.theory.lattices import LATTICES
 from granular_analysis.theory.network import Material
 from granular_analysis.theory.surface_wave import Coupled, HalfSpace
+from granular_analysis.tools import saw
 from granular_lmp import Scene
 from tests.manual import Measure, Mutant, verifies
 
@@ -43,7 +43,7 @@ def along(angle: float, numbers: np.ndarray) -> np.ndarray:
     tolerance=1e-05,
     reason="inertia is of the order (ω/ck)² = 1e-6",
     mutant=Mutant(
-        "analysis/theory/surface_wave.py",
+        "analysis/granular_analysis/theory/surface_wave.py",
         "g = (p * q + k**2) / (k**2 * (1 + slow)",
         "g = (p * q + k**2) / (k**2 * (1 + 1.01 * slow)",
     ),
@@ -63,7 +63,7 @@ def test_a_slow_load_presses_the_half_space_as_boussinesq_says(ratio: float, mea
     reference="analytic: √(2 − 2/√3)",
     tolerance=1e-12,
     reason="roots of a cubic, some roundings",
-    mutant=Mutant("analysis/theory/surface_wave.py", "24 - 16 * slow", "24 - 15.9 * slow"),
+    mutant=Mutant("analysis/granular_analysis/theory/surface_wave.py", "24 - 16 * slow", "24 - 15.9 * slow"),
 )
 def test_the_bare_surface_wave_is_that_of_rayleigh(measured: Measure) -> None:
     # c_R/c_t of Poisson's solid is √(2 − 2/√3)
@@ -101,7 +101,7 @@ def test_light_spheres_leave_the_wave_of_rayleigh() -> None:
     tolerance=1e-09,
     reason="both iterations end at 1e-12 of a frequency or before",
     mutant=Mutant(
-        "analysis/theory/surface_wave.py",
+        "analysis/granular_analysis/theory/surface_wave.py",
         "rest[..., count:, count:] = springs",
         "rest[..., count:, count:] = 1.001 * springs",
     ),
@@ -164,7 +164,7 @@ def test_a_stiff_substrate_leaves_the_branches_of_the_layer() -> None:
     tolerance=0.001,
     reason="to the first order of 1/Q², at Q of 30",
     mutant=Mutant(
-        "analysis/theory/surface_wave.py",
+        "analysis/granular_analysis/theory/surface_wave.py",
         "np.where(square.real > 0, np.sqrt(square), -1j * np.sqrt(-square))",
         "np.where(square.real > 0, np.sqrt(square), -1.01j * np.sqrt(-square))",
     ),

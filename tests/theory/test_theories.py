@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from granular_analysis import compare
-from granular_analysis.cases.figure3 import case as figure3
+from cases.figure3 import case as figure3
 from granular_analysis.measure import signals
 from granular_analysis.theory import bloch, catalogue, choice
 from granular_analysis.theory.choice import (
@@ -29,6 +28,7 @@ from granular_analysis.theory.choice import (
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.hierarchy import hierarchy_orders
 from granular_analysis.theory.wave import Wave
+from granular_analysis.tools import compare
 from granular_lmp import Record
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER, latin

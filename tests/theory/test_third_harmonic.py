@@ -92,7 +92,7 @@ FITTED = 5e-5
     tolerance=5e-05,
     reason="1600 times the 1e-11 of the integration, over amplitudes down to 1e-5, which the fit magnifies",
     mutant=Mutant(
-        "analysis/theory/third_order.py",
+        "analysis/granular_analysis/theory/third_order.py",
         "twice.frequency, 0.5 * twice.forced()",
         "twice.frequency, 0.499 * twice.forced()",
     ),

@@ -11,7 +11,6 @@ import pytest
 from numpy.typing import NDArray
 
 from granular_analysis import cli
-from granular_analysis.design import Question
 from granular_analysis.theory.bloch import mode
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.crystal import Crystal
@@ -22,6 +21,7 @@ from granular_analysis.theory.rows import Rows, heavy_rows
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.transfer import scattering
 from granular_analysis.theory.variation import Place, Spot, Value, Varied, resonance
+from granular_analysis.tools.design import Question
 from granular_lmp import Scene
 from tests.conftest import members
 

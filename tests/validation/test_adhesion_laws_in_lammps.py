@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.cases.adhesion_laws import case as figure
+from cases.adhesion_laws import case as figure
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.reference import Reference
 from granular_analysis.measure.spectrum import point

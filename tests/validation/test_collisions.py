@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.compare import compare
+from granular_analysis.tools.compare import compare
 from granular_lmp import Scene
 from granular_lmp import run as run_scene
 from granular_lmp.cli import main

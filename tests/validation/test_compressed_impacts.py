@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from granular_analysis.cases.solitary import case as figure
+from cases.solitary import case as figure
 from granular_analysis.measure.norms import slope
 from granular_analysis.theory.chain import Chain, End, compressed, energies, spheres
 from granular_analysis.theory.chain_motion import integrate, march, peak

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.impact.chain_damping import decay
 from granular_analysis.theory.chain import End, energies, spheres, uniform
-from granular_analysis.theory.chain_damping import decay
 from granular_analysis.theory.chain_motion import integrate, march, peak
 from granular_analysis.theory.integrator import dop853
 from granular_lmp import ImpactRecord, ImpactScene, run_impact

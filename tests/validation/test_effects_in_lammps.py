@@ -103,7 +103,9 @@ def of_lattice(case: str, tau: np.ndarray, **changes: float | bool) -> np.ndarra
     reference="other integrator: the exact lattice with the same physics",
     tolerance=2e-05,
     reason="the rest is of third order in the time step, 1e-5 at most",
-    mutant=Mutant("analysis/theory/loops.c", "resists = t->dashpot *", "resists = 1.01 * t->dashpot *"),
+    mutant=Mutant(
+        "analysis/granular_analysis/theory/loops.c", "resists = t->dashpot *", "resists = 1.01 * t->dashpot *"
+    ),
 )
 def test_lammps_meets_the_lattice_with_the_same_physics(case: str, lammps: Lammps, measured: Measure) -> None:
     tau, run = extrapolated(lammps, case)

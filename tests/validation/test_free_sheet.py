@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.compare import compare
 from granular_analysis.measure import reference
 from granular_analysis.measure.outside import sites
+from granular_analysis.tools.compare import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 from granular_lmp.errors import SceneError, ViewError

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis import compare
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.reference import SLIDING_STEP
 from granular_analysis.measure.snapshot import FirstSnapshot, first_snapshot
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import contacts, search, start
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, run
 from tests.conftest import members
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis import compare
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.ladder import first_step
 from granular_lmp.accuracy.tolerance import resume

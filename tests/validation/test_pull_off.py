@@ -1,4 +1,4 @@
-"""Collisions with adhesion that acts beyond contact, LAMMPS's ``jkr``, beside `granular_analysis.theory.jkr`.
+"""Collisions with adhesion that acts beyond contact, LAMMPS's ``jkr``, beside `cases.pull_off.jkr`.
 
 analysis/cases/pull_off/README.md shows the numbers.
 """
@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.cases.pull_off import case as pull_off
+from cases.pull_off import case as pull_off
+from cases.pull_off.jkr import Contact
 from granular_analysis.theory.integrator import dop853
-from granular_analysis.theory.jkr import Contact
 from granular_lmp import run as run_scene
 from granular_lmp.cli import main
 from granular_lmp.errors import SceneError

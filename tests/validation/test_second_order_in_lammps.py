@@ -89,7 +89,7 @@ MORE = "layers, upper branch", "layer on a substrate, S2", "fcc", "hcp", "four l
     tolerance=0.0002,
     reason="fourth order is some tenths of a² = 4e-4 of the second",
     mutant=Mutant(
-        "analysis/theory/bonds.py",
+        "analysis/granular_analysis/theory/bonds.py",
         "return Law(f, f1 / d1, bent / d1**3, third",
         "return Law(f, f1 / d1, 1.01 * bent / d1**3, third",
     ),

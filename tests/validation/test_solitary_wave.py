@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from granular_analysis.cases.impact.case import lammps
+from cases.impact.case import lammps
 from granular_analysis.theory.chain import uniform
 from granular_analysis.theory.chain_motion import march, peak
 from granular_analysis.theory.solitary import solitary_wave

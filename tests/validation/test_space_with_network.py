@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.compare import compare, table
 from granular_analysis.measure.harmonic import by_cell
 from granular_analysis.measure.signals import IN_SPACE, recorded
 from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import loaded, present
+from granular_analysis.tools.compare import compare, table
 from granular_lmp import Record, Scene, run
 from tests.conftest import members
 

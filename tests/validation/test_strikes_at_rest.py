@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis import compare
 from granular_analysis.theory.scenes import CRYSTAL_KEYS, Setting
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, export, load, resume, run
 from granular_lmp.errors import ReadoutError, RunInterrupted, SceneError
 from granular_lmp.lammps.checkpoints import SPEED

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.compare import compare
+from granular_analysis.tools.compare import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import SceneError
 from tests.conftest import members

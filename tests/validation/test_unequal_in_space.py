@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.compare import compare
 from granular_analysis.measure.snapshot import FirstSnapshot, first_snapshot
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import loaded
+from granular_analysis.tools.compare import compare
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.crystal.balance import BALANCED
 from granular_lmp.lammps.installation import lammps_module

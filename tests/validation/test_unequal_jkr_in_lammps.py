@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.compare import compare
 from granular_analysis.measure.reference import SLIDING_STEP
 from granular_analysis.measure.snapshot import FirstSnapshot, first_snapshot
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import present, start
+from granular_analysis.tools.compare import compare
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.crystal.contacts import law_between

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.cases.driven import case as driven
-from granular_analysis.cases.standing import case as standing
 from granular_analysis.measure import sheets
 from granular_analysis.measure.rows import load_form
+from granular_analysis.tools import driven, standing
 from granular_lmp import Scene, build, run
 from tests.conftest import PAPER, members
 from tests.manual import Measure, Mutant, verifies
@@ -38,7 +37,7 @@ def test_a_grating_is_that_of_the_closed_form(mode: str, bounds: tuple[float, fl
     tolerance=0.1,
     reason="what the step leaves is 1e-4 of a second harmonic, a twentieth of the smaller error",
     mutant=Mutant(
-        "analysis/theory/bonds.py",
+        "analysis/granular_analysis/theory/bonds.py",
         "tangent = together - (1 - self._gathered) * grown",
         "tangent = together - 0.99 * (1 - self._gathered) * grown",
     ),

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis import compare
 from granular_analysis.measure import sheets
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.rows import load_form
 from granular_analysis.theory import catalogue
 from granular_analysis.theory.choice import traits_of
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.runs.launch import resume

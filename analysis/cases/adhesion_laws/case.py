@@ -16,7 +16,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granular_analysis.cases.spectrum.case import one_crystal
 from granular_analysis.measure.runs import sweep
 from granular_analysis.measure.spectrum import (
     Point,
@@ -31,6 +30,7 @@ from granular_analysis.theory.adhesion import Adhesion
 from granular_analysis.theory.choice import wave_of
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import antiresonance, generated, nonlinearity, resonance
+from granular_analysis.tools.spectrum import one_crystal
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

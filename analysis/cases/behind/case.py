@@ -27,13 +27,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granular_analysis.cases.scatter.case import rows_at_rest
 from granular_analysis.measure.rows import waves
 from granular_analysis.measure.runs import all_but, sweep
 from granular_analysis.measure.sheets import fields_of
 from granular_analysis.plotting import parser, show, start
 from granular_analysis.theory.rows import Rows
 from granular_analysis.theory.transfer import running, scattering
+from granular_analysis.tools.scatter import rows_at_rest
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

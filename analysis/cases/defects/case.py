@@ -11,7 +11,7 @@ W, the cross-section of two dimensions:
 
 E is twice the kinetic energy, and W comes from a line with oscillations at 2Ω fitted to it from `SETTLED` on. The same
 is done with the witness `granular_analysis.theory.network`, which starts from the first snapshots of the same runs; and
-for a heavy sphere W is known in closed form, `granular_analysis.theory.born.impurity_width`.
+for a heavy sphere W is known in closed form, `cases.defects.born.impurity_width`.
 
 Breaks once scattered waves have gone around the periodic cell and meet the defect again: keep runs shorter than the
 cell's width over the speed of L waves, 0.43 lattice constants per t0. The wave must be small (D0 = 0.01 Δ0).
@@ -25,12 +25,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from cases.defects.born import CELL, group_speed, impurity_width
 from granular_analysis.measure.runs import load
 from granular_analysis.measure.sheets import Sheet, fields_of
 from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.plotting import parser, show, start
 from granular_analysis.theory import catalogue
-from granular_analysis.theory.born import CELL, group_speed, impurity_width
 from granular_analysis.theory.choice import contact_of, traits_of
 from granular_analysis.theory.network_motion import integrate
 from granular_lmp.runs.record import Record

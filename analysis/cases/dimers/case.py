@@ -3,7 +3,7 @@
     granular-analysis dimers RUN [RUN ...] [-o FILE]
 
 RUN is a run folder of the shipped ``dimer_chain`` with any density of its light spheres, and ``time.sample`` at most
-0.15. Lines are those of `granular_analysis.cases.dimers.front`, points are LAMMPS. The resonances and antiresonances of
+0.15. Lines are those of `cases.dimers.front`, points are LAMMPS. The resonances and antiresonances of
 the theory are printed, and a line for each run.
 """
 
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from granular_analysis.cases.dimers.front import (
+from cases.dimers.front import (
     CELLS,
     STEP,
     antiresonance,

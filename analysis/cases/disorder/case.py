@@ -4,7 +4,7 @@
 
 Each SWEEP is the folder of a sweep over `disorder.seed` (``granular-lmp sweep``); ``make disorder`` makes all. What
 runs are for follows from their scenes: without snapshots they give the contacts that are left; with `disorder.density`
-the attenuation, beside Born's theory (`granular_analysis.theory.born`); L waves with `disorder.radius` the sound speed;
+the attenuation, beside Born's theory (`cases.defects.born`); L waves with `disorder.radius` the sound speed;
 TR waves, run with `wave.phase` 0 and π, the second harmonic. `granular_analysis.measure.disordered` says how each is
 read.
 """
@@ -18,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from cases.defects.born import long_wave, scattered
 from granular_analysis.measure.disordered import (
     Key,
     Value,
@@ -36,7 +37,6 @@ from granular_analysis.measure.disordered import (
 )
 from granular_analysis.measure.runs import sweep
 from granular_analysis.plotting import COLOURS, parser, show, start
-from granular_analysis.theory.born import long_wave, scattered
 from granular_analysis.theory.wave import resonance as perfect_resonance
 from granular_lmp.runs.record import Record
 

@@ -26,7 +26,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
-from granular_analysis.cases.map.case import BRANCHES, CORNER, EDGE, wave_vectors
+from cases.map.case import BRANCHES, CORNER, EDGE, wave_vectors
 from granular_analysis.plotting import SILICA, parser, save, start
 from granular_analysis.theory.bloch import branch_index, wavevector_of
 from granular_analysis.theory.contact import Contact

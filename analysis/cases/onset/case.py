@@ -4,7 +4,7 @@
 
 Each SWEEP is the folder of a sweep (``granular-lmp sweep``) with ``effects.contact_opening = true``; ``make onset``
 makes them. Runs without sliding, over the amplitude and any of wave number, Poisson's ratio and form, give the map
-(`granular_analysis.measure.onset`); those of one wave also the second harmonic over the amplitude. Runs with sliding,
+(`cases.onset.onset`); those of one wave also the second harmonic over the amplitude. Runs with sliding,
 over the friction, give the last panel.
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from granular_analysis.measure.onset import Event, Onset, onset
+from cases.onset.onset import Event, Onset, onset
 from granular_analysis.measure.runs import all_but, sweep
 from granular_analysis.plotting import SILICA, parser, show, start
 from granular_lmp.runs.record import Record

@@ -24,8 +24,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from cases.pull_off.jkr import PARTS, TOUCH, Contact, Parting
 from granular_analysis.plotting import COLOURS, letter, parser, show, start
-from granular_analysis.theory.jkr import PARTS, TOUCH, Contact, Parting
 
 Floats = NDArray[np.float64]
 POINTS = 60  # records of a loop that are drawn, about

@@ -6,7 +6,7 @@ next row at 30° from y, and two of its own row that it does not press. Rows are
     A_rows = 2 cos(30°)^{5/2} A,   V = (√3/2) · 0.9074701 (A_rows/m)^{2/5} v^{1/5}   in diameters
 
 and the exact wave of `granular_analysis.theory.solitary`. Fronts of other directions φ have V = C(φ) v^{1/5} with a C
-of their own, up to 3.5 % more along a row of contacts (`granular_analysis.cases.refraction.plane_front`).
+of their own, up to 3.5 % more along a row of contacts (`cases.refraction.plane_front`).
 
 **The law of angles.** Beyond a straight interface spheres have the mass M in place of 1. Fronts keep their trace along
 it, so that between their ways and the normal of the interface
@@ -34,7 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from granular_analysis.cases.refraction.plane_front import scaled_speed
+from cases.refraction.plane_front import scaled_speed
 from granular_analysis.theory.solitary import solitary_wave
 
 ROWS = 2 * 0.75**1.25  # A of a chain of rows

@@ -4,7 +4,7 @@
 
 RUN is a run folder of the shipped ``refraction`` with any angle of its interface and density beyond it. Left: angles of
 the transmitted (full) and the reflected (open) front over the incidence; lines are the rule of quasi-particles with the
-law of angles, `granular_analysis.cases.refraction.angles`. Right: heights at normal incidence in a chain, exact and by
+law of angles, `cases.refraction.angles`. Right: heights at normal incidence in a chain, exact and by
 the rule, and those of the runs. A line for each run is printed.
 """
 
@@ -14,8 +14,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from granular_analysis.cases.refraction.angles import angle, quasi_particle
-from granular_analysis.measure.refraction import FrontsAtInterface, fronts_at_interface
+from cases.refraction.angles import angle, quasi_particle
+from cases.refraction.refraction import FrontsAtInterface, fronts_at_interface
 from granular_analysis.measure.strikes import Sites, require
 from granular_analysis.plotting import letter, parser, show, start
 from granular_analysis.theory import scattering

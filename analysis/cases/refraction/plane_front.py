@@ -17,7 +17,7 @@ The lattice has six rows of contacts, so that C is a series in cos 6kφ; three t
     C = 0.9149 + 0.0156 cos 6φ − 0.0011 cos 12φ
 
 Along a row of contacts the front is 3.5 % faster than across the rows, φ = 30°, where the sheet is a chain of rows
-(`granular_analysis.cases.refraction.angles`).
+(`cases.refraction.angles`).
 """
 
 from typing import NamedTuple

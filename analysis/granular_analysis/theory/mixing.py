@@ -26,6 +26,8 @@ from granular_analysis.theory.bloch import GAUGE, hexagonal, in_plane
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.second_order import RIGID, Mixed, branch_of
 
+__all__ = ["Pair", "Tone", "detunings", "forced_amplitude", "growth_rates"]
+
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 

@@ -29,6 +29,8 @@ from granular_analysis.theory.validity import turned
 from granular_analysis.theory.variation import Spot
 from granular_lmp.runs.record import Scene
 
+__all__ = ["Setting"]
+
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 

@@ -36,7 +36,7 @@ def torus_slope(
 ) -> loops.Slope | None:
     """Return the slope of states like `state`, (..., 6 or 9, K), or None where the loop does not hold it.
 
-    With the sign of the work of the shear law, as of `granular_analysis.theory.energy`, a last row of the state is it.
+    `work` is the sign of the work of the shear law; with it the last row of a state is that work.
     """
     loop, torus, points = loops.library(), neighbours.torus, state.shape[-1]
     if loop is None or torus is None or points > MOST:

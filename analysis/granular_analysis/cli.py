@@ -1,9 +1,4 @@
-"""The command line ``granular-analysis``: ``granular-analysis compare RUN`` is ``python -m granular_analysis.compare
-RUN``.
-
-Python looks for `analysis` in the current folder first, where another folder may have that name. A command that was
-installed does not look there.
-"""
+"""The command line ``granular-analysis``: ``granular-analysis compare RUN`` runs `granular_analysis.tools.compare`."""
 
 import argparse
 import gc
@@ -16,16 +11,23 @@ from importlib import import_module
 from io import StringIO
 from typing import NoReturn
 
-from granular_analysis.cases.declared import Case, names
+from granular_analysis.tools.case import Case, names
 
 DOORS = {
-    "case": "run cases: what a figure needs, runs, script and expected numbers",
+    "case": "run cases, in a checkout: what a figure needs, runs, script and expected numbers",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
     "design": "which two waves resonate and how compressed; at which numbers of a scene second order does best",
+    "dispersion": "the spectrum of a kicked sheet beside the branches of theory",
+    "driven": "a driven row beside its theory",
     "fit": "keys of a scene from measured frequencies, harmonics and arrivals, with 95 % intervals",
     "harmonic": "the coherent second harmonic of any scene or run, perfect or not, with its error",
+    "oblique": "the second harmonic of waves in any direction, from a sweep, beside theory",
     "resonances": "all resonances and antiresonances of second order of a scene's crystal",
     "saw": "surface waves of an elastic substrate that couple to the contact resonances of a layer",
+    "scatter": "what passes rows that differ and what comes back, beside the linear lattice",
+    "sheets": "packets, beams and other fields on a periodic sheet beside theory",
+    "spectrum": "the second harmonic of runs over wave number, its zero and its pole",
+    "standing": "a standing wave beside its theory",
 }
 
 
@@ -55,7 +57,8 @@ def program() -> NoReturn:
 
 def scripts() -> dict[str, str]:
     """Return what each script does, those of the cases among them, whose files are then read."""
-    return DOORS | {case.name: case.says for case in map(Case.load, names()) if case.figure}
+    cases = {case.name: case.says for case in map(Case.load, names()) if case.figure}
+    return DOORS | {name: says for name, says in cases.items() if name not in DOORS}
 
 
 def _script(argv: list[str] | None) -> Callable[[], int | None]:
@@ -81,5 +84,6 @@ def _script(argv: list[str] | None) -> Callable[[], int | None]:
     if chosen.script == "cases":
         chosen.script, chosen.arguments = "case", ["--list", *chosen.arguments]
     sys.argv[0] = f"granular-analysis {chosen.script}"  # the name by which the script speaks of itself
-    module = chosen.script if chosen.script in DOORS else f"cases.{chosen.script}.case"
-    return partial(import_module(f"granular_analysis.{module}").main, chosen.arguments)
+    tool = chosen.script in DOORS
+    module = f"granular_analysis.tools.{chosen.script}" if tool else f"cases.{chosen.script}.case"
+    return partial(import_module(module).main, chosen.arguments)

@@ -2,7 +2,7 @@
 
 The method, its step control and its interpolation are those of `scipy.integrate.solve_ivp`, with SciPy's coefficients.
 SciPy sums the stages by BLAS, which may hand states of a few hundred complex numbers to all its threads: on a busy
-machine of four cores `granular_analysis.compare` of one run then took 41 s of processor time, and 1.5 s with one
+machine of four cores `granular_analysis.tools.compare` of one run then took 41 s of processor time, and 1.5 s with one
 thread.
 
 Large states are summed by the loops of `granular_analysis.theory.loops` where these are there.

@@ -160,8 +160,6 @@ def interface(mass: float) -> Interface:
     mass : of a sphere beyond, over that of one before, from 0.1 to 10.
 
     Raises ValueError for another mass.
-
-    `quasi_particle` in `granular_analysis.cases.refraction.angles` is the rule for it.
     """
     if not 0.1 <= mass <= 10:
         raise ValueError(f"mass must be from 0.1 to 10 times that of a sphere before the interface, not {mass:g}")

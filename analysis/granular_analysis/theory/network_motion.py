@@ -34,6 +34,8 @@ from granular_analysis.theory.network_outside import imposed, pushes
 from granular_analysis.theory.network_state import State, contacts, present, resultants, searched_again, settled
 from granular_analysis.theory.network_tangents import crossed, dot
 
+__all__ = ["integrate"]
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 

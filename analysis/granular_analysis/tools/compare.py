@@ -1,7 +1,7 @@
 """Compare runs with theory: relative L2 errors of p, q, φ, and the second-harmonic amplitude measured and predicted.
 
-    python -m granular_analysis.compare runs/tr_nonresonant runs/tr_resonant [--json FILE] [--theory NAME]
-    python -m granular_analysis.compare sweeps/tr_periodic
+    granular-analysis compare runs/tr_nonresonant runs/tr_resonant [--json FILE] [--theory NAME]
+    granular-analysis compare sweeps/tr_periodic
 
 Two references stand side by side. Against a *theory* (a formula) the error says how good the formula is; against the
 *exact lattice* (the same contact laws and geometry, integrated without LAMMPS) it says how good the run is: time step,
@@ -17,7 +17,7 @@ the rotation of its recorded sphere along each axis.
 
 Each run gets a figure ``compare.png`` in its folder, and of several runs it is said what differs between their scenes;
 the finished runs of a sweep are a line each, with what was varied in front, and one figure, ``compare.png`` in its
-folder: the largest of each signal over what was varied, with theory beside it (`granular_analysis.curves`).
+folder: the largest of each signal over what was varied, with theory beside it (`granular_analysis.tools.curves`).
 """
 
 import argparse
@@ -31,7 +31,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_analysis import curves
 from granular_analysis.measure.budget import Source, budget_lines, error_budget
 from granular_analysis.measure.reference import Reference
 from granular_analysis.measure.runs import load
@@ -52,10 +51,13 @@ from granular_analysis.theory.catalogue import CRYSTAL, NETWORK, REFERENCES, scr
 from granular_analysis.theory.choice import Trajectory, beyond, holding, traits, trajectory, wave_of
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.wave import Wave
+from granular_analysis.tools import curves
 from granular_lmp.runs.record import Record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+__all__ = ["Comparison", "compare"]
 
 Floats = NDArray[np.float64]
 INSTEAD = {NETWORK: "the network of its spheres", CRYSTAL: "the second order of its crystal", None: "nothing"}

@@ -58,6 +58,8 @@ from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network_laws import Adhesion
 from granular_analysis.theory.network_outside import Drive
 
+__all__ = ["Material", "Network"]
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 Law = Literal["secant", "incremental"]

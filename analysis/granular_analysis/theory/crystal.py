@@ -27,6 +27,8 @@ from granular_analysis.theory.mirror import Mirror, images, mirrored
 from granular_analysis.theory.network import Material, ShearMixing, mixed
 from granular_analysis.theory.network_laws import Adhesion
 
+__all__ = ["Crystal"]
+
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Array = TypeVar("Array", bound=NDArray[Any])

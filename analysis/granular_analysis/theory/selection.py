@@ -29,6 +29,8 @@ from granular_analysis.theory.crystal import Crystal
 from granular_analysis.theory.mirror import Mirror
 from granular_analysis.theory.second_order import Mixed, Wave
 
+__all__ = ["forbidden"]
+
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 

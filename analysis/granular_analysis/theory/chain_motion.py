@@ -29,6 +29,8 @@ from granular_analysis.theory.chain import Array, Chain, Floats, acceleration, e
 from granular_analysis.theory.chain_loop import chain_slope
 from granular_analysis.theory.integrator import dop853
 
+__all__ = ["collision_time", "follow"]
+
 Scheme = tuple[float, ...]
 
 VERLET: Scheme = (1.0,)

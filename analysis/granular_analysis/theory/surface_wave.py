@@ -29,6 +29,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.crystal import Crystal, padded
 
+__all__ = ["Coupled", "HalfSpace"]
+
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 _HALVINGS = 60  # an interval of frequencies is halved no more often

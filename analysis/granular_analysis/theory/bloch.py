@@ -23,6 +23,8 @@ from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.crystal import PLANE, Crystal, padded
 from granular_analysis.theory.errors import TheoryError
 
+__all__ = ["wavevector_of"]
+
 Floats = NDArray[np.float64]
 Field = TypeVar("Field", bound=NDArray[Any])
 

@@ -17,6 +17,8 @@ from granular_analysis.second_harmonic import SOLID_SPHERE, Ratios, of_stiffness
 from granular_analysis.theory.adhesion import Adhesion, AtRest
 from granular_analysis.theory.errors import TheoryError
 
+__all__ = ["Contact", "ratios_of"]
+
 Law = Literal["secant", "incremental", "potential"]
 LAWS: tuple[Law, ...] = get_args(Law)
 

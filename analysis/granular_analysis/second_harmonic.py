@@ -28,6 +28,20 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+__all__ = [
+    "Mode",
+    "antiresonance",
+    "dispersion",
+    "generated_amplitude",
+    "mode",
+    "nonlinearity",
+    "ratios",
+    "resonance",
+    "second_harmonic",
+    "second_harmonic_terms",
+    "second_order",
+]
+
 Floats = NDArray[np.float64]
 ModeName = Literal["L", "TR", "RT"]
 

@@ -28,6 +28,8 @@ from granular_analysis.theory.crystal import Crystal, Modes, padded
 from granular_analysis.theory.second_order import Mixed, Wave, branch_of, chosen
 from granular_analysis.theory.selection import mirrors, parity
 
+__all__ = ["matches"]
+
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Integers = NDArray[np.intp]

@@ -29,6 +29,8 @@ from granular_analysis.theory.network_tangents import (
     turned,
 )
 
+__all__ = ["start"]
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 Bools = NDArray[np.bool_]

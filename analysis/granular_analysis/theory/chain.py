@@ -9,7 +9,7 @@ There is no adhesion, friction or rotation. States have the shape (…, n): many
 
 The dashpots η_j = √5 ζ √(μ_j A_j), ζ = −ln e/√(π² + ln² e), 1/μ = 1/m + 1/m', let two spheres that meet part with e
 times their relative velocity, whatever it is (LAMMPS's ``coeff_restitution``). A contact pulls before it ends: at
-δ → 0 the dashpot outweighs the repulsion. `granular_analysis.theory.chain_damping` has what they take from a wave.
+δ → 0 the dashpot outweighs the repulsion.
 
 Forces are differences of those at rest: motions of 1e-10 of the overlap have six digits, and weaker ones fewer.
 
@@ -24,6 +24,8 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["bands", "linear_stiffness", "spheres"]
 
 Floats = NDArray[np.float64]
 Array = NDArray[Any]  # floats, or complex numbers where a derivative is taken by a complex step
