@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy import extrapolation
 from granular_lmp.accuracy.extrapolation import Judgement, Signals
 from granular_lmp.effects import selection
-from granular_lmp.lammps.guards import fastest
+from granular_lmp.effects.looks import fastest
 from granular_lmp.problem import Problem
 from granular_lmp.runs.components import FORCES, RATES
 from granular_lmp.runs.record import Record

@@ -229,6 +229,11 @@ class Case:
         return self.scene.strike / (self.strength or 1.0) if self.scene.struck else 0.0
 
     @property
+    def swing(self) -> float:
+        """Bound of how far an overlap is from rest, in Δ0: two spheres, each moved by all amplitudes together."""
+        return 2 * (self.scene.amplitude * self.strength + (self.scene.strike if self.scene.struck else 0.0))
+
+    @property
     def viscosity(self) -> float:
         """Dashpot of a contact at rest, in m/t0."""
         effects, sphere = self.scene.effects, self.scene.sphere

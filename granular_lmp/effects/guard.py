@@ -5,7 +5,6 @@ result.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from math import cos, pi
 from typing import Any, Protocol
 
 import ase
@@ -13,14 +12,12 @@ import ase
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.effects.looks import hidden
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.resolution import gathered_rounding
 from granular_lmp.scene.scene import Scene
 from granular_lmp.units import AnyUnits
 
-LOOKS = 40  # looks in a period of the fastest motion that matters
-BETWEEN = 1 - cos(pi / LOOKS)  # share of an oscillation's amplitude that may lie beyond two looks, 0.31 %
-TOP = 1.0  # rad/tau, top of the branches that carry displacements: L and TR at the edge of the zone
 NEVER = 1e20  # tau of a limit that was not passed; LAMMPS's minimum of an empty set
 
 # A quantity that a symmetry forbids stays at the `gathered_rounding` of its run, up to 2 times that. For a = 0.2, 201
@@ -34,6 +31,8 @@ class Prepared(Protocol):
 
     @property
     def scene(self) -> Scene: ...
+    @property
+    def mode(self) -> Any: ...  # `granular_lmp.crystal.modes.Mode`, or None without a wave
     @property
     def crystal(self) -> ase.Atoms: ...
     @property
@@ -62,14 +61,6 @@ def watches_part(scene: Scene) -> bool:
     return scene.output.particles == 0 and (bool(scene.shape.faces) or scene.envelope.finite)
 
 
-def read(compute: str, tag: str, column: int = 0) -> str:
-    """Return an extreme of a compute as it stands in the line of a variable.
-
-    `tag` is that of `granular_lmp.effects.reading.contact_lines`.
-    """
-    return f"c_{compute}{tag}" + (f"[{column}]" if column else "")
-
-
 @dataclass(frozen=True)
 class Guard:
     """One guard.
@@ -90,6 +81,8 @@ class Guard:
         Advice for the user, for the message.
     roundings : float
         Multiple of the `gathered_rounding` of positions that is added to the limit.
+    hides : bool
+        True if the limit is lower by what may hide between two looks (`granular_lmp.effects.looks`).
     of_contacts : bool
         True if the lines read `granular_lmp.effects.reading.contact_lines` or `overlap_lines`.
     per_contact : callable
@@ -105,6 +98,7 @@ class Guard:
     meaning: str
     cure: str
     roundings: float = 0.0
+    hides: bool = False
     of_contacts: bool = False
     per_contact: Callable[[Scene], bool] = lambda scene: False
     heading: str = ""
@@ -114,6 +108,8 @@ class Guard:
         """Name of the thermo column of the extreme."""
         return f"v_{self.name}"
 
-    def limit_in(self, scene: Scene) -> float:
-        """Return the limit above which the guard triggers in a scene, with the rounding of positions."""
-        return self.limit + self.roundings * gathered_rounding(scene) if self.roundings else self.limit
+    def limit_in(self, problem: Prepared, every: float | None = None) -> float:
+        """Return the limit above which the guard triggers, with `every` τ between two looks, or those of the deck."""
+        if self.roundings:
+            return self.limit + self.roundings * gathered_rounding(problem.scene)
+        return self.limit * (1 - hidden(problem.scene, problem.mode, every)) if self.hides else self.limit

@@ -5,7 +5,7 @@ A wall is named after its face, and its fix after that and the material of the s
 
 import numpy as np
 
-from granular_lmp.effects.guard import Prepared, read
+from granular_lmp.effects.guard import Prepared
 from granular_lmp.effects.law_formulas import FORMULAS, Formulas
 from granular_lmp.frozen import dataclass
 
@@ -66,35 +66,35 @@ class OnWall:
                     found.append(cls(f"{face}{m + 1}", inward, formulas, pull, loss, rest))
         return tuple(found)
 
-    def lines(self, group: str, tag: str) -> list[str]:
+    def lines(self, group: str) -> list[str]:
         """Return the lines that measure the smallest push and the largest shear force of a group."""
         least, axis = "min" if self.inward > 0 else "max", FACES[self.face][0]
         across = " ".join(f"f_{self.name}[{number + 2}]" for number in range(3) if number != axis)
         push, lines = f"f_{self.name}[{axis + 2}]", []
         if self.rest:  # spheres away from the wall have a force of 0, which is no push at rest
             rest, at = repr(self.inward * self.rest), f"f_at_{self.face}"
-            lines.append(f"variable     push_{self.name}{tag} atom {at}*{push}+(1-{at})*({rest})")
-            push = f"v_push_{self.name}{tag}"
+            lines.append(f"variable     push_{self.name} atom {at}*{push}+(1-{at})*({rest})")
+            push = f"v_push_{self.name}"
         lines += [
-            f"compute      press_{self.name}{tag} {group} reduce {least} {push}",
-            f"compute      drag_{self.name}{tag} {group} reduce maxabs {across}",
+            f"compute      press_{self.name} {group} reduce {least} {push}",
+            f"compute      drag_{self.name} {group} reduce maxabs {across}",
         ]
         if self.dashpot:
-            lines.append(f"compute      lift_{self.name}{tag} {group} reduce maxabs v{self.name[0]}")
+            lines.append(f"compute      lift_{self.name} {group} reduce maxabs v{self.name[0]}")
         return lines
 
-    def overlap(self, tag: str) -> str:
+    def overlap(self) -> str:
         """Return the smallest overlap over that at rest, from the smallest push; never above the truth."""
-        push = read(f"press_{self.name}", tag) if self.inward > 0 else f"-{read(f'press_{self.name}', tag)}"
+        push = f"c_press_{self.name}" if self.inward > 0 else f"-c_press_{self.name}"
         if self.dashpot:
-            push += f"-{self.dashpot!r}*{read(f'lift_{self.name}', tag)}"
+            push += f"-{self.dashpot!r}*c_lift_{self.name}"
         least = f"{push}+{self.adhesive_force!r}"
         return self.formulas.overlap(f"(({least}>0)*({least})/{self.formulas.holding_force!r})")
 
-    def slip(self, tag: str) -> str:
+    def slip(self) -> str:
         """Return the largest shear force over the sliding force of the contact that touches least."""
-        drag = "+".join(f"{read(f'drag_{self.name}', tag, part)}^2" for part in (1, 2))
-        rest = self.formulas.above_pull_off(f"v_left_{self.name}{tag}")
+        drag = "+".join(f"c_drag_{self.name}[{part}]^2" for part in (1, 2))
+        rest = self.formulas.above_pull_off(f"v_left_{self.name}")
         return f"sqrt({drag})/(v_mu*({self.adhesive_force!r}+{rest}))"
 
 

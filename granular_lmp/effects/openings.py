@@ -21,9 +21,10 @@ import numpy as np
 
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.effects import on_walls
-from granular_lmp.effects.guard import LOOKS, Prepared, watches_part
+from granular_lmp.effects.guard import Prepared, watches_part
 from granular_lmp.effects.law_formulas import FORMULAS
-from granular_lmp.effects.reading import alike, bounded, nearly_open
+from granular_lmp.effects.looks import LOOKS, nearly_open
+from granular_lmp.effects.reading import alike, bounded
 from granular_lmp.scene.at_rest import contacts_of, crystal_of, law_at_rest
 from granular_lmp.scene.scene import Scene
 
@@ -88,22 +89,18 @@ def at_rest_lines(problem: Prepared) -> list[str]:
     return [f"compute      touching all {count}", "fix          at_rest all store/state 0 c_touching", *walls]
 
 
-def changed_lines(problem: Prepared, *, everywhere: bool = False) -> list[str]:
-    """Return the lines of v_open, the contacts that have opened or formed, or of v_open_all, of all spheres."""
+def changed_lines(problem: Prepared) -> list[str]:
+    """Return the lines of v_open, the contacts that have opened or formed."""
     scene = problem.scene
     judged_singly = bounded(scene) and not scene.sphere.pull_off_distance
-    near = f"{_OPEN}{'' if judged_singly else f'+({nearly_open(scene):.4f}>v_overlap)'}{_MAY}"
+    near = f"{_OPEN}{'' if judged_singly else f'+({nearly_open(scene, problem.mode):.4f}>v_overlap)'}{_MAY}"
     if not by_pairs(scene):
-        group, tag, name = ("all", "_all", "open_all") if everywhere else ("inside", "", "changed")
         missed = f"variable     missed atom abs(f_at_rest-c_touching){on_walls.missed(problem)}"
         return [
-            *([] if everywhere else [f"{missed}  # contacts that a sphere had at rest and has not now, or new"]),
-            f"compute      missing{tag} {group} reduce sum v_missed",
-            f"variable     {name} equal ceil(c_missing{tag}/2)",
-            *([] if everywhere else [near]),
+            f"{missed}  # contacts that a sphere had at rest and has not now, or new",
+            "compute      missing inside reduce sum v_missed",
+            near.replace("v_changed", "ceil(c_missing/2)"),
         ]
-    if everywhere:
-        return ["variable     open_all equal v_changed"]
     law, axes = FORMULAS[scene.sphere.adhesion_law], _axes(scene)
     mark = law.mark(scene.space)
     off = [
@@ -137,17 +134,6 @@ def counted_lines(problem: Prepared) -> list[str]:
         f"{column.format(first + 'xyz'.index(axis))} mode vector kind local beyond end"
         for axis in _axes(scene)
     ]
-
-
-def nearest_gap(problem: Prepared) -> float:
-    """Return the smallest gap between two spheres that do not touch at rest, m; 0 if no two are near."""
-    if problem.scene.perfect or alike(problem.scene):
-        return 0.0
-    wider = problem.crystal.copy()
-    wider.arrays["radius"] = wider.arrays["radius"] + _NEAR / 2
-    i, j, vector = overlapping(wider)
-    gaps = np.linalg.norm(vector, axis=1) - problem.crystal.arrays["radius"][i] - problem.crystal.arrays["radius"][j]
-    return float(gaps[gaps > 0].min(initial=_NEAR)) * problem.scene.sphere.radius if (gaps > 0).any() else 0.0
 
 
 def _axes(scene: Scene) -> dict[str, int]:

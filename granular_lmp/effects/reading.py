@@ -3,7 +3,7 @@
 import numpy as np
 
 from granular_lmp.effects.case import Case
-from granular_lmp.effects.guard import BETWEEN, Prepared, read
+from granular_lmp.effects.guard import Prepared
 from granular_lmp.effects.law_formulas import FORMULAS, Formulas
 from granular_lmp.effects.on_walls import OnWall
 from granular_lmp.frozen import dataclass
@@ -78,80 +78,63 @@ def bounded(scene: Scene) -> bool:
     return scene.effects.damping is True and not alike(scene)
 
 
-def nearly_open(scene: Scene) -> float:
-    """Return the overlap, in Δ0, below which a contact may open between two looks; in JKR's law it is negative."""
-    hold = scene.sphere.pull_off_distance / scene.sphere.static_overlap
-    return BETWEEN - hold * (1 - BETWEEN)
-
-
-def contact_lines(group: str, tag: str, how: Reading) -> list[str]:
-    """Return the lines that measure the contacts of a group: shear forces, lengths, and normal forces if they are read.
-
-    Parameters
-    ----------
-    group : str
-        Spheres that are looked at.
-    tag : str
-        End of the names of the computes: "" for the spheres that are judged, "_all" for all.
-    how : Reading
-    """
+def contact_lines(group: str, how: Reading) -> list[str]:
+    """Return the lines that measure the contacts of a group: lengths, shear forces, perhaps normal forces."""
     forces = f" force{how.formulas.mark(how.axes)} cutoff {how.formulas.cutoff}" if how.forces else ""
     lines = [
-        f"compute      contact{tag} {group} pair/local dist p4{forces}",
-        f"compute      extreme{tag} {group} reduce max c_contact{tag}[1] c_contact{tag}[2] inputs local",
+        f"compute      contact {group} pair/local dist p4{forces}",
+        f"compute      extreme {group} reduce max c_contact[1] c_contact[2] inputs local",
     ]
     if how.forces:
-        lines.append(f"compute      weakest{tag} {group} reduce min c_contact{tag}[3] inputs local")
+        lines.append(f"compute      weakest {group} reduce min c_contact[3] inputs local")
     if how.dashpots:
         velocity = " ".join(f"v{axis}" for axis in "xyz"[: how.axes])
-        lines.append(f"compute      swift{tag} {group} reduce maxabs {velocity}")
-    return lines + [line for each in how.walls for line in each.lines(group, tag)]
+        lines.append(f"compute      swift {group} reduce maxabs {velocity}")
+    return lines + [line for each in how.walls for line in each.lines(group)]
 
 
-def overlap_lines(tag: str, how: Reading) -> list[str]:
+def overlap_lines(how: Reading) -> list[str]:
     """Return the lines of the variable ``overlap``, the smallest overlap of contacts that touch, in Δ0.
 
     That with a wall is over its own overlap at rest. The smallest one between spheres alone is `between`.
 
     Parameters
     ----------
-    tag : str
-        That of `contact_lines`.
     how : Reading
         With `lengths` the overlap of a contact is 2R less its length. Otherwise it is that of two spheres of the
         lattice that have the smallest normal force; with `dashpots` of that force less the most that a dashpot adds.
     """
-    lines, smallest = _between(tag, how), between(tag, how)
+    lines, smallest = _between(how), between(how)
     for each in how.walls:
-        left = f"v_left_{each.name}{tag}"
-        lines.append(f"variable     {left[2:]} equal {each.overlap(tag)}  # at the wall, over its overlap at rest")
+        left = f"v_left_{each.name}"
+        lines.append(f"variable     {left[2:]} equal {each.overlap()}  # at the wall, over its overlap at rest")
         smallest = f"ternary({left}<{smallest},{left},{smallest})"
-    return lines + ([f"variable     overlap{tag} equal {smallest}"] if how.walls else [])
+    return lines + ([f"variable     overlap equal {smallest}"] if how.walls else [])
 
 
-def between(tag: str, how: Reading) -> str:
+def between(how: Reading) -> str:
     """Return the variable of the smallest overlap between spheres."""
-    return f"v_between{tag}" if how.walls else f"v_overlap{tag}"
+    return "v_between" if how.walls else "v_overlap"
 
 
-def _between(tag: str, how: Reading) -> list[str]:
+def _between(how: Reading) -> list[str]:
     """Return the lines of the variable `between`."""
-    name, longest, weakest = between(tag, how)[2:], read("extreme", tag, 1), read("weakest", tag)
+    name = between(how)[2:]
     if how.lengths:
         return [
-            f"variable     {name} equal ($(2*v_R:%.17g)-{longest})/$(v_Delta0:%.17g)"
+            f"variable     {name} equal ($(2*v_R:%.17g)-c_extreme[1])/$(v_Delta0:%.17g)"
             "  # the smallest, in Delta0, of contacts that touch"
         ]
-    least, holding = f"{weakest}+{how.adhesive_force!r}", repr(how.formulas.holding_force)
+    least, holding = f"c_weakest+{how.adhesive_force!r}", repr(how.formulas.holding_force)
     if not how.dashpots:
         overlap = how.formulas.overlap(f"(({least}>0)*({least})/{holding})")
         return [f"variable     {name} equal {overlap}  # of the smallest normal force, in Delta0"]
-    squares = (f"{read('swift', tag, axis)}^2" for axis in range(1, how.axes + 1))
-    swift, spring = f"sqrt({'+'.join(squares)})", f"v_spring{tag}"
-    share = f"(1e-9+({spring}>0)*(({spring}<1)*{spring}+({spring}>=1)))"
+    squares = (f"c_swift[{axis}]^2" for axis in range(1, how.axes + 1))
+    swift = f"sqrt({'+'.join(squares)})"
+    share = "(1e-9+(v_spring>0)*((v_spring<1)*v_spring+(v_spring>=1)))"
     # The dashpot of a restitution grows with the force: its bound, and so that of the overlap, are of the force at rest
     return [
-        f"variable     spring{tag} equal ({least}-2*{how.dashpot!r}*{swift})/{holding}"
+        f"variable     spring equal ({least}-2*{how.dashpot!r}*{swift})/{holding}"
         "  # the smallest normal force, as if the strongest dashpot added the most to it",
         f"variable     {name} equal {how.formulas.overlap(share)}  # of that force, in Delta0: never above the truth",
     ]

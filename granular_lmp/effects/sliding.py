@@ -7,7 +7,7 @@ from math import inf, isfinite
 
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
-from granular_lmp.effects.guard import BETWEEN, Guard, Prepared, read
+from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.effects.reading import Reading, between
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
@@ -35,11 +35,7 @@ def variables_off(problem: Prepared) -> list[str]:
 
 def measured(problem: Prepared) -> list[str]:
     """Return the lines of the largest slip."""
-    return [
-        mu_line(problem.scene),
-        "# the hardest sheared contact over the sliding force of the one that touches least: never below the truth",
-        *slip_lines("", Reading.of(problem)),
-    ]
+    return [mu_line(problem.scene), *slip_lines(Reading.of(problem))]
 
 
 def mu_line(scene: Scene) -> str:
@@ -48,24 +44,25 @@ def mu_line(scene: Scene) -> str:
     return f"variable     mu equal {'$(v_friction:%.17g)' if friction == AUTO else repr(friction)}"
 
 
-def slip_lines(tag: str, how: Reading) -> list[str]:
+def slip_lines(how: Reading) -> list[str]:
     """Return the lines of the variable ``slip``, the largest share of a shear force in the sliding force."""
-    pairs = f"{read('extreme', tag, 2)}/{sliding_force(tag, how)}"
+    pairs = f"c_extreme[2]/{sliding_force(how)}"
     if not how.walls:
-        return [f"variable     slip{tag} equal {pairs}"]
-    lines, largest = [f"variable     rub{tag} equal {pairs}"], f"v_rub{tag}"
+        return [f"variable     slip equal {pairs}  # the hardest sheared over the one that touches least: a bound"]
+    lines, largest = [f"variable     rub equal {pairs}"], "v_rub"
     for each in how.walls:
-        name = f"rub_{each.name}{tag}"
-        lines.append(f"variable     {name} equal {each.slip(tag)}")
+        name = f"rub_{each.name}"
+        lines.append(f"variable     {name} equal {each.slip()}")
         largest = f"ternary(v_{name}>{largest},v_{name},{largest})"
-    return [*lines, f"variable     slip{tag} equal {largest}"]
+    return [*lines, f"variable     slip equal {largest}"]
 
 
 GUARD = Guard(
     title="largest_slip",
     name="slip",
     lines=measured,
-    limit=1 - BETWEEN,
+    limit=1 - 1e-9,  # a contact that slides bears just the sliding force
+    hides=True,
     meaning="of the sliding force: contacts may have slid, which the model does not",
     cure="set effects.sliding = true with effects.friction = the coefficient of the spheres, or take a smaller "
     "wave.amplitude or a slower striker",
@@ -74,21 +71,14 @@ GUARD = Guard(
 )
 
 
-def sliding_force(tag: str, how: Reading) -> str:
+def sliding_force(how: Reading) -> str:
     """Return a lower bound of the sliding force of two spheres in LAMMPS's syntax, exact in the DMT law.
 
     It is that of the smallest overlap, or of the smallest normal force if the limit is that of the `whole` force.
-
-    Parameters
-    ----------
-    tag : str
-        That of `granular_lmp.effects.reading.contact_lines`.
-    how : Reading
     """
     if how.whole:
-        force = read("weakest", tag)
-        return f"($(v_mu:%.17g)*(1e-9*{how.formulas.holding_force!r}+({force}>0)*{force}))"
-    return f"($(v_mu:%.17g)*({how.adhesive_force!r}+{how.formulas.above_pull_off(between(tag, how))}))"
+        return f"($(v_mu:%.17g)*(1e-9*{how.formulas.holding_force!r}+(c_weakest>0)*c_weakest))"
+    return f"($(v_mu:%.17g)*({how.adhesive_force!r}+{how.formulas.above_pull_off(between(how))}))"
 
 
 def called_for(case: Case) -> Finding:

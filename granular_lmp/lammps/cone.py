@@ -1,4 +1,4 @@
-"""The spheres that the guards of a deck judge, and those that may move them before the next look.
+"""The spheres that the guards of a deck judge, and those that leave the run.
 
 Guards judge the spheres whose state can still affect the record. In a plane wave between walls, or in a finite wave,
 these are in a cone around what is recorded, whose rim moves inwards as fast as signals do. Outside, walls cut the wave
@@ -24,9 +24,7 @@ from granular_lmp.scene.at_rest import swiftness
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import quiet_rows
 
-# Rows between the cone and the spheres that cannot move it before the next look: in a quarter of the period of the
-# branches that carry displacements, all farther spheres together move a sphere by at most 1 % of v t (tests)
-MARGIN = 3
+MARGIN = 3  # rows that stay around the cone if -var made the run shorter
 
 _ALL = 2**31 - 1  # spheres that may leave at once
 
@@ -46,28 +44,14 @@ def inside_lines(problem: Problem) -> list[str]:
     scene = problem.scene
     if not watches_part(scene):
         return ["group        inside union all  # the spheres that what is recorded depends on"]
-    where = "the centre or a monitor" if scene.monitor else "the centre"
     least, lost = 1.5 * _row(problem), (_farthest_row(scene) - 2.5) * _row(problem)
+    lines, away = _away(problem)
     return [
-        f"# spheres from where a signal still reaches {where} before the end: outside, a guard would judge walls",
-        *_away(problem),
+        *lines,
         f"variable     reach equal {least + lost!r}-$({lost!r}*v_step/(v_t0*(v_duration+(v_duration==0))):%.17g)*step",
-        "variable     near atom v_reach>f_away",
-        f"group        inside dynamic all var near every {_interval(scene)}",
+        f"variable     near atom v_reach>{away}",
+        f"group        inside dynamic all var near every {_interval(scene)}  # whose signals still reach the record",
         *_leaving(problem),
-    ]
-
-
-def around_lines(problem: Problem) -> list[str]:
-    """Return the lines for the group `around`: the spheres of the cone and within `MARGIN` rows of it; [] for all.
-
-    The group is renewed whenever the cone has lost as many rows. Until then it holds more spheres than it must.
-    """
-    if not watches_part(problem.scene):
-        return []
-    return [
-        f"variable     beside atom v_reach+{MARGIN * _row(problem)!r}>f_away",
-        f"group        around dynamic all var beside every {MARGIN * _interval(problem.scene)}",
     ]
 
 
@@ -79,11 +63,6 @@ def leave(scene: Scene) -> bool:
 def staying_lines(scene: Scene) -> list[str]:
     """Return the line by which all spheres stay in the run of a deck that records more than its scene asks for."""
     return ["unfix        gone"] if leave(scene) else []
-
-
-def looks_elsewhere(scene: Scene) -> bool:
-    """Return whether guards look, for information, also at spheres that cannot affect the record, which stay."""
-    return watches_part(scene) and not leave(scene)
 
 
 def mean_count(problem: Problem) -> float:
@@ -112,12 +91,12 @@ def _leaving(problem: Problem) -> list[str]:
     scene, row = problem.scene, _row(problem)
     if not leave(scene):
         return []
+    beyond = repr(MARGIN * row)  # farther only if -var made the run shorter
     return [
         "# spheres that can no longer affect the record leave; to keep them add the line: unfix gone",
         f"variable     way equal {_speed(scene)!r}*(v_duration-v_tau)",
         f"variable     front equal {row!r}*(v_way+{WIDTHS}*(v_way+{WIDTHS**1.5:.3f})^(1/3))",
-        f"variable     beyond equal v_reach+{MARGIN * row!r}  # farther only if -var made the run shorter",
-        "variable     lives equal ternary(v_front>v_beyond,v_front,v_beyond)",
+        f"variable     lives equal ternary(v_front>v_reach+{beyond},v_front,v_reach+{beyond})",
         *_far(problem),
         f"fix          gone all evaporate {LOST * _interval(scene)} {_ALL} far 1",
     ]
@@ -131,8 +110,8 @@ def _far(problem: Problem) -> list[str]:
     low, high = (each * to_deck for each in _recorded(problem))
     return [
         f"variable     low equal {low!r}-v_lives",
-        f"variable     high equal {high!r}+v_lives",
-        "region       far block INF INF v_low v_high INF INF side out units box",
+        *([f"variable     high equal {high!r}+v_lives"] if high else []),
+        f"region       far block INF INF v_low {'v_high' if high else 'v_lives'} INF INF side out units box",
     ]
 
 
@@ -159,19 +138,19 @@ def _row(problem: Problem) -> float:
     return problem.units.number(scene.lattice.row_distance(scene.sphere.lattice_constant), length=1)
 
 
-def _away(problem: Problem) -> list[str]:
-    """Return the lines that keep how far each sphere is from the centre or the nearest rows of a monitor."""
-    scene, row = problem.scene, _row(problem)
-    lines = ["variable     away0 atom sqrt(x*x+y*y)"]
+def _away(problem: Problem) -> tuple[list[str], str]:
+    """Return the lines and the formula of how far a sphere is from the centre or the nearest rows of a monitor."""
+    scene, row, lines, least = problem.scene, _row(problem), list[str](), "sqrt(x*x+y*y)"
     for number, monitor in enumerate(scene.monitor):
         low, high = ((each - scene.shape.centre_row) * row for each in monitor.span)
         apart = f"abs(y-({(low + high) / 2!r}))"
         if scene.shape.along_y:  # the shorter way may be across the faces
             half = scene.shape.rows * row / 2
             apart = f"({half!r}-abs({half!r}-{apart}))"
-        own, least = f"({apart}-{(high - low) / 2!r})", f"v_away{number}"
-        lines.append(f"variable     away{number + 1} atom ternary({own}<{least},{own},{least})")
-    return [*lines, f"fix          away all store/state 0 v_away{len(scene.monitor)}"]
+        own = f"({apart}-{(high - low) / 2!r})"
+        lines.append(f"variable     away{number} atom ternary({own}<{least},{own},{least})")
+        least = f"v_away{number}"
+    return lines, least
 
 
 def _farthest_row(scene: Scene) -> int:

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import law_between
+from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.guard import NEVER, Guard
-from granular_lmp.effects.reading import Reading, nearly_open
+from granular_lmp.effects.looks import nearly_open
+from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.frozen import dataclass
-from granular_lmp.lammps.guards import NEXT
 from granular_lmp.lammps.outputs import CONTACTS, UNWAVED_CONTACTS, read_snapshots
 from granular_lmp.problem import Problem
 
@@ -29,16 +30,21 @@ class Measured:
         Time τ at which the guard first triggered; None if it did not.
     bound : float
         Extreme of the thermo column, an upper bound of the value.
+    near : float or None
+        Smallest overlap, in Δ0, of a contact that was seen to touch and may have opened between two looks; else None.
     """
 
     value: float
     passed_at: float | None
     bound: float
+    near: float | None = None
 
 
-def first_decks(table: Mapping[str, object]) -> bool:
-    """Return whether a thermo table is of a first deck of release 0.1.0, which looked only when it wrote a line."""
-    return bool(table) and NEXT not in table and not any(column.endswith("_at") for column in table)
+def seen_every(table: Mapping[str, NDArray[np.float64]]) -> float:
+    """Return the longest time between two looks of a run, τ; 0 if the kernel saw every step."""
+    if any(column.endswith("_at") for column in table):
+        return 0.0
+    return float(np.max(np.diff(table.get("v_tau", np.empty(0))), initial=0.0))
 
 
 def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Problem, folder: Path) -> Measured:
@@ -54,7 +60,8 @@ def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Pr
         Run folder, which may hold single contacts if the table only bounds the value.
     """
     scene = problem.scene
-    limit = guard.limit_in(scene)
+    every = seen_every(table)
+    limit = guard.limit_in(problem, every)
     # A run whose log lacks a column fails by that, or has not come so far
     value = np.abs(table.get(guard.column, np.empty(0)))
     at = table.get(f"{guard.column}_at", np.full(len(value), NEVER))
@@ -68,7 +75,9 @@ def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Pr
         first = first if first < NEVER else float(table["v_tau"][np.argmax(triggered)])
     contacts = folder / (UNWAVED_CONTACTS if problem.mode is None else CONTACTS)
     if not (guard.per_contact(scene) and contacts.is_file()):
-        return Measured(bound, first, bound)
+        smallest = float(np.min(table.get("v_overlap", np.empty(0)), initial=np.inf))
+        near = guard is OPEN and bound == 1 and smallest < nearly_open(scene, problem.mode, every)
+        return Measured(bound, first, bound, smallest if near else None)
     looks = judged_contacts(contacts, problem, float(table.get("v_mu", [np.nan])[0]))
     if guard is SLIP:
         ratios = [(step, look.slip) for step, look in looks] if first is not None else []
@@ -76,7 +85,8 @@ def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Pr
         return Measured(
             worst, next((step * scene.time.step for step, ratio in ratios if not ratio <= limit), None), bound
         )
-    nearly = next((step * scene.time.step for step, look in looks if look.overlap < nearly_open(scene)), None)
+    least = nearly_open(scene, problem.mode, every)
+    nearly = next((step * scene.time.step for step, look in looks if look.overlap < least), None)
     known = [tau for tau in (first, nearly) if tau is not None]
     return Measured(max(bound, float(nearly is not None)), min(known, default=None), bound)
 

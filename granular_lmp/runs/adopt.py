@@ -19,7 +19,7 @@ from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects.case import Case
 from granular_lmp.errors import RunFolderError, SceneError, one_line
 from granular_lmp.lammps.deck import Deck, deck_of, written_text
-from granular_lmp.lammps.guard_results import first_decks
+from granular_lmp.lammps.guard_results import seen_every
 from granular_lmp.lammps.monitors import monitor_files
 from granular_lmp.lammps.outputs import LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
 from granular_lmp.lammps.variables import said_variables
@@ -118,8 +118,8 @@ def adopt(
     }
     found = read_log(source / LOG)
     info["wall_seconds"] = wall_seconds({}, found.sections)  # all of the time that is known
-    if "looks" in info and first_decks(found.table):
-        info["looks"]["every_tau"] = found.every * deck.scene.time.step
+    if "looks" in info:
+        info["looks"]["every_tau"] = seen_every(found.table)
     with locked(place, make=True, force=force) as lock:
         clear(place)
         write_files(place, simulation.files())

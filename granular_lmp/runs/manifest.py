@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from granular_lmp import __version__
 from granular_lmp.crystal.lattices import HEXAGONAL, centre
-from granular_lmp.lammps.guard_results import first_decks, measured
-from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, NEXT, fastest, line_interval, look_interval
+from granular_lmp.effects.looks import fastest
+from granular_lmp.lammps.guard_results import measured, seen_every
+from granular_lmp.lammps.guards import GUARDS, line_interval
 from granular_lmp.lammps.outputs import LOG, LOOP_SECTIONS, RunLog
 from granular_lmp.problem import Problem
 from granular_lmp.runs.agreement import Signals, scene_digest
@@ -70,7 +71,7 @@ def _at_rest(problem: Problem) -> dict[str, Any]:
         "Delta0_m": scene.scale.length,
         "t0_s": scene.scale.time,
         "overlap_ratio": scene.sphere.overlap_ratio,
-        "looks": {"every_tau": look_interval(problem) * scene.time.step, "fastest": fastest(scene, problem.mode)},
+        "looks": {"every_tau": line_interval(problem) * scene.time.step, "fastest": fastest(scene, problem.mode)},
     }
 
 
@@ -96,6 +97,9 @@ def crystal_at_rest(crystal: CrystalAtRest) -> dict[str, Any]:
     overlaps = crystal.contacts.overlap / crystal.materials[0].static_overlap
     found = rest.summary() | {"smallest_overlap": float(overlaps.min()), "largest_overlap": float(overlaps.max())}
     return {"crystal": found, "centre": centre(crystal.atoms) + 1}
+
+
+NEAR = "a contact kept {:.2g} of the static overlap, and may have opened between two looks"
 
 
 def effects_of(problem: Problem) -> dict[str, dict[str, Any]]:
@@ -136,14 +140,9 @@ def outcome(folder: Path, problem: Problem, samples: int, table: Signals, before
 
 
 def _extremes(table: Signals) -> dict[str, Any]:
-    """Return the smallest overlap, and extremes over all spheres, also those that cannot affect the record."""
-    elsewhere = {
-        name.removeprefix("v_"): _finite((np.nanmin if "overlap" in name else np.nanmax)(table[name]))
-        for name in ELSEWHERE
-        if len(table.get(name, ()))
-    }
+    """Return the smallest overlap."""
     smallest = np.min(table.get("v_overlap", np.empty(0)), initial=np.inf)  # Δ0, while touching
-    return {"smallest_overlap": _finite(smallest), "elsewhere": elsewhere}
+    return {"smallest_overlap": _finite(smallest)}
 
 
 def _outcome_of(
@@ -160,11 +159,11 @@ def _outcome_of(
         "effect": name,
         "value": _finite(found.value),
         "bound": _finite(found.bound),
-        "limit": guard.limit_in(problem.scene),
+        "limit": guard.limit_in(problem, seen_every(table)),
         "quiet": found.passed_at is None or effect["on"],
         "passed_at": found.passed_at,
         "judges": not effect["on"] and not effect["called_for"],
-        "meaning": guard.meaning,
+        "meaning": guard.meaning if found.near is None else NEAR.format(found.near),
         "cure": guard.cure,
     }
 
@@ -172,22 +171,14 @@ def _outcome_of(
 def lacking(problem: Problem, log: RunLog, info: Mapping[str, Any]) -> str:
     """Return what the log of a finished run lacks; "" if it is complete.
 
-    The deck of a run that was adopted may be one of those that looked only when they wrote a line.
+    The deck of a run that was adopted may look at other steps than those of today, as its log says.
     """
     table, last = log.table, problem.scene.time.steps
-    older = "adopted" in info and first_decks(table)
-    every = log.every if older else line_interval(problem)
+    every = log.every if "adopted" in info else line_interval(problem)
     missed = sorted({*range(0, last, every), last} - {*map(int, table.get("Step", ()))})
     if absent := [name for name in info["guards"] if GUARDS[name].column not in table]:
         return f"the log lacks the guard {absent[0]}"
-    if missed:
-        return f"the log lacks step {missed[0]}"
-    if NEXT not in table:
-        every_step = "kernel" in info or "adopted" in info or problem.scene.loose
-        return "" if every_step else f"the log lacks the column {NEXT}"
-    due = np.maximum.accumulate(table[NEXT])[:-1]  # a line between two looks says when one would be due after it
-    late = np.flatnonzero(~(table["Step"][1:] <= due))
-    return f"the log lacks the look at step {due[late[0]]:.0f}" if late.size else ""
+    return f"the log lacks step {missed[0]}" if missed else ""
 
 
 def triggered(info: dict[str, Any]) -> list[str]:

@@ -153,15 +153,13 @@ def _uninterrupted() -> Iterator[None]:
 def _checkpoint(instance: Any, *, watched: bool) -> list[str]:
     """Return the commands that write the checkpoint of a stopped run.
 
-    The run continues to a step at which guards may look, as some fixes have numbers only there. What the kernel saw
-    since the last line of the table becomes one more line. LAMMPS sets its fixes up again before it writes, and the
-    fix that looks cannot be set up again.
+    The run continues to a step at which guards look, as some fixes have numbers only there. What the kernel saw since
+    the last line of the table becomes one more line.
     """
     steps = -instance.extract_global("ntimestep") % int(instance.extract_variable("look"))
     on = ["timer timeout off", f"run {steps} pre no post no"] if steps or watched else []
-    looks = [] if watched else ["unfix looks"]
     no_table = ["thermo_style custom step"]
-    return [*(no_table if on and not watched else []), *on, *no_table, *looks, f"write_restart {CHECKPOINTS[0]}"]
+    return [*(no_table if on and not watched else []), *on, *no_table, f"write_restart {CHECKPOINTS[0]}"]
 
 
 def _this_rank() -> Any:

@@ -3,7 +3,7 @@
 import re
 from dataclasses import fields, replace
 from itertools import product
-from math import pi, sqrt
+from math import cos, pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +18,9 @@ from granular_lmp.crystal.modes import Mode, decay_rate
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Chosen
+from granular_lmp.effects.looks import LOOKS, fastest, hidden, look_interval
 from granular_lmp.effects.selection import EFFECTS, select, warnings, with_all
 from granular_lmp.errors import EffectError, LammpsError, SceneError
-from granular_lmp.lammps.guards import LOOKS, fastest, line_interval, look_interval
 from granular_lmp.problem import largest_step, prepare
 from granular_lmp.runs.record import read_status
 from granular_lmp.scene.linear import mode_of
@@ -218,13 +218,13 @@ def test_what_is_off_is_guarded_and_openings_and_slip_are_measured_anyway() -> N
 
 @pytest.mark.parametrize("step", [0.0125, 0.05, 0.5])
 @pytest.mark.parametrize("mode", ["L", "TR", "RT"])
-def test_guards_look_forty_times_in_the_fastest_period_or_at_every_step(mode: str, step: float) -> None:
+def test_guards_look_at_each_sample_or_eight_times_in_the_fastest_period(mode: str, step: float) -> None:
     problem = build(PAPER.with_values({"time.timestep": step, "time.sample": 0.5, "wave.mode": mode})).problem
-    scene, steps = problem.scene, look_interval(problem)
-    assert steps == 1 or steps * step * LOOKS <= 2 * pi / fastest(scene)
-    assert scene.time.steps % steps == 0
+    scene, steps = problem.scene, look_interval(problem.scene)
+    assert steps <= scene.time.steps_per_sample
+    assert steps == 1 or (steps - 1) * step * LOOKS <= 2 * pi / fastest(scene)
     assert fastest(scene) >= max(2 * problem.mode.frequency, 1)
-    assert line_interval(problem) * step <= 10
+    assert hidden(scene) <= 1 - cos(pi / LOOKS)
 
 
 # --- every combination ---

@@ -25,7 +25,7 @@ from granular_lmp import Scene, build, run
 from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.effects import selection as effects
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.guard import BETWEEN
+from granular_lmp.effects.looks import nearly_open
 from granular_lmp.errors import EffectError
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.deck import Deck
@@ -290,32 +290,32 @@ def compared(scene: Scene, folder: Path) -> tuple[Comparison, Comparison]:
         with suppress(EffectError):  # what the guards said stands in run.json
             run(watched, folder)
     info, real = read_status(folder), truth(deck, folder)
-    return _openings(info, real), _slip(info, real)
+    return _openings(info, real, deck), _slip(info, real, deck)
 
 
-def _openings(info: dict[str, Any], real: Truth) -> Comparison:
+def _openings(info: dict[str, Any], real: Truth, deck: Deck) -> Comparison:
     guard = info["guards"]["open_contacts"]
     first = _first(real.tau, real.overlap <= 0)
     said = guard["passed_at"]
     return Comparison(
         "open_contacts",
         happened=first is not None,
-        # A contact that touches by less than the guard resolves counts as open
-        happened_wide=bool((real.overlap_wide <= BETWEEN).any()),
+        # A contact that touches by less than what may hide between two looks counts as open
+        happened_wide=bool((real.overlap_wide <= nearly_open(deck.scene, deck.problem.mode)).any()),
         said=said is not None,
         late=said - first if said is not None and first is not None else 0.0,
         over=info["smallest_overlap"] - float(real.overlap.min()) if first is None and "crystal" not in info else 0.0,
     )
 
 
-def _slip(info: dict[str, Any], real: Truth) -> Comparison:
+def _slip(info: dict[str, Any], real: Truth, deck: Deck) -> Comparison:
     guard = info["guards"]["largest_slip"]
     # Until a contact opens: from there on its shear is LAMMPS's own
     whole = np.logical_and.accumulate(real.overlap_wide > 0)
     first = _first(real.tau, (real.slip >= 1) & whole)
     said = guard["passed_at"]
     worst = float(np.max(real.slip, where=whole, initial=0.0))
-    limit = GUARDS["largest_slip"].limit * (1 - ROUGH)
+    limit = GUARDS["largest_slip"].limit_in(deck.problem) * (1 - ROUGH)
     return Comparison(
         "largest_slip",
         happened=first is not None,

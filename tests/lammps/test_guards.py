@@ -10,9 +10,10 @@ import pytest
 from granular_lmp import Scene, build, run
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.guard import NEVER, watches_part
+from granular_lmp.effects.looks import LOOKS, hidden, look_interval
 from granular_lmp.errors import EffectError, RunInterrupted
 from granular_lmp.lammps.guard_results import measured
-from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, look_interval
+from granular_lmp.lammps.guards import GUARDS
 from granular_lmp.lammps.outputs import CONTACTS, LOG, read_log, read_snapshots
 from granular_lmp.problem import prepare
 from granular_lmp.runs.record import read_status
@@ -60,10 +61,10 @@ def test_a_guard_misses_nothing_and_stops_no_valid_run(family: str, tmp_path: Pa
     for comparison in (openings, slip):
         assert not comparison.missed, comparison
         assert not comparison.stopped, comparison
-        assert comparison.late <= 0.2, comparison  # a look is at most 0.157 apart
-    # Between two looks a contact goes on by 0.3 % of its swing at most, which is about its overlap at rest
-    assert openings.over < 5e-3, openings
-    assert slip.over > -5e-3, slip
+        assert comparison.late <= 0.5, comparison  # looks are as far apart as the samples
+    # Between two looks a contact goes on by that share of its swing, which is about its overlap at rest
+    assert openings.over < 1 - cos(pi / LOOKS), openings
+    assert slip.over > cos(pi / LOOKS) - 1, slip
 
 
 def test_the_study_sees_a_guard_that_is_wrong_on_either_side() -> None:
@@ -75,21 +76,26 @@ def test_the_study_sees_a_guard_that_is_wrong_on_either_side() -> None:
 
 
 def test_the_study_sees_a_guard_that_looks_too_rarely(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = STANDING.with_values({"effects.friction": 1.0, "effects.sliding": False})
-    monkeypatch.setattr("granular_lmp.lammps.guards.look_interval", lambda scene: 50)
-    monkeypatch.setattr("granular_lmp.lammps.guards._look_time", lambda scene: 2.5)
+    scene = STANDING.with_values({"effects.friction": 1.0, "effects.sliding": False, "time.sample": 2.5})
+    monkeypatch.setattr("granular_lmp.lammps.guards.longest", lambda scene, mode: 2.5)
+    monkeypatch.setattr("granular_lmp.lammps.guards.look_interval", lambda scene, mode: 50)
+    monkeypatch.setattr("granular_lmp.effects.guard.hidden", lambda scene, mode, every: 0.0)
+    monkeypatch.setattr("granular_lmp.effects.openings.nearly_open", lambda scene, mode: 0.0)
     openings, _ = compared(scene, tmp_path / "run")
     assert openings.missed or openings.late > 0.5
 
 
 @pytest.mark.parametrize("name", ["open_contacts", "largest_slip"])
 def test_a_limit_that_was_passed_counts_where_the_log_rounds_the_value_to_the_limit(name: str, tmp_path: Path) -> None:
-    guard, scene = GUARDS[name], STANDING.with_values({"effects.friction": 1.0})
-    values = {guard.column: np.array([0.0, guard.limit_in(scene), 0.0]), "v_tau": np.array([0.0, 10.0, 20.0])}
+    guard, problem = GUARDS[name], prepare(STANDING.with_values({"effects.friction": 1.0}))
+    values = {
+        guard.column: np.array([0.0, guard.limit_in(problem, 0.0), 0.0]),
+        "v_tau": np.array([0.0, 10.0, 20.0]),
+    }
     never = values | {f"{guard.column}_at": np.full(3, NEVER)}
     passed = values | {f"{guard.column}_at": np.array([NEVER, 3.5, NEVER])}
-    assert measured(GUARDS[name], never, prepare(scene), tmp_path).passed_at is None
-    assert measured(GUARDS[name], passed, prepare(scene), tmp_path).passed_at == 3.5
+    assert measured(GUARDS[name], never, problem, tmp_path).passed_at is None
+    assert measured(GUARDS[name], passed, problem, tmp_path).passed_at == 3.5
 
 
 # --- when, whom, and what is said ------------------------------------------------------------------------------------
@@ -98,17 +104,18 @@ def test_a_limit_that_was_passed_counts_where_the_log_rounds_the_value_to_the_li
 def test_a_standing_wave_that_opens_contacts_for_a_short_time_fails_its_run(tmp_path: Path) -> None:
     with pytest.raises(EffectError, match=r"open_contacts = \d.*set effects.contact_opening = true"):
         run(STANDING, tmp_path / "open")
-    # The study finds the first opening at 3.45; a look is every step there
+    # The study finds the first opening at 3.45
     assert read_status(tmp_path / "open")["guards"]["open_contacts"]["passed_at"] == pytest.approx(3.45, abs=0.1)
     closed = run(STANDING.with_values({"wave.amplitude": 0.5}), tmp_path / "closed")
-    assert closed.info["smallest_overlap"] == pytest.approx(0.0895, abs=2e-3)
+    # What the study finds is 0.0895; between two looks a contact swings on by a share of what it has swung
+    hides = hidden(STANDING) * (1 - 0.0895)
+    assert 0.0895 - 2e-3 <= closed.info["smallest_overlap"] <= 0.0895 + hides
 
 
 def test_walls_whose_signal_never_reaches_the_record_do_not_stop_a_run(tmp_path: Path) -> None:
     near, stays = run(WALLED, tmp_path / "near"), run(WALLED.with_values(STAYING), tmp_path / "stays")
     assert near.info["guards"]["open_contacts"]["quiet"]
     assert stays.info["guards"]["open_contacts"]["quiet"]
-    assert stays.info["elsewhere"]["open_all"] > 0
     assert near.info["smallest_overlap"] == pytest.approx(0.31, abs=0.02)
     far = run(WALLED.with_values({"packing.rows": WALLED.shape.rows + 30}), tmp_path / "far")
     # What the walls do there is not in the record: the echo time promises 1e-6
@@ -168,7 +175,7 @@ def test_a_deck_says_which_column_invalidates_its_run_and_counts_no_contacts() -
 
 
 def test_what_is_no_number_is_not_silent(tmp_path: Path) -> None:
-    scene = build(STANDING).scene
+    problem = prepare(STANDING)
     for at in (NEVER, 2.0):
         table = {"v_tau": np.array([0.0, 10.0]), "v_open": np.array([0.0, np.nan]), "v_open_at": np.array([NEVER, at])}
         assert measured(GUARDS["open_contacts"], table, prepare(scene), tmp_path).passed_at == (
@@ -199,20 +206,19 @@ def test_a_stopped_run_says_what_its_looks_found(tmp_path: Path) -> None:
     table = read_log(tmp_path / "run" / LOG).table
     last = {name: values[-1] for name, values in table.items()}
     assert last["v_tau"] == pytest.approx(last["Step"] * scene.time.step)  # printed with all digits, and no rounding
-    assert last["Step"] % look_interval(build(scene).problem) == 0
+    assert last["Step"] % look_interval(scene) == 0
     # The wave takes hundredths of the overlap
     assert 0.9 < last["v_overlap"] < 1
     assert 0 < last["v_slip"] < 1
     assert last["v_open"] == 0
-    assert all(np.isnan(last[name]) for name in ELSEWHERE)
 
 
-def test_the_dump_of_contacts_whose_interval_is_a_time_misses_no_look(tmp_path: Path) -> None:
+def test_the_dump_of_contacts_misses_no_look(tmp_path: Path) -> None:
     scene = STANDING.with_values({"wave.form": "running", "wave.amplitude": 0.5, "effects.friction": 0.01})
     with blind_rules(), pytest.raises(EffectError, match="sliding triggered its guard"):
         run(scene, tmp_path / "run")
     looks = [step for step, _, _ in read_snapshots(tmp_path / "run" / CONTACTS)]
-    assert looks == list(range(0, scene.time.steps + 1, look_interval(prepare(scene))))
+    assert looks == list(range(0, scene.time.steps + 1, look_interval(scene)))
 
 
 def test_every_guard_says_what_to_do() -> None:

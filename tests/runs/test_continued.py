@@ -12,7 +12,7 @@ from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
 from granular_lmp.lammps.checkpoints import SPEED, checkpoint_steps
 from granular_lmp.lammps.deck import deck_of
-from granular_lmp.lammps.guards import look_interval
+from granular_lmp.lammps.guards import line_interval
 from granular_lmp.lammps.outputs import CHECKPOINTS
 from granular_lmp.problem import prepare
 from granular_lmp.runs.record import read_status, write_status
@@ -213,9 +213,9 @@ def test_what_cannot_be_continued_is_said(change: dict[str, Any], message: str, 
 def test_a_checkpoint_is_declared_in_minutes_and_falls_on_a_look(tmp_path: Path) -> None:
     problem = prepare(SHEET)
     steps = checkpoint_steps(problem)
-    assert steps % look_interval(problem) == 0
+    assert steps % line_interval(problem) == 0
     assert f"variable checkpoint index {steps}  #" in deck_of(problem).input_text
-    assert checkpoint_steps(problem, 2) == pytest.approx(2 * steps, abs=look_interval(problem))
+    assert checkpoint_steps(problem, 2) == pytest.approx(2 * steps, abs=line_interval(problem))
     assert Scene.loads(SHEET.to_toml()) == SHEET
     with pytest.raises(SceneError, match=re.escape("output.checkpoint = 0.0: must be a number in (0, 100000]")):
         SHEET.with_values({"output.checkpoint": 0.0})

@@ -15,7 +15,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.touching import grain, neighbours, touching
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import deck_of
-from granular_lmp.lammps.guards import look_interval
+from granular_lmp.lammps.guards import line_interval
 from granular_lmp.problem import prepare
 from granular_lmp.scene.shipped import SHIPPED
 
@@ -276,7 +276,7 @@ def test_check_and_effects_say_what_a_run_does(capsys: pytest.CaptureFixture[str
 
 def test_guards_look_often_enough() -> None:
     problem = prepare(CHAIN_SCENE)
-    steps = look_interval(problem)
+    steps = line_interval(problem)
     assert CHAIN_SCENE.time.steps_per_sample % steps == 0
     assert steps * CHAIN_SCENE.time.step <= problem.collisions.shortest_collision / 20
 

@@ -7,9 +7,9 @@ import pytest
 
 from granular_lmp import Scene
 from granular_lmp.accuracy.ladder import build, deciding_frequency
+from granular_lmp.effects.looks import fastest
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import deck_of
-from granular_lmp.lammps.guards import fastest
 from granular_lmp.lammps.sources import FORMULAS
 from granular_lmp.problem import prepare
 from granular_lmp.scene.absorption import waves_at_ends

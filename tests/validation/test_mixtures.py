@@ -12,9 +12,9 @@ from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.ladder import first_step
 from granular_lmp.accuracy.tolerance import resume
+from granular_lmp.effects.looks import fastest
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.checkpoints import SPEED
-from granular_lmp.lammps.guards import fastest
 from granular_lmp.problem import largest_step, prepare
 from tests.conftest import PAPER, members
 
