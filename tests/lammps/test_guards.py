@@ -178,9 +178,7 @@ def test_what_is_no_number_is_not_silent(tmp_path: Path) -> None:
     problem = prepare(STANDING)
     for at in (NEVER, 2.0):
         table = {"v_tau": np.array([0.0, 10.0]), "v_open": np.array([0.0, np.nan]), "v_open_at": np.array([NEVER, at])}
-        assert measured(GUARDS["open_contacts"], table, prepare(scene), tmp_path).passed_at == (
-            10.0 if at == NEVER else 2.0
-        )
+        assert measured(GUARDS["open_contacts"], table, problem, tmp_path).passed_at == (10.0 if at == NEVER else 2.0)
 
 
 def test_a_dump_of_contacts_that_was_cut_off_is_read_to_its_last_whole_look(tmp_path: Path) -> None:
