@@ -12,7 +12,7 @@ from math import pi
 
 from granular_lmp.crystal.modes import Mode, highest_frequency
 from granular_lmp.effects.contact_opening import GUARD as OPEN
-from granular_lmp.effects.guard import LOOKS, TOP
+from granular_lmp.effects.guard import LOOKS, TOP, Guard
 from granular_lmp.effects.openings import changed_lines, counted_lines
 from granular_lmp.effects.reading import Reading, contact_lines, nearly_open, overlap_lines
 from granular_lmp.effects.selection import guards as all_guards
@@ -28,6 +28,7 @@ from granular_lmp.scene.scene import Scene
 
 GUARDS = all_guards()
 LINE = 10.0  # tau between two lines of the thermo table
+VERDICT = 2.5  # tau between two values by which the last lines of a deck judge it: 2 % of the loop of a paper's case
 LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
 
 
@@ -76,15 +77,15 @@ def line_interval(problem: Problem) -> int:
     """Return the steps between two lines of the thermo table, a whole number of looks; one where spheres meet."""
     if problem.scene.loose:
         return look_interval(problem)
-    return look_interval(problem) * _looks_per_line(problem)
+    return look_interval(problem) * _looks_in(LINE, problem)
 
 
 def _look_time(problem: Problem) -> float:
     return 2 * pi / (LOOKS * fastest(problem.scene, problem.mode))
 
 
-def _looks_per_line(problem: Problem) -> int:
-    return max(1, int(LINE / (look_interval(problem) * problem.scene.time.step) + 1e-9))
+def _looks_in(tau: float, problem: Problem) -> int:
+    return max(1, int(tau / (look_interval(problem) * problem.scene.time.step) + 1e-9))
 
 
 # --- the deck --------------------------------------------------------------------------------------------------------
@@ -127,7 +128,36 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
         *_written_out(problem, how, checkpoint),
         f"thermo_style custom step {' '.join(columns(problem))}",
         "thermo_modify flush yes format float %.10g  # the log of a killed run holds them too",
-        f"thermo       $(v_look*{_looks_per_line(problem)})",
+        f"thermo       $(v_look*{_looks_in(LINE, problem)})",
+        *judged_lines(problem, f"$(v_look*{_looks_in(VERDICT, problem)})"),
+    ]
+
+
+def judged_lines(problem: Problem, every: int | str) -> list[str]:
+    """Return the lines that remember, each so many steps, whether a guard that fails the run was above its limit."""
+    judged = [GUARDS[name] for name in problem.judged]
+    if not judged:
+        return []
+    own = " ".join(f"v_past_{each.name}" for each in judged)
+    return [
+        "# whether a number was above its limit, or no number; the last lines of the deck say so",
+        *(f"variable     past_{each.name} equal !({each.column}<={each.limit_in(problem.scene)!r})" for each in judged),
+        f"fix          past all ave/time {every} 1 {every} {own} ave running",
+    ]
+
+
+def verdict(problem: Problem) -> list[str]:
+    """Return the last lines of a deck, by which plain LAMMPS too says that a run is invalid, and why."""
+    judged = [GUARDS[name] for name in problem.judged]
+    if not judged:
+        return []
+    means = [f"f_past[{number}]" for number in range(1, len(judged) + 1)] if len(judged) > 1 else ["f_past"]
+    return [
+        "echo         none  # the log then holds the word below only where it is true",
+        *(
+            f"""if "$({mean}) > 0" then "print 'INVALID: {_trouble(guard, problem)}'\""""
+            for mean, guard in zip(means, judged, strict=True)
+        ),
     ]
 
 
@@ -147,6 +177,7 @@ def _of_meetings(problem: Problem) -> list[str]:
         f"thermo_style custom step {' '.join(columns(problem))}",
         "thermo_modify flush yes",
         f"thermo       {look_interval(problem)}",
+        *judged_lines(problem, look_interval(problem)),
     ]
 
 
@@ -204,19 +235,18 @@ def _written_out(problem: Problem, how: Reading, checkpoint: str) -> list[str]:
 
 def header(problem: Problem) -> list[str]:
     """Return the comment at the top of a deck: the thermo columns and the limits above which the run is invalid."""
-    judged = [GUARDS[name] for name in problem.judged]
-    if problem.scene.loose:
-        top = "# The run is invalid if, in the thermo table,"
-        return [top, *(f"#   {each.column}, {each.heading.format(limit=each.limit)}" for each in judged)]
-    limits = [
-        f"#   {guard.column} is above {guard.limit_in(problem.scene):.4g}: "
-        + guard.meaning.rpartition(": ")[2]
-        + (
-            f"; {UNWAVED_CONTACTS if problem.mode is None else CONTACTS} then holds each contact"
-            if guard is SLIP
-            else ""
-        )
-        for guard in judged
-    ]
-    top = "# A line of the thermo table is a look at all contacts. The run is invalid from the line on in which"
+    limits = [f"#   {_trouble(GUARDS[name], problem)}" for name in problem.judged]
+    top = "# The run is invalid if, in the thermo table,"
+    if not problem.scene.loose:
+        top = "# A line of the thermo table is a look at all contacts. The run is invalid from the line on in which"
     return [top, *limits] if limits else []
+
+
+def _trouble(guard: Guard, problem: Problem) -> str:
+    """Return what it means that a guard is above its limit, behind the name of its column."""
+    limit = guard.limit_in(problem.scene)
+    if problem.scene.loose:
+        return f"{guard.column}, {guard.heading.format(limit=limit)}"
+    held = UNWAVED_CONTACTS if problem.mode is None else CONTACTS
+    each = f"; {held} then holds each contact" if guard is SLIP else ""
+    return f"{guard.column} is above {limit:.4g}: {guard.meaning.rpartition(': ')[2]}{each}"

@@ -19,6 +19,7 @@ from granular_lmp.lammps.guards import (
     fastest,
     guards,
     is_there,
+    judged_lines,
     line_interval,
     look_interval,
 )
@@ -70,6 +71,7 @@ def _guards(problem: Problem) -> list[str]:
         f"thermo_style custom step {' '.join(columns(problem))}",
         "thermo_modify flush yes format float %.10g  # the log of a killed run holds them too",
         f"thermo       {_steps_between(problem)}",
+        *judged_lines(problem, _steps_between(problem)),
     ]
 
 
