@@ -115,8 +115,8 @@ QUIET = "thermo_style custom step\n\n"
 
 
 def unguarded(text: str) -> str:
-    """Leave the guards out, and with them all looks at contacts."""
-    return re.sub(r"# --- guards.*?\n\n", QUIET, text, count=1, flags=re.DOTALL)
+    """Leave the guards out, and with them all looks at contacts and the verdict, the last lines."""
+    return re.sub(r"# --- guards.*?\n\n", QUIET, text.partition("echo ")[0], count=1, flags=re.DOTALL)
 
 
 def listed_once(text: str) -> str:
@@ -129,7 +129,7 @@ def listed_once(text: str) -> str:
     wave, rest = rest.split("# --- motion", 1)
     preload = swap("nve/noforce", "nve/sphere update dipole")(swap("1e6*v_step", "v_step")(preload))
     preload = preload[: preload.index("thermo_style custom step\nrun")]
-    _, record = rest.split("# --- record", 1)
+    _, record = rest.partition("echo ")[0].split("# --- record", 1)
     record = swap("run ${steps}", "")(swap("custom ${every}", "custom 1")(record))
     return (
         head

@@ -110,17 +110,16 @@ def _as_json(problem: "Problem", found: "Forecast") -> dict[str, object]:
     """Return what check says, for another program."""
     from dataclasses import asdict
 
-    scale = problem.scale
+    from granular_lmp.scene.remarks import law_words
+
+    scene, scale = problem.scene, problem.scale
     return (
-        {"name": problem.scene.name, "description": problem.scene.description}
+        {"name": scene.name, "description": scene.description}
         | asdict(found)
         | {"recorded": len(problem.recorded)}
         | {"t0_s": scale.time, "length_m": scale.length, "velocity_m_s": scale.velocity}
-        | (
-            {"at_rest": problem.collisions.at_rest, "steps_per_collision": _collision(problem)}
-            if problem.scene.loose
-            else {}
-        )
+        | {"law": law_words(scene.material, scene.effects)}
+        | ({"at_rest": problem.collisions.at_rest, "steps_per_collision": _collision(problem)} if scene.loose else {})
         | {"defaults": _defaults(problem.declared)}
         | {"effects": problem.on, "guards": problem.guards, "warnings": problem.warnings()}
         | {"sources": _sources(problem)}
@@ -130,6 +129,8 @@ def _as_json(problem: "Problem", found: "Forecast") -> dict[str, object]:
 
 def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]":
     """Yield the lines of check, each with the word that it begins with."""
+    from granular_lmp.scene.remarks import law_words
+
     scene, scale = problem.scene, problem.scale
     yield "spheres", f"{found.spheres}"
     under = {"below": "on a substrate", "both": "between two substrates"}
@@ -160,6 +161,8 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
     yield "scale", f"t0 = {scale.time:.4g} s, {length}"
     if scene.loose:
         yield from _of_rest(problem)
+    if law := law_words(scene.material, scene.effects):
+        yield "law", law
     yield "duration", f"{scene.time.duration * scale.time:.4g} s"
     if scene.loose:
         yield "step", f"{_collision(problem):.3g} to the shortest collision"
@@ -232,6 +235,7 @@ def _effects(options: Options) -> int:
     from granular_lmp.accuracy.ladder import planned_steps
     from granular_lmp.problem import prepare
     from granular_lmp.runs.manifest import effects_of
+    from granular_lmp.scene.remarks import law_words
 
     problem = prepare(scene_of(options))
     scene, shape, spheres, steps = problem.scene, problem.scene.shape, len(problem.crystal), planned_steps(problem)
@@ -256,5 +260,7 @@ def _effects(options: Options) -> int:
         say(f"{f'source {number}':17}{'on':5}{'-':17}{f'+{each.cost}':9}{each.words}")
     if problem.sources:
         say("A source takes the time of as many more spheres.")
+    if law := law_words(scene.material, scene.effects):
+        say(f"{law}.")
     say("A guard fails the run when an effect that is off, and was not called for, is there after all.")
     return 0

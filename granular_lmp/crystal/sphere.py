@@ -22,6 +22,9 @@ from granular_lmp.frozen import dataclass
 __all__ = ["Sphere"]
 
 INERTIA_RATIO = 2 / 5  # Ĩ = I/(mR²) of a solid sphere, fixed in LAMMPS's sphere styles too
+# Equilibrium distance of surfaces, m, and Tabor's parameter where each law is right (`Sphere.tabor_parameter`)
+SURFACE_DISTANCES = 4e-10, 1.6e-10
+DMT_BELOW, JKR_ABOVE = 0.1, 5.0
 
 
 @dataclass(frozen=True)
@@ -210,10 +213,29 @@ class Sphere:
         Parameters
         ----------
         range_of_forces : float
-            Equilibrium distance z of the surfaces, m. Good values: 1.6e-10 to 4e-10.
+            Equilibrium distance z of the surfaces, m. Good values: `SURFACE_DISTANCES`.
         """
         length = (self.effective_radius * (self.work_of_adhesion / self.effective_modulus) ** 2) ** (1 / 3)
         return length / range_of_forces
+
+    @property
+    def nearer_law(self) -> str:
+        """Name of the adhesion law that holds by Tabor's parameter; between the ranges of both, of the nearer one."""
+        lowest, highest = (self.tabor_parameter(each) for each in SURFACE_DISTANCES)
+        return "dmt" if lowest * highest < DMT_BELOW * JKR_ABOVE else "jkr"
+
+    @property
+    def law_words(self) -> str:
+        """Sentence on the adhesion law by Tabor's parameter, with the key to set if another is in use."""
+        lowest, highest = (self.tabor_parameter(each) for each in SURFACE_DISTANCES)
+        two = [f"{float(f'{each:.2g}'):g}" for each in (lowest, highest)]  # 1500, not 1.5e+03
+        holds = highest < DMT_BELOW or lowest > JKR_ABOVE
+        used = self.nearer_law == self.adhesion_law
+        return (
+            f"Tabor's parameter is {' to '.join(two)} (DMT holds below {DMT_BELOW:g}, JKR above {JKR_ABOVE:g}): "
+            f"{self.nearer_law.upper()} {'holds' if holds else 'is nearer'}"
+            + (", and is in use" if used else f'; set sphere.adhesion_law = "{self.nearer_law}"')
+        )
 
     def restitution_viscosity(self, restitution: float) -> float:
         """Return the dashpot of a contact at rest, N s/m, for a coefficient of restitution e of the Hertz contact.

@@ -32,7 +32,8 @@ def called_for(case: Case) -> Finding:
     if left > 0 and not case.scene.perfect and (meeting := _meeting(case)):
         return Finding(True, float(meeting), "{} pairs of spheres that do not touch at rest are near enough to meet")
     if left > 0:
-        return Finding(False, left, "the contact that is pulled most keeps {} of the static overlap" + _most(case))
+        stays = "the contact that is pulled most stays {} of the static overlap from opening"
+        return Finding(False, left, stays + _most(case))
     return Finding(True, -left, "the contact that is pulled most opens by {} of the static overlap" + _most(case))
 
 

@@ -7,6 +7,7 @@ record. The guards are defined with their effects (`granular_lmp.effects`).
 """
 
 from granular_lmp.effects.contact_opening import GUARD as OPEN
+from granular_lmp.effects.guard import Guard
 from granular_lmp.effects.looks import longest, look_interval, nearly_open
 from granular_lmp.effects.openings import counted_lines
 from granular_lmp.effects.reading import Reading, contact_lines, overlap_lines
@@ -53,6 +54,7 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
         *counted_lines(problem),
         *_written_out(problem, how, checkpoint),
         *thermo_lines(problem, columns(problem)),
+        *judged_lines(problem),
     ]
 
 
@@ -71,6 +73,28 @@ def thermo_lines(problem: Problem, names: list[str], every: str = "${look}") -> 
     ]
 
 
+def judged_lines(problem: Problem, every: int | str = "${look}") -> list[str]:
+    """Return the line that keeps the numbers by which the last lines of the deck judge the run."""
+    own = " ".join(GUARDS[name].column for name in problem.judged)
+    return [f"fix          judged all vector {every} {own}  # for the last lines"] if own else []
+
+
+def verdict(problem: Problem) -> list[str]:
+    """Return the last lines of a deck, by which plain LAMMPS too says that a run is invalid, and why."""
+    judged = [GUARDS[name] for name in problem.judged]
+    if not judged:
+        return []
+    columns = [f"f_judged[{number}]" for number in range(1, len(judged) + 1)] if len(judged) > 1 else ["f_judged"]
+    says = [f"print 'INVALID: {_trouble(guard, problem)}'" for guard in judged]
+    return [
+        "echo         none  # the log then holds the word below only where it is true",
+        *(
+            f'if "$(max({column})) > {guard.limit_in(problem)!r}" then "{said}"'
+            for column, guard, said in zip(columns, judged, says, strict=True)
+        ),
+    ]
+
+
 def _of_meetings(problem: Problem) -> list[str]:
     """Return the block of the guards of spheres that meet: every look is a line of the thermo table."""
     lines = dict.fromkeys(line for name in problem.guards for line in GUARDS[name].lines(problem))
@@ -81,6 +105,7 @@ def _of_meetings(problem: Problem) -> list[str]:
         f"thermo_style custom step {' '.join(columns(problem))}",
         "thermo_modify flush yes",
         f"thermo       {line_interval(problem)}",
+        *judged_lines(problem, line_interval(problem)),
     ]
 
 
@@ -117,20 +142,17 @@ def _written_out(problem: Problem, how: Reading, checkpoint: str) -> list[str]:
 
 
 def header(problem: Problem) -> list[str]:
-    """Return the comment at the top of a deck: the thermo columns and the limits above which the run is invalid."""
-    judged = [GUARDS[name] for name in problem.judged]
+    """Return the comment at the top of a deck that says how it judges its run."""
+    if not problem.judged:
+        return []
+    return ["# Each line of the thermo table is a look; the last lines say INVALID, and why, if a limit was passed"]
+
+
+def _trouble(guard: Guard, problem: Problem) -> str:
+    """Return what it means that a guard is above its limit, behind the name of its column."""
+    limit = guard.limit_in(problem)
     if problem.scene.loose:
-        top = "# The run is invalid if, in the thermo table,"
-        return [top, *(f"#   {each.column}, {each.heading.format(limit=each.limit)}" for each in judged)]
-    limits = [
-        f"#   {guard.column} is above {guard.limit_in(problem):.4g}: "
-        + guard.meaning.rpartition(": ")[2]
-        + (
-            f"; {UNWAVED_CONTACTS if problem.mode is None else CONTACTS} then holds each contact"
-            if guard is SLIP
-            else ""
-        )
-        for guard in judged
-    ]
-    top = "# A line of the thermo table is a look at all contacts. The run is invalid from the line on in which"
-    return [top, *limits] if limits else []
+        return f"{guard.column}, {guard.heading.format(limit=limit)}"
+    held = UNWAVED_CONTACTS if problem.mode is None else CONTACTS
+    each = f"; {held} then holds each contact" if guard is SLIP else ""
+    return f"{guard.column} is above {limit:.4g}: {guard.meaning.rpartition(': ')[2]}{each}"

@@ -6,6 +6,7 @@ from granular_lmp.effects.freedoms import axes, turns
 from granular_lmp.lammps.checkpoints import minutes_between
 from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.lammps.ends import boundary
+from granular_lmp.lammps.guards import verdict
 from granular_lmp.lammps.outputs import CHECKPOINTS
 from granular_lmp.problem import Problem
 
@@ -94,16 +95,17 @@ def _recorded(problem: Problem) -> list[str]:
 
 
 def run(problem: Problem, checkpoint: str = "") -> list[str]:
-    """Return the command of the run, or of the rest of one that continues.
+    """Return the command of the run, or of the rest of one that continues, and the verdict of its guards.
 
     Where spheres may fly it is set up anew at each checkpoint, as a continuation is: forces that depend on velocities
     are then computed from the same ones in both, and the box is that of the checkpoint.
     """
     upto = " upto" if checkpoint else ""
     if not problem.scene.loose:
-        return [f"run ${{steps}}{upto}"]
+        return [f"run ${{steps}}{upto}", *verdict(problem)]
     comment = ["# --- at a checkpoint the run is set up anew, and its box too, as in a continuation"]
     return [
         *([] if checkpoint else comment),
         f'run          ${{steps}}{upto} every ${{checkpoint}} "change_box all boundary {boundary(problem)}"',
+        *verdict(problem),
     ]

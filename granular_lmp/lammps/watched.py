@@ -11,7 +11,7 @@ from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import mu_line
 from granular_lmp.lammps.cone import inside_lines
-from granular_lmp.lammps.guards import GUARDS, guards, look_lines, thermo_lines
+from granular_lmp.lammps.guards import GUARDS, guards, judged_lines, look_lines, thermo_lines
 from granular_lmp.problem import Problem
 
 # Elements of the kernel's fix: the extreme of a guard, and the step at which it triggered first
@@ -55,6 +55,7 @@ def _guards(problem: Problem) -> list[str]:
             if guard.name in _STEP
         ),
         *thermo_lines(problem, columns(problem)),
+        *judged_lines(problem),
     ]
 
 

@@ -8,9 +8,10 @@ from math import degrees, hypot, pi
 from typing import Any
 
 from granular_lmp.crystal.lattices import Shape
+from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.scene.schema import AUTO
-from granular_lmp.scene.sections import Packing, Sampled, Wave
+from granular_lmp.scene.sections import Effects, Packing, Sampled, Wave
 from granular_lmp.scene.shape import EXACT
 
 FAR = 0.1  # relative change of the wave vector by snapping, beyond which the remark warns that it is another wave
@@ -78,6 +79,17 @@ def on_vector(wave: Wave, shape: Shape, used: WaveVector) -> list[str]:
     (x, y), (declared_x, declared_y) = used.components, declared.components
     share = hypot(x - declared_x, y - declared_y) / hypot(declared_x, declared_y)
     return [snapped + (f"; that is {share:.0%} away: take more rows or columns" if share > FAR else "")]
+
+
+def law_words(material: Sphere, effects: Effects) -> str:
+    """Return which adhesion law holds by Tabor's parameter; "" for spheres that do not adhere."""
+    return material.law_words if material.work_of_adhesion > 0 and effects.adhesion is not False else ""
+
+
+def on_law(material: Sphere, effects: Effects) -> list[str]:
+    """Return which adhesion law holds if it is not the one in use."""
+    said = law_words(material, effects)
+    return [said] if said and material.nearer_law != material.adhesion_law else []
 
 
 def on_step(time: Sampled) -> list[str]:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main, parser
 from granular_lmp.cli.parser import parsers
@@ -69,6 +70,23 @@ def test_a_short_way_to_rest_or_the_faster_one_says_nothing() -> None:
     assert not at_rest.remarks_on_wait(unequal(2.0, 100))
     assert not at_rest.remarks_on_wait(unequal(0.1, 300))
     assert not at_rest.remarks_on_wait(Scene.load("tr_nonresonant"))
+
+
+def test_every_command_names_the_adhesion_law_that_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    polystyrene = ("sphere.youngs_modulus=4e9", "sphere.poisson_ratio=0.34", "sphere.work_of_adhesion=0.06")
+    words = ["tr_periodic", *(f"--set={each}" for each in (*polystyrene, "time.duration=4"))]
+    said = 'JKR is nearer; set sphere.adhesion_law = "jkr"'
+    folder = str(tmp_path / "run")
+    for command, *own in (["check"], ["effects"], ["run", "-o", folder]):
+        assert f"{said}\n" in cli(capsys, command, *words, *own)[2], command
+    assert any(said in each for each in Record.load(folder).info["remarks"])
+    assert said in compare.table([compare.compare(Record.load(folder))])
+    words.append("--set=sphere.adhesion_law=jkr")
+    for command in ("check", "effects"):
+        _, out, err = cli(capsys, command, *words)
+        assert "JKR is nearer, and is in use" in out
+        assert "Tabor" not in err
+    assert "Tabor" not in cli(capsys, "effects", "steel_compressed")[1]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -292,7 +310,7 @@ def test_effects_gives_a_reason_with_a_number(capsys: pytest.CaptureFixture[str]
     status, out, _ = cli(capsys, "effects", "tr_nonresonant")
     assert status == 0
     table = [line.split() for line in out.splitlines() if not line.startswith(" ")]
-    assert [words[0] for words in table[2:-1]] == [row.name for row in EFFECTS]
+    assert [words[0] for words in table[2:-2]] == [row.name for row in EFFECTS]
     assert "201 rows x 3 columns = 603 spheres, 2400 steps" in out
     assert "rotation has 0.02193 of the kinetic energy of a TR wave" in out
     assert "without it: the frequency is 0.3809 per tau instead of 0.2769" in out

@@ -203,6 +203,27 @@ def test_lammps_ends_with_status_1_where_the_self_contained_deck_refuses(tmp_pat
     assert not (tmp_path / "trajectory.csv").exists()
 
 
+@pytest.mark.parametrize(
+    ("deck", "variables", "why"),
+    [
+        ("tr_resonant/in.tr_resonant", "duration=3", ""),
+        ("tr_resonant/in.tr_resonant", "duration=3 amplitude=2.0", "v_open is above 0: contacts opened or formed"),
+        ("tr_resonant/in.tr_resonant", "duration=3 friction=0.01", "v_slip is above 0.9969: contacts may have slid"),
+        ("impacts/solitary_chain/in.solitary_chain", "duration=5", ""),
+        ("impacts/solitary_chain/in.solitary_chain", "duration=5 timestep=0.5", "v_omega_dt, the step times"),
+        ("in.plane_wave", "duration=3 rows=41", ""),
+        ("in.plane_wave", "duration=3 rows=41 mode=L amp=2.0", "contacts opened or formed"),
+    ],
+)
+def test_the_last_line_of_plain_lammps_says_whether_a_limit_was_passed_and_why(
+    deck: str, variables: str, why: str, tmp_path: Path
+) -> None:
+    path = SHIPPED / deck
+    run_deck(tmp_path, str(path), f"data={path.parent}/data.{path.parent.name}", *variables.split())
+    said = [line for line in (tmp_path / "log.lammps").read_text().splitlines() if line.startswith("INVALID")]
+    assert [line.startswith(f"INVALID: {why}") for line in said] == ([True] if why else [])
+
+
 def test_the_record_starts_at_the_wave_s_own_values(small: Scene, tmp_path: Path) -> None:
     deck = build(small)
     deck.write(tmp_path / "deck")

@@ -163,6 +163,23 @@ def test_the_tabor_parameter_of_the_papers_spheres_is_between_the_two_laws() -> 
     assert JKR.tabor_parameter(1.6e-10) == DMT.tabor_parameter(1.6e-10)
 
 
+# Polystyrene, silica and PDMS of 1 mm; μ grows with the cube root of the radius
+@pytest.mark.parametrize(
+    ("sphere", "said"),
+    [
+        (Sphere(0.5e-6, 4.0e9, 0.34, 0.06, 1050.0), '1.4 to 3.5 {}: JKR is nearer; set sphere.adhesion_law = "jkr"'),
+        (replace(DMT, radius=0.5e-3), '2.2 to 5.6 {}: JKR is nearer; set sphere.adhesion_law = "jkr"'),
+        (replace(DMT, radius=0.5), '22 to 56 {}: JKR holds; set sphere.adhesion_law = "jkr"'),
+        (Sphere(0.5e-3, 2.5e6, 0.49, 0.05, 970.0), '1500 to 3800 {}: JKR holds; set sphere.adhesion_law = "jkr"'),
+        (DMT, "0.22 to 0.56 {}: DMT is nearer, and is in use"),
+        (JKR, '0.22 to 0.56 {}: DMT is nearer; set sphere.adhesion_law = "dmt"'),
+        (replace(DMT, radius=0.5e-9), "0.022 to 0.056 {}: DMT holds, and is in use"),
+    ],
+)
+def test_the_law_that_holds_by_tabors_parameter_is_named_with_its_key(sphere: Sphere, said: str) -> None:
+    assert sphere.law_words == "Tabor's parameter is " + said.format("(DMT holds below 0.1, JKR above 5)")
+
+
 def test_contacts_of_a_crystal_found_from_its_places_have_the_constants_of_the_sphere() -> None:
     found = find_contacts(unit_cell(JKR), [JKR])
     # Positions of 500 nm are rounded to 1e-16 of it, 1e-12 of the overlap, and a few times that is left

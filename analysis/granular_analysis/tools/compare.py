@@ -190,7 +190,7 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
 
 
 def notes(record: Record, wave: Wave | None, reference: Reference) -> list[str]:
-    """Return why a comparison may mislead: an unfinished run, loud guards, and all that no theory here covers."""
+    """Return why a comparison may mislead: an unfinished run, loud guards, another law, what no theory here covers."""
     guards = record.info.get("guards", {})
     status = record.info.get("status", "finished")
     loud = [f"status '{status}': {record.info.get('message')}"] if status != "finished" else []
@@ -199,6 +199,9 @@ def notes(record: Record, wave: Wave | None, reference: Reference) -> list[str]:
         loud.append(f"its deck was edited, which no theory knows of; lines that differ: {len(edited)}, {edited[0]!r}")
     if accepted := record.info.get("accepted"):
         loud.append(f"files were changed after the run, and accepted: {', '.join(accepted)}")
+    material = record.scene.material
+    if record.scene.sphere.work_of_adhesion and material.nearer_law != material.adhesion_law:
+        loud.append(material.law_words)
     if wave is None:
         return loud + ([] if reference.name else [f"the run is compared with nothing, as {reference.reason}"])
     if not holding(wave):
