@@ -88,7 +88,7 @@ class Guard:
     per_contact : callable
         Scene → True if what LAMMPS measures does not always decide, and contacts are dumped while it does not.
     heading : str
-        Words behind the column in the last lines of the deck, in which ``{limit}`` is the limit; "" for those of `meaning`.
+        Words behind the column in the last lines of a deck, with ``{limit}`` for the limit; "" for those of `meaning`.
     """
 
     title: str
