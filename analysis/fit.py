@@ -56,7 +56,7 @@ def table(fitted: Fitted) -> str:
     lines += [
         *_verdict(fitted),
         "",
-        f"{'line':>5} {'kind':16}{'branch':>7}{'measured':>13}{'fitted':>13}{'residual':>10}",
+        f"{'line':>5} {'kind':22}{'branch':>7}{'measured':>13}{'fitted':>13}{'residual':>10}",
     ]
     for point, branch, value, residual in zip(
         fit.points, fit.branches(found.values), fit.predicted(found.values), found.residuals, strict=True

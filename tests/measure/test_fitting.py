@@ -117,6 +117,20 @@ def test_modulus_and_adhesion_are_not_told_apart_by_frequencies() -> None:
     assert np.isfinite(found.intervals[2]).all()
 
 
+def test_keys_that_make_one_stiffness_leave_poissons_ratio_its_interval() -> None:
+    # Without errors the scatter makes the intervals, by Student's quantile: five keys of six points once left one
+    # degree of freedom, and an interval nine times too wide
+    points = [
+        point(each.value * (1 + 0.01 * (-1) ** n), branch=each.branch, wavenumber=each.wavenumber)
+        for n, each in enumerate(closed_form(SCENE))
+    ]
+    alike = ("sphere.work_of_adhesion", "sphere.density", "sphere.radius")
+    two, five = (Fit(SCENE, points, keys).answer() for keys in ((E, NU), (E, NU, *alike)))
+    assert two.freedom == five.freedom == 4
+    # ν enters the model beside the stiffness, but for the overlap ratio, of 5e-4
+    np.testing.assert_allclose(five.intervals[1], two.intervals[1], rtol=1e-3)
+
+
 def test_the_speed_of_a_front_tells_the_modulus_of_a_struck_chain() -> None:
     """At a given velocity of the striker the speed of the front goes as E^{2/5}, by the scaling of Hertz's law."""
     chain = Scene.load("solitary_chain")
@@ -229,6 +243,7 @@ def test_the_command_prints_writes_and_draws(tmp_path: Path, capsys: pytest.Capt
     assert main(words) == 0
     printed = capsys.readouterr().out
     assert "sphere.youngs_modulus" in printed
+    assert [line.split()[3] for line in printed.splitlines() if "frequency, MHz" in line] == ["L", "TR"] * 3
     assert "chi2 =" in printed
     assert Scene.load(scene).sphere.youngs_modulus == pytest.approx(6e10, rel=1e-6)
     answer = json.loads(plain.read_text())
