@@ -172,13 +172,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--scene", dest="fitted", metavar="FILE", help="write the fitted scene, ready to run")
     options = parser.parse_args(arguments)
     try:
-        fit = Fit(Scene.load(options.scene), read(options.data), tuple(options.free), options.loss)
+        scene, (points, measured) = Scene.load(options.scene), read(options.data)
+        print(measured.understood)
+        fit = Fit(scene, points, tuple(options.free), options.loss)
         fitted = Fitted(fit, fit.answer())
         print(table(fitted))
     except GranularError as error:
         raise SystemExit(error.in_options()) from error
-    except OSError as error:
-        raise SystemExit(f"{options.data}: {error.strerror or error}") from error
     except ValueError as error:
         raise SystemExit(str(error)) from error
     if options.output:

@@ -6,8 +6,6 @@ the first sample it is 0, and after the last one it keeps the value of that.
 """
 
 from collections.abc import Sequence
-from io import StringIO
-from itertools import islice
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,8 +15,8 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.files import LARGEST_TABLE, file_text
 from granular_lmp.scene.schema import Rule, shown
+from granular_lmp.scene.spreadsheets import read, value_of
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -81,21 +79,19 @@ def _is_number(value: Any) -> bool:
 
 
 def _read(name: str, key: str) -> list[list[float]]:
-    text = file_text(Path(name), LARGEST_TABLE, f"{key} = {shown(name)}")
-    lines = [line.strip() for line in islice(StringIO(text, newline=None), MOST + 3)]
-    if not lines or lines[0].replace(" ", "") != HEADER:
-        raise SceneError(f"{key} = {shown(name)}: line 1 must be {HEADER}, here {shown(lines[0] if lines else '')}")
+    """Return the pairs of a file."""
+    said = f"{key} = {shown(name)}"
+    table = read(Path(name), {"tau": {"": 1.0}, "value": {"": 1.0}}, {}, said)
+    held = [each.quantity for each in table.columns]
+    if sorted(held) != ["tau", "value"]:
+        raise SceneError(f"{said}: must have the columns {HEADER}, here {', '.join(held)}")
     pairs = []
-    for number, line in enumerate(lines[1:], start=2):
-        try:
-            tau, value = map(float, line.split(","))
-        except ValueError:
-            if not line and not any(lines[number:]):
-                break  # empty lines at the end
+    for line, cells in table.rows:
+        pairs.append([value_of(cells[held.index(each)]) for each in ("tau", "value")])
+        if not all(map(_is_number, pairs[-1])):
             raise SceneError(
-                f"{key} = {shown(name)}: line {number} must be two numbers, {HEADER}, here {shown(line)}"
-            ) from None
-        pairs.append([tau, value])
+                f"{said}: line {line} must be two numbers from {-LARGEST:g} to {LARGEST:g}, here {', '.join(cells)}"
+            )
     return pairs
 
 

@@ -177,7 +177,7 @@ def changed(place: int, column: int, value: float) -> list[list[float]]:
             r"source\.1\.signal = 'noise': must be one of \"tone\", .*, or a file \"NAME\.csv\" with the columns",
         ),
         ("none.csv", r"source\.1\.signal = 'none\.csv': cannot be read: No such file or directory$"),
-        ("\0.csv", "cannot be read as UTF-8 text"),
+        ("\0.csv", "cannot be read: embedded null byte"),
         (burst_samples()[:4], "4 samples: must be from 5 to 10000"),
         ([[0.0, 0.0], [1.0]], r"source\.1\.signal\[1\] = \[1\.0\]: must be \[tau, value\], two numbers"),
         ([[0.0, 0.0], [1.0, True]], r"source\.1\.signal\[1\] = \[1\.0, True\]: must be \[tau, value\]"),
@@ -203,12 +203,14 @@ def test_samples_that_are_no_signal_are_refused_by_name(signal: Any, message: st
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "line 1 must be tau,value, here ''"),
-        ("0,0\n1,1\n", "line 1 must be tau,value, here '0,0'"),
-        ("tau,value\n0,0\n0.1;1\n", "line 3 must be two numbers, tau,value, here '0.1;1'"),
-        ("tau,value\n0,0\n\n0.2,1\n", "line 3 must be two numbers, tau,value, here ''"),
-        ("tau,value\n0,0,0\n", "line 2 must be two numbers"),
-        ("tau,value\n0,inf\n", "two numbers from -1e\\+06 to 1e\\+06"),
+        ("", "has no head; must have a line of tau, value"),
+        ("0,0\n1,1\n", "has no head; must have a line of tau, value; line 1 is '0,0'"),
+        ("tau,value\n0,0\n0.1;1\n", "line 3: 1 cells under 2 heads"),
+        ("tau,value\n0,0\n0.2\n", "line 3: 1 cells under 2 heads"),
+        ("tau,value\n0,0,0\n", "line 2: 3 cells under 2 heads"),
+        ("tau\n0\n", "must have the columns tau,value, here tau"),
+        ("tau,value\n0,inf\n", "line 2 must be two numbers from -1e\\+06 to 1e\\+06, here 0, inf"),
+        ("tau,value\n0,1_0\n", "line 2 must be two numbers from -1e\\+06 to 1e\\+06, here 0, 1_0"),
     ],
 )
 def test_a_file_that_is_no_table_is_refused_with_its_line(text: str, message: str, tmp_path: Path) -> None:
