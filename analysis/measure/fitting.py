@@ -103,14 +103,20 @@ class Fit:
             found[chosen] = fronts(scene, [self.points[n] for n in chosen])
         return found
 
+    @cached_property
+    def at_start(self) -> Floats:
+        """Return what the points would be, (N,), for the values that the scene declares."""
+        return self.predicted(np.array([each.start for each in self.parameters]))
+
     def answer(self) -> Estimate:
         """Return the estimate.
 
         Raises ValueError for a scene or a point that no theory here holds, GranularError for values that leave it.
         """
         errors = [each.error for each in self.points if each.error is not None]
-        self.predicted(np.array([each.start for each in self.parameters]))  # its refusals are the answer
-        known: dict[bytes, Floats] = {}  # searches ask again where they start and end
+        start = np.array([each.start for each in self.parameters])
+        # Its refusals at the start are the answer, and searches ask again where they start and end
+        known = {start.tobytes(): self.at_start}
 
         def model(values: Floats) -> Floats:
             place = values.tobytes()

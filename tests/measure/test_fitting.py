@@ -256,6 +256,50 @@ def test_a_file_that_is_not_there_is_one_line(tmp_path: Path) -> None:
         main([str(tmp_path / "none.csv"), "tr_periodic", "--free", E])
 
 
+# --- units that were mistaken -----------------------------------------------------------------------------------------
+
+
+def printed(folder: Path, scene: Scene, key: str, text: str, capsys: pytest.CaptureFixture[str]) -> str:
+    """Return what the command says of a table, also if it ends in a refusal."""
+    (folder / "data.csv").write_text(text, encoding="utf-8")
+    (folder / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
+    try:
+        assert main([str(folder / "data.csv"), str(folder / "scene.toml"), "--free", key]) == 0
+    except SystemExit as end:
+        return f"{capsys.readouterr().out}{end}"
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("units", "says"),
+    [
+        (("MHz", "MHz"), ()),
+        (("kHz", "kHz"), ("times what the start gives; is the column frequency_kHz in MHz?",)),
+        (("MHz", "GHz"), ("times what the errors say; is the column error_GHz in MHz?", "do not determine")),
+        (("MHz", "kHz"), ("times what the errors say; is the column error_kHz in MHz?",)),
+    ],
+)
+def test_a_unit_that_was_mistaken_is_said(
+    units: tuple[str, str], says: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Points of the closed form, 1 % off by turns, and errors of 1 %
+    rows = [
+        f"{each.wavenumber},{(1 + 0.01 * (-1) ** n) * each.value / 1e6},{each.value / 1e8}"
+        for n, each in enumerate(closed_form(SCENE))
+    ]
+    head = "wavenumber_rad/row,frequency_{},error_{}\n".format(*units)
+    said = printed(tmp_path, SCENE, E, head + "\n".join(rows), capsys)
+    assert [each for each in says if each not in said] == []
+    assert ("times" in said) == bool(says)
+
+
+def test_a_key_far_from_its_start_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    soft = closed_form(SCENE.with_values({E: SCENE.sphere.youngs_modulus / 200}))
+    rows = [f"{each.branch},{each.wavenumber},{each.value}" for each in soft]
+    text = "branch,wavenumber_rad/row,frequency_Hz\n" + "\n".join(rows)
+    assert "sphere.youngs_modulus is 0.005 times its start" in printed(tmp_path, SCENE, E, text, capsys)
+
+
 # --- layers on a substrate -------------------------------------------------------------------------------------------
 
 K_N, K_S, G_S = "substrate.normal_stiffness", "substrate.shear_stiffness", "contact.shear_stiffness"
