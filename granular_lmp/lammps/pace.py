@@ -127,7 +127,7 @@ def _driven(problem: Problem) -> str:
     scene, contacts = problem.scene, problem.contacts
     rate = float(contacts.normal_stiffness.max() / contacts.mass.min()) / INERTIA_RATIO * scene.sphere.time_scale**2
     usual = problem.mode.frequency if problem.mode else 0.0
-    strengths = [each.largest * max(rate, each.top(scene.sphere, usual) ** 2) for each in scene.source]
+    strengths = [each.largest * max(rate, each.top(scene.sphere, usual) ** 2) for each in scene.drives]
     if scene.form == "driven":
         strengths.append(rate)
     return f"+{sum(strengths)!r}*v_D0/v_t0^2" if strengths else ""
