@@ -153,11 +153,10 @@ class Heads:
 
 def _table(text: str, heads: Heads, said: str) -> Table:
     lines = [(count, line) for count, line in enumerate(text.splitlines(), 1) if line.strip()]
-    place, separator = _head(lines, heads)
-    names = _cells(lines[place][1].lstrip(_COMMENT), separator)
+    after, separator, names = _head(lines, heads)
     while not names[-1]:
         names.pop()
-    rows = list(_rows(lines[place + 1 :], separator, len(names)))
+    rows = list(_rows(lines[after:], separator, len(names)))
     used = [n for n, name in enumerate(names) if name]
     for count, cells in rows:
         if other := [cell for name, cell in zip(names, cells, strict=True) if cell and not name]:
@@ -167,9 +166,10 @@ def _table(text: str, heads: Heads, said: str) -> Table:
         if (held := [column.quantity for column in columns].count(each)) > 1:
             raise ValueError(f"{held} columns hold {each}; must be one, in one unit")
     plain, with_commas = _with_points([(count, [cells[n] for n in used]) for count, cells in rows], separator)
+    last = lines[after - 1][0]
     told = [f"{each.quantity} in {each.unit}" if each.unit else each.quantity for each in columns]
     understood = [f"{said}: {len(rows)} row{'s' * (len(rows) != 1)}: {', '.join(told)}"]
-    understood += [f"head in line {lines[place][0]}"] if lines[place][0] > 1 else []
+    understood += [f"head to line {last}"] if last > 1 else []
     understood += [f"cells parted by {_PARTED_BY[separator]}"] if separator != "," and len(names) > 1 else []
     understood += ["decimals with commas"] if with_commas else []
     return Table(columns, plain, "; ".join(understood))
@@ -181,18 +181,17 @@ def _cells(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
 
 
-def _head(lines: Sequence[tuple[int, str]], heads: Heads) -> tuple[int, str]:
-    """Return which line is the head, and what parts its cells: where most is understood, the first of equals.
+def _head(lines: Sequence[tuple[int, str]], heads: Heads) -> tuple[int, str, list[str]]:
+    """Return the number of lines up to the head, what parts its cells, and the cells: where most is understood.
 
-    Raises ValueError if nothing is understood anywhere, with the head that is nearly the same.
+    Of equals it is the first. Raises ValueError if nothing is understood anywhere, with the head that is nearly the
+    same.
     """
     best, found = (0, 0), None
-    for place, (_, line) in enumerate(lines[:_LOWEST_HEAD]):
-        for separator in _PARTED_BY:
-            cells = [each for each in _cells(line.lstrip(_COMMENT), separator) if each][:_WIDEST_HEAD]
-            known = sum(map(heads.knows, cells))
-            if known and (known, known - len(cells)) > best:
-                best, found = (known, known - len(cells)), (place, separator)
+    for after, separator, cells in _may_be_heads(lines):
+        known = sum(map(heads.knows, cells[:_WIDEST_HEAD]))
+        if known and (known, known - sum(map(bool, cells))) > best:
+            best, found = (known, known - sum(map(bool, cells))), (after, separator, cells)
     if found:
         return found
     for _, line in lines[:_LOWEST_HEAD]:
@@ -201,6 +200,18 @@ def _head(lines: Sequence[tuple[int, str]], heads: Heads) -> tuple[int, str]:
                 heads.checked(cell)
     first = f"; line {lines[0][0]} is {shown(lines[0][1])}" if lines else ""
     raise ValueError(f"has no head; must have a line of {heads.allowed}{first}")
+
+
+def _may_be_heads(lines: Sequence[tuple[int, str]]) -> Iterator[tuple[int, str, list[str]]]:
+    """Yield each line as a head, and with the line below as its units: the lines up to it, a separator, its cells."""
+    for after, (_, line) in enumerate(lines[:_LOWEST_HEAD], 1):
+        for separator in _PARTED_BY:
+            cells = _cells(line.lstrip(_COMMENT), separator)
+            yield after, separator, cells
+            units = _cells(lines[after][1].lstrip(_COMMENT), separator) if after < len(lines) else []
+            if len(units) == len(cells):
+                named = zip(cells, units, strict=True)
+                yield after + 1, separator, [f"{cell} [{unit.strip('[]()')}]" if unit else cell for cell, unit in named]
 
 
 def _rows(lines: Sequence[tuple[int, str]], separator: str, width: int) -> Iterator[tuple[int, list[str]]]:
@@ -221,7 +232,7 @@ def _with_points(rows: Rows, separator: str) -> tuple[Rows, bool]:
     Raises ValueError for a table with both, and for commas that may part thousands.
     """
     commas = [(count, cell) for count, cells in rows for cell in cells if _WITH_COMMA.fullmatch(cell)]
-    if separator == "," or not commas:
+    if not commas:
         return rows, False
     for count, cells in rows:
         if point := next((cell for cell in cells if "." in cell and _NUMBER.fullmatch(cell)), None):

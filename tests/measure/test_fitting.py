@@ -247,6 +247,7 @@ def test_the_command_prints_writes_and_draws(tmp_path: Path, capsys: pytest.Capt
     assert "chi2 =" in printed
     assert Scene.load(scene).sphere.youngs_modulus == pytest.approx(6e10, rel=1e-6)
     answer = json.loads(plain.read_text())
+    assert answer["degrees_of_freedom"] == 5
     assert answer["keys"][E]["from"] < 6e10 < answer["keys"][E]["to"]
     assert figure.stat().st_size > 10_000
 

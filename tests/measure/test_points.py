@@ -53,6 +53,8 @@ SPELLINGS = {
     "separators at the end of rows": HEAD + ROWS.replace("\n", ",,\n"),
     "round brackets": "Branch,Wave number (rad/um),Frequency (MHz),Error (MHz)\n" + ROWS,
     "symbols": "branch,k [1/µm],f [MHz],error [MHz]\n" + ROWS,
+    "decimal commas in quotes": HEAD + '"L","1,0","152,6","1,5"\n"TR","2,0","207,7","2,1"\n',
+    "units below": "Branch,Wave number,Frequency,Error\n,(rad/um),(MHz),(MHz)\n" + ROWS,
     "slashes": "branch,k/(rad/µm),f/MHz,error/MHz\n" + ROWS,
     "quotes": HEAD + ROWS.replace("L,", '"L",').replace("1.5", '"1.5"'),
     "comments": "# a layer\n" + HEAD + "# first run\n" + ROWS + "% end\n",
@@ -74,7 +76,7 @@ def test_a_table_is_read_as_a_person_reads_it(name: str, encoding: str, tmp_path
 def test_what_was_understood_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "data.csv").write_text("Gerät;XYZ\nk (1/m);f (kHz)\n1,5;3\n", encoding="utf-8")
     assert read(tmp_path / "data.csv")[1].understood == (
-        f"{tmp_path / 'data.csv'}: 1 row: wavenumber in rad/m, frequency in kHz; head in line 2; "
+        f"{tmp_path / 'data.csv'}: 1 row: wavenumber in rad/m, frequency in kHz; head to line 2; "
         "cells parted by semicolons; decimals with commas"
     )
 
@@ -90,7 +92,8 @@ def test_a_file_without_an_end_is_not_read(kind: str, tmp_path: Path) -> None:
     [
         (HEAD + ROWS.replace("152.6", "4_51.3"), "line 2: frequency = '4_51.3': must be a finite number"),
         (HEAD + ROWS.replace("152.6", "inf"), "line 2: frequency = 'inf': must be a finite number"),
-        (HEAD + ROWS.replace("152.6", '"152,6"'), "line 2: frequency = '152,6': must be a finite number"),
+        (HEAD + ROWS.replace("152.6", '"152,6"'), "1.0 has a point, and 152,6 in line 2 a comma; write points"),
+        ('frequency_MHz,row\n"1,526",\n', "line 2: 1,526 may be a thousand or a decimal"),
         (HEAD + ROWS.replace("152.6", "152,6"), "line 2: 5 cells under 4 heads; decimals need points where cells"),
         ((HEAD + ROWS).replace(",", ";").replace("152.6", "152,6"), "1.0 has a point, and 152,6 in line 2 a comma"),
         ("frequency_MHz\trow\n1,526\t\n", "line 2: 1,526 may be a thousand or a decimal"),
