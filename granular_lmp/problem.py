@@ -141,7 +141,7 @@ class Problem:
     @cached_property
     def sources(self) -> tuple[PlacedSource, ...]:
         """Sources in the crystal."""
-        return placed(self.scene.source, self.crystal, self.scene.sphere, self.mode.frequency if self.mode else 0.0)
+        return placed(self.scene.drives, self.crystal, self.scene.sphere, self.mode.frequency if self.mode else 0.0)
 
     @cached_property
     def strikers(self) -> tuple[NDArray[np.int64], ...]:
@@ -295,7 +295,7 @@ def step_rules(scene: Scene, mode: Mode | None = None, enough: float = inf) -> l
     less = " and ".join(cause for there, cause in causes if there)
     name = f"2/Omega_max, less with {less}," if less else "2/Omega_max"
     sentence = f"beyond the stability limit of velocity Verlet; must be below {name} = {limit:.6g}, in tau"
-    sources = longest_steps(scene.source, scene.sphere, mode.frequency if mode else usual_frequency(scene))
+    sources = longest_steps(scene.drives, scene.sphere, mode.frequency if mode else usual_frequency(scene))
     return [
         *(StepRule(longest, longest, why) for longest, why in sources),
         StepRule(nextafter(limit, 0.0), COARSEST * limit, sentence),

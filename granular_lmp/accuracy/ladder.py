@@ -38,7 +38,7 @@ def deciding_frequency(scene: Scene) -> float:
         free = highest_frequency(lattice, scene.sphere, physics) * swiftness(scene)
     else:
         free = bloch_mode(lattice, scene.sphere, scene.vector.doubled, "L", physics).frequency
-    own = [each.top(scene.sphere, usual) for each in scene.source]
+    own = [each.top(scene.sphere, usual) for each in scene.drives]
     return max(2 ** (1 / 3) * max([usual, *own]), free)
 
 

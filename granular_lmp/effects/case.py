@@ -147,7 +147,7 @@ class Case:
     @property
     def shaken(self) -> float:
         """Largest amplitude of the sources, in units of that of the wave; 0 without any."""
-        return max((each.largest for each in self.scene.source), default=0.0)
+        return max((each.largest for each in self.scene.drives), default=0.0)
 
     @property
     def strength(self) -> float:

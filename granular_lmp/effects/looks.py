@@ -34,7 +34,7 @@ def fastest(scene: Scene, mode: Mode | None = None) -> float:
     of the contacts' motion if no wall cuts the wave off (docs/effects.md).
     """
     usual = mode.frequency if mode else usual_frequency(scene)
-    own = [each.top(scene.sphere, usual) for each in scene.source]
+    own = [each.top(scene.sphere, usual) for each in scene.drives]
     if scene.form != "none" or not any(own):
         own.append(usual)
     top = highest_frequency(unit_contacts(scene), scene.sphere, physics_of(scene)) if scene.struck else TOP

@@ -53,7 +53,7 @@ def drive_of(scene: Scene) -> tuple[float, float]:
     for number, each in enumerate(scene.source, 1):
         if each.kind != "tone":
             raise ReadoutError(f'source {number}: signal = "{each.kind}": must be "tone", which becomes steady')
-    found = [each.pulsation(scene.sphere, usual) for each in scene.source]
+    found = [each.pulsation(scene.sphere, usual) for each in scene.drives]
     first = usual if driven else found[0]
     for number, frequency in enumerate(found, 1):
         if not isclose(frequency, first, rel_tol=1e-12):

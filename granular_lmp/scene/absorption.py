@@ -70,7 +70,7 @@ def waves_at_ends(scene: Scene, step: float = 0.0) -> list[Mode]:
 def _waves_of_sources(scene: Scene, step: float) -> list[Mode]:
     sphere, usual = scene.sphere, usual_frequency(scene)
     found: dict[tuple[str, float], Mode] = {}
-    for number, source in enumerate(scene.source, 1):
+    for number, source in enumerate(scene.drives, 1):
         frequency = source.pulsation(sphere, usual)
         shaken = [frequency_in_lattice(share * frequency, step) for share in source.band]
         waves = [wave for each in shaken for wave in _waves_at(scene, each)]

@@ -13,6 +13,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import WaveVector
+from granular_lmp.errors import SceneError
 from granular_lmp.scene import remarks, words
 from granular_lmp.scene.bodies import Contact, Substrate
 from granular_lmp.scene.document import Document
@@ -121,6 +122,17 @@ class Derived(Document):
     def amplitude(self) -> float:
         """Amplitude a = D0/Δ0 of the wave; 1 without a wave."""
         return 1.0 if self.wave is None else self.wave.amplitude
+
+    @cached_property
+    def drives(self) -> tuple[Source, ...]:
+        """Sources, with the samples of measured drives in the units of the scene."""
+        found = []
+        for number, each in enumerate(self.source, 1):
+            try:
+                found.append(each.in_units(self))
+            except SceneError as error:
+                raise SceneError(f"source {number}: {error}") from error
+        return tuple(found)
 
     @property
     def form(self) -> str:
@@ -288,7 +300,7 @@ class Derived(Document):
     @property
     def moved(self) -> float:
         """Bound of the stretch and slip that strikers, a state and sources make, Δ0."""
-        return self.strike + max((each.largest for each in self.source), default=0.0) * self.amplitude
+        return self.strike + max((each.largest for each in self.drives), default=0.0) * self.amplitude
 
     @property
     def shaken(self) -> str:

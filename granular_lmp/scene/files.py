@@ -31,28 +31,32 @@ def first_file(source: object, candidates: Iterable[Path]) -> Path | None:
         raise SceneError(f"{shown(source)}: no such scene file: {one_line(error)}") from error
 
 
-def file_text(path: Path, largest: int = LARGEST_FILE, said: str = "") -> str:
-    """Return the text of a file; `said` is what the user wrote for it, if that is not its path.
+def file_text(path: Path) -> str:
+    """Return the text of a file; SceneError as `file_bytes`, or if it is not UTF-8."""
+    try:
+        return file_bytes(path, LARGEST_FILE, str(path)).decode("utf-8-sig")  # some editors begin it with a mark
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{path}: cannot be read as UTF-8 text: {one_line(error)}") from error
+
+
+def file_bytes(path: Path, largest: int, said: str) -> bytes:
+    """Return the bytes of a file; `said` is what the user wrote for it.
 
     Raises
     ------
     SceneError
-        If it cannot be read, is a device or a pipe, is not UTF-8, or has more than `largest` bytes.
+        If it cannot be read, is a device or a pipe, or has more than `largest` bytes.
     """
-    said = said or str(path)
     try:
         if path.exists() and not path.is_file():
             raise SceneError(f"{said}: must be a regular file, not a folder, device or pipe")
         with path.open("rb") as stream:
             raw = stream.read(largest + 1)
-        text = raw.decode("utf-8-sig")  # some editors begin a file with a byte order mark
-    except OSError as error:
+    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
         raise SceneError(f"{said}: cannot be read: {one_line(error)}") from error
-    except ValueError as error:  # a name that no file can have, or bytes that are not UTF-8
-        raise SceneError(f"{said}: cannot be read as UTF-8 text: {one_line(error)}") from error
     if len(raw) > largest:
         raise SceneError(f"{said}: is too large: must be at most {largest} bytes")
-    return text
+    return raw
 
 
 def toml_tables(text: str) -> dict[str, Any]:

@@ -151,7 +151,9 @@ def _values(rule: Rule) -> dict[str, Any]:
     if own := rule.own_schema():
         return own
     if isinstance(rule, samples.SignalRule):
-        pairs = _values(ArrayRule(float, "", "", several=True)) | {"minItems": samples.FEWEST, "maxItems": samples.MOST}
+        pair = _values(ArrayRule(float, "", ""))
+        rows = {"anyOf": [pair, pair | {"items": {"type": "string"}}]}  # a head before the pairs
+        pairs = {"type": "array", "items": rows, "minItems": samples.FEWEST, "maxItems": samples.MOST + 1}
         return {"anyOf": [{"enum": list(rule.words)}, {"type": "string", "pattern": r"\.csv$"}, pairs]}
     if isinstance(rule, ArrayRule):
         number = _values(Rule(rule.kind, rule.unit, "", rule.interval))

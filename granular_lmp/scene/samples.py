@@ -1,14 +1,15 @@
 """Signals that are given as samples: in a CSV file, or as pairs in the scene, with the cubic spline through them.
 
 A file is read when its scene is: from then on the scene, its run folder and its deck hold the samples themselves, and
-need no second file. Between samples, a step h apart, the signal is the cubic spline that is level at both ends; before
-the first sample it is 0, and after the last one it keeps the value of that.
+need no second file. A measured drive has units in its head, and stays in SI units in the scene, behind the head
+``["time_s", "force_N"]``; `granular_lmp.scene.sources.Source.in_units` converts it.
+
+Between samples, a step h apart, the signal is the cubic spline that is level at both ends; before the first sample it
+is 0, and after the last one it keeps the value of that.
 """
 
 from collections.abc import Sequence
-from io import StringIO
-from itertools import islice
-from math import inf
+from math import inf, isfinite, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +18,24 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.files import LARGEST_TABLE, file_text
 from granular_lmp.scene.schema import Rule, shown
+from granular_lmp.scene.spreadsheets import FORCES, LENGTHS, TIMES, Column, Heads, Quantities, read, value_of
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-Samples = Sequence[tuple[float, float]]  # (τ, value) of each
+Samples = Sequence[tuple[float, float]]  # (τ, value) of each; (s, value in SI) behind the head of a measured drive
 HEADER = "tau,value"
+TIME = "time"
+# What is measured of a drive: of a force, a torque, a motion and a rotation
+MEASURED: Quantities = {
+    "force": FORCES,
+    "torque": {"Nm": 1.0, "mNm": 1e-3, "uNm": 1e-6, "nNm": 1e-9},
+    "motion": LENGTHS,
+    "angle": {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": pi / 180},
+}
+QUANTITIES: Quantities = {"tau": {"": 1.0}, "value": {"": 1.0}, TIME: TIMES, **MEASURED}
+WORDS = {"t": TIME, "f": "force", "displacement": "motion", "rotation": "angle"}
 FEWEST = 5
 # All sources together: a deck of 1 MB, and a scene file below `granular_lmp.scene.files.LARGEST_FILE`
 MOST = 10_000
@@ -43,7 +54,9 @@ class SignalRule(Rule):
     @property
     def allowed(self) -> str:
         """Allowed values in words."""
-        return f'{super().allowed}, or a file "NAME.csv" with the columns {HEADER}, or a list of [tau, value]'
+        return (
+            f'{super().allowed}, or a file "NAME.csv" with the columns {HEADER} or as time_s,force_N, or a list of both'
+        )
 
     def value(self, value: Any, key: str) -> Any:
         """Return a word as it is, and a file or a list as a tuple of pairs.
@@ -54,7 +67,7 @@ class SignalRule(Rule):
             If the word is unknown, the file cannot be read, or a number is out of range.
         """
         if isinstance(value, str) and value.endswith(".csv"):
-            value = _read(value, key)
+            return _read(value, key)
         if isinstance(value, list | tuple):
             return checked(_pairs(value, key), key)
         return super().value(value, key)
@@ -67,36 +80,63 @@ def located(source: Any, folder: Path) -> Any:
 
 
 def _pairs(value: Sequence[Any], key: str) -> Samples:
-    for number, pair in enumerate(value):
+    """Return pairs of numbers, behind the head of a measured drive if they have one."""
+    names, pairs = split(value)
+    for number, pair in enumerate(pairs, len(value) - len(pairs)):
         right = isinstance(pair, list | tuple) and len(pair) == 2
         if not right or not all(_is_number(each) for each in pair):
-            raise SceneError(
-                f"{key}[{number}] = {shown(pair)}: must be [tau, value], two numbers from {-LARGEST:g} to {LARGEST:g}"
-            )
-    return tuple((float(tau), float(value)) for tau, value in value)
+            raise SceneError(f"{key}[{number}] = {shown(pair)}: must be [tau, value], two numbers")
+    try:
+        columns = _two([Heads(QUANTITIES, WORDS).checked(each) for each in names]) if names else ()
+    except ValueError as error:
+        raise SceneError(f"{key}[0] = {shown(names)}: {error}") from error
+    return _ordered(columns, [(float(first), float(second)) for first, second in pairs])
+
+
+def _two(columns: Sequence[Column]) -> tuple[Column, ...]:
+    """Return columns as they are; ValueError unless they are τ and values, or a time and what is measured."""
+    held = {each.quantity for each in columns}
+    if len(columns) != 2 or not (held == {"tau", "value"} or (TIME in held and held & MEASURED.keys())):
+        must = ", ".join(f"{name}_{_si(name)}" for name in MEASURED)
+        here = ", ".join(each.quantity for each in columns)
+        raise ValueError(
+            f"must have the columns {HEADER}, or {TIME}_s and one of {must} (or another unit), here {here}"
+        )
+    return tuple(columns)
+
+
+def _si(quantity: str) -> str:
+    """Return the SI unit of a quantity."""
+    return next(iter(QUANTITIES[quantity]))
+
+
+def _ordered(columns: Sequence[Column], pairs: Samples) -> Any:
+    """Return pairs with the time first, in SI units behind their head if they are measured."""
+    sizes = [QUANTITIES[each.quantity][each.unit] for each in columns] or [1.0, 1.0]
+    held = [each.quantity for each in columns] or ["tau", "value"]
+    way = 1 if held[0] in ("tau", TIME) else -1
+    rows = tuple((first * sizes[0], second * sizes[1])[::way] for first, second in pairs)
+    head = tuple(f"{name}_{_si(name)}" for name in held[::way])
+    return rows if "tau" in held else (head, *rows)
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 
-def _read(name: str, key: str) -> list[list[float]]:
-    text = file_text(Path(name), LARGEST_TABLE, f"{key} = {shown(name)}")
-    lines = [line.strip() for line in islice(StringIO(text, newline=None), MOST + 3)]
-    if not lines or lines[0].replace(" ", "") != HEADER:
-        raise SceneError(f"{key} = {shown(name)}: line 1 must be {HEADER}, here {shown(lines[0] if lines else '')}")
-    pairs = []
-    for number, line in enumerate(lines[1:], start=2):
-        try:
-            tau, value = map(float, line.split(","))
-        except ValueError:
-            if not line and not any(lines[number:]):
-                break  # empty lines at the end
-            raise SceneError(
-                f"{key} = {shown(name)}: line {number} must be two numbers, {HEADER}, here {shown(line)}"
-            ) from None
-        pairs.append([tau, value])
-    return pairs
+def _read(name: str, key: str) -> Samples:
+    """Return the samples in a file."""
+    said = f"{key} = {shown(name)}"
+    table = read(Path(name), QUANTITIES, WORDS, said)
+    try:
+        columns = _two(table.columns)
+    except ValueError as error:
+        raise SceneError(f"{said}: {error}") from error
+    pairs = [(value_of(first), value_of(second)) for _, (first, second) in table.rows]
+    for (line, cells), pair in zip(table.rows, pairs, strict=True):
+        if not all(map(isfinite, pair)):
+            raise SceneError(f"{said}: line {line} must be two numbers, here {', '.join(cells)}")
+    return checked(_ordered(columns, pairs), key)
 
 
 def checked(pairs: Samples, key: str) -> Samples:
@@ -109,20 +149,25 @@ def checked(pairs: Samples, key: str) -> Samples:
         first value is not 0 or all are, or a spline through every second one misses the others.
     """
 
+    head, rows = split(pairs)
+    name = head[0] if head else "tau"
+
     def refused(what: str) -> SceneError:
         return SceneError(f"{key}: {what}")
 
-    if not FEWEST <= len(pairs) <= MOST:
-        raise refused(f"{len(pairs)} samples: must be from {FEWEST} to {MOST}")
-    tau, value = np.array(pairs).T
+    if not FEWEST <= len(rows) <= MOST:
+        raise refused(f"{len(rows)} samples: must be from {FEWEST} to {MOST}")
+    tau, value = np.array(rows).T
+    if (most := max(abs(tau).max(), abs(value).max())) > LARGEST:
+        raise refused(f"{most:g} among the numbers: must be from {-LARGEST:g} to {LARGEST:g}")
     steps, step = np.diff(tau), tau[-1] / (len(tau) - 1)
     if tau[0] != 0:
-        raise refused(f"begins at tau = {tau[0]:g}: must begin at 0; a delay is source.delay")
+        raise refused(f"begins at {name} = {tau[0]:g}: must begin at 0; a delay is source.delay")
     if not (steps > 0).all():
-        raise refused(f"tau = {tau[1 + np.argmax(steps <= 0)]:g} after a later time: tau must increase")
+        raise refused(f"{name} = {tau[1 + np.argmax(steps <= 0)]:g} after a later time: {name} must increase")
     if abs(tau - step * np.arange(len(tau))).max() > UNEVEN * step:
         raise refused(
-            f"steps of tau from {steps.min():.6g} to {steps.max():.6g}: must be equal to {UNEVEN:g} of a step"
+            f"steps of {name} from {steps.min():.6g} to {steps.max():.6g}: must be equal to {UNEVEN:g} of a step"
         )
     largest = abs(value).max()
     if value[0] != 0 or largest == 0:
@@ -132,10 +177,17 @@ def checked(pairs: Samples, key: str) -> Samples:
     missed = abs(fit(tau) - value)[inside]
     if missed.max() > SMOOTH * largest:
         raise refused(
-            f"around tau = {tau[inside][missed.argmax()]:g} every second sample follows from the others to "
+            f"around {name} = {tau[inside][missed.argmax()]:g} every second sample follows from the others to "
             f"{missed.max() / largest:.2g} of the largest only: must be {SMOOTH:g}; take more samples, or smooth them"
         )
     return pairs
+
+
+def split(samples: Sequence[Any]) -> tuple[Sequence[str], Samples]:
+    """Return the head of samples, () where there is none, and the pairs."""
+    first = samples[0] if samples else ()
+    head = isinstance(first, list | tuple) and first and all(isinstance(each, str) for each in first)
+    return (first, samples[1:]) if head else ((), samples)
 
 
 def spline(pairs: Samples) -> "CubicSpline":

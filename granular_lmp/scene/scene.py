@@ -340,7 +340,7 @@ class Scene(HasCard, Derived):
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude if wave else 0.0)
         check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike, self.space)
         of_time = self.time, self.struck, self.space
-        check_sources(self.source, wave, self.envelope, self.packing, shape, self.sphere, *of_time)
+        check_sources(self.drives, wave, self.envelope, self.packing, shape, self.sphere, *of_time)
         check_quiet(self.source, self.absorb)
         check_monitors(self.monitor, self.packing, shape)
         validation.check_faces(self.packing, shape, FREE if wave is None else AUTO)

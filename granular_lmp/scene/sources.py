@@ -19,6 +19,7 @@ nothing to say of spheres that are moved: it is cut off there, as it is at held 
 from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from math import inf, pi
+from typing import Protocol
 
 import ase
 import numpy as np
@@ -44,6 +45,15 @@ LARGEST_ANGLE = 2e-3  # rad: a torque in LAMMPS is then off by 1 - cos, 2e-6 (`g
 FEWEST_STEPS = 20.0  # A period of a source has at least these: Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
 
 
+class Scaled(Protocol):
+    """What a scene says of its units."""
+
+    @property
+    def sphere(self) -> Sphere: ...
+    @property
+    def displacement_amplitude(self) -> float: ...
+
+
 @dataclass(frozen=True)
 class Source(AtPlaces):
     """Spheres, what is done to them along which axis, and its signal over time.
@@ -58,7 +68,7 @@ class Source(AtPlaces):
     force : "x", "y", "z", "torque", "torque_x" or "torque_y", optional
         Axis of a force in k1 D0 on each sphere, or a torque about z, x or y in k1 D0 R. Only spheres in space follow
         what is along z, or about x and y.
-    signal : "tone", "burst", "chirp", "ricker", "step", or sequence of (τ, value)
+    signal : "tone", "burst", "chirp", "ricker", "step", or sequence of (τ, value), behind a head of (s, N) or (s, m)
     amplitude : float
         Above 0. Good values: about 1, as D0 is small already. It multiplies the values of samples.
     frequency, hertz : float, optional
@@ -85,10 +95,36 @@ class Source(AtPlaces):
     cycles: float = number("", "periods of a burst or chirp", 1, 1e5, default=5.0)
     ramp: float = number("tau", "in which a tone or a step rises", 1, 1e5, default=20.0)
     sweep: float = number("", "last frequency of a chirp over its first", 0.01, 100, default=2.0)
+    told: str = ""  # of a measured drive that `in_units` has converted: how long and how large it is
+
+    def in_units(self, scene: "Scaled") -> "Source":
+        """Return the source with the samples of a measured drive in τ and in the unit of its amplitude.
+
+        Raises SceneError for a force that is measured in m, and its like.
+        """
+        head, pairs = samples.split(self.sampled)
+        if not head:
+            return self
+        if bool(self.motion) == bool(self.force):  # refused soon, as it says neither or both
+            return replace(self, signal=pairs)
+        sphere, length = scene.sphere, scene.displacement_amplitude
+        if self.motion:
+            needed, unit = ("angle", length / sphere.radius) if self.turns else ("motion", length)
+        else:
+            force = sphere.normal_stiffness * length
+            needed, unit = ("torque", force * sphere.radius) if self.turns else ("force", force)
+        what, _, si = head[1].partition("_")
+        if what != needed:
+            does = "motion" if self.motion else "force"
+            raise SceneError(f'signal: has {head[1]}: must be {needed} with {does} = "{self.motion or self.force}"')
+        most = self.amplitude * samples.largest(pairs)
+        told = f" ({len(pairs)} over {pairs[-1][0]:.4g} s, up to {most:.4g} {si})"
+        reduced = tuple((seconds / sphere.time_scale, value / unit) for seconds, value in pairs)
+        return replace(self, signal=reduced, told=told)
 
     @property
     def sampled(self) -> samples.Samples:
-        """Samples of the signal; none if it has a name."""
+        """Samples of the signal; none if it has a name. Those of a measured drive need `in_units` first."""
         return () if isinstance(self.signal, str) else self.signal
 
     @property
@@ -115,7 +151,7 @@ class Source(AtPlaces):
     def words(self) -> str:
         """Kind and signal in words: "burst of force along y"."""
         what = "motion along" if self.motion else "force along"
-        return f"{self.kind} of {self.turns or f'{what} {self.motion or self.force}'}"
+        return f"{self.kind} of {self.turns or f'{what} {self.motion or self.force}'}{self.told}"
 
     @property
     def turns(self) -> str:

@@ -5,12 +5,9 @@ folder hold the numbers themselves. The columns of a file are those of ``granula
 time of a run is a state; the shear of contacts that rub is not in it.
 """
 
-import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import field
-from io import StringIO
-from itertools import islice
-from math import isfinite, sqrt
+from math import isfinite, isnan, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +17,11 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.search import overlapping
-from granular_lmp.errors import SceneError, one_line
+from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.files import LARGEST_TABLE, file_text
 from granular_lmp.scene.places import AtPlaces, place_of, spheres_at
 from granular_lmp.scene.schema import Rule, count, flag, number, shown
+from granular_lmp.scene.spreadsheets import LENGTHS, TIMES, read, value_of
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 State = Sequence[tuple[float, ...]]  # for each sphere the numbers of COLUMNS, the first two whole, or of IN_SPACE too
@@ -33,7 +30,13 @@ IN_SPACE = ("uz_m", "vz_m_s", "spinx_rad_s", "spiny_rad_s")  # behind them, of s
 # The nine components of a motion, ux uy uz, vx vy vz, spins about x, y, z: where they stand behind row and column
 _PARTS = (0, 1, 5, 2, 3, 6, 7, 8, 4)
 _OUT_OF_PLANE = [2, 5, 6, 7]
-TIME = "t_s"  # A file may have it too, as it names each sphere once
+_SPATIAL = {each.partition("_")[0] for each in IN_SPACE}
+# What a file may hold; it may have a time too, as it names each sphere once
+_UNITS: dict[str, dict[str, float]] = {
+    **{"row": {"": 1.0}, "column": {"": 1.0}, "t": TIMES, "u": LENGTHS, "spin": {"rad/s": 1.0}},
+    "v": {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6},
+}
+_QUANTITIES = {name: _UNITS[name.rstrip("xyz")] for name in ["t", *(e.partition("_")[0] for e in COLUMNS + IN_SPACE)]}
 MOST = 5000  # spheres: a scene file below `granular_lmp.scene.files.LARGEST_FILE`
 FARTHEST = 1e6  # radii that a state displaces a sphere at most; LAMMPS sorts the whole box into bins of a sphere each
 SMALLEST, LARGEST = 1e-30, 1e12  # any number but 0, in SI: no power of it overflows, or is lost
@@ -270,36 +273,17 @@ def _checked(values: Any, where: str) -> tuple[float, ...]:
 def _read(name: str, key: str) -> Iterable[tuple[str, list[Any]]]:
     """Yield where each line of a file is and its numbers, in the order of COLUMNS; columns left out are 0."""
     file = f"{key} = {shown(name)}"
-    text = file_text(Path(name), LARGEST_TABLE, file)
-    try:
-        lines = [*islice(csv.reader(StringIO(text, newline="")), MOST + 2)]
-    except csv.Error as error:
-        raise SceneError(f"{file}: cannot be read as a CSV file: {one_line(error)}") from error
-    names = [each.strip() for each in lines[0]] if lines else []
+    table = read(Path(name), _QUANTITIES, {}, file)
+    names = [each.quantity for each in table.columns]
     for needed in COLUMNS[:2]:
         if needed not in names:
             raise SceneError(f"{file}: column {needed}: is missing; must have row, column and any of {COLUMNS[2:]}")
-    for each in names:
-        if each not in (*COLUMNS, *IN_SPACE, TIME) or names.count(each) > 1:
-            raise SceneError(
-                f"{file}: column {shown(each)}: must be one of {', '.join(COLUMNS)}, each once; in space "
-                f"{', '.join(IN_SPACE)} too"
-            )
-    told = COLUMNS + IN_SPACE if set(names) & set(IN_SPACE) else COLUMNS
+    told = [each.partition("_")[0] for each in (COLUMNS + IN_SPACE if set(names) & _SPATIAL else COLUMNS)]
     if not set(names) & set(told[2:]):
         raise SceneError(f"{file}: must have one of the columns {', '.join(COLUMNS[2:])}, as else nothing moves")
-    for where, line in enumerate(lines[1:], start=2):
-        if not line:
-            continue
-        if len(line) != len(names):
-            raise SceneError(f"{file}: line {where}: {len(line)} values: must be {len(names)}, one for each column")
-        said = dict(zip(names, line, strict=True))
-        yield f"{file}: line {where}", [_number(said.get(each, "0")) for each in told]
-
-
-def _number(text: str) -> Any:
-    """Return the number in a text, or the text if it holds none, which is then refused by name."""
-    try:
-        return float(text)
-    except ValueError:
-        return text.strip()
+    for line, cells in table.rows:
+        said = {
+            each.quantity: cell if isnan(value_of(cell)) else value_of(cell) * _QUANTITIES[each.quantity][each.unit]
+            for each, cell in zip(table.columns, cells, strict=True)
+        }
+        yield f"{file}: line {line}", [said.get(each, 0.0) for each in told]

@@ -121,6 +121,20 @@ def test_modulus_and_adhesion_are_not_told_apart_by_frequencies() -> None:
     assert np.isfinite(found.intervals[2]).all()
 
 
+def test_keys_that_make_one_stiffness_leave_poissons_ratio_its_interval() -> None:
+    # Without errors the scatter makes the intervals, by Student's quantile: five keys of six points once left one
+    # degree of freedom, and an interval nine times too wide
+    points = [
+        point(each.value * (1 + 0.01 * (-1) ** n), branch=each.branch, wavenumber=each.wavenumber)
+        for n, each in enumerate(closed_form(SCENE))
+    ]
+    alike = ("sphere.work_of_adhesion", "sphere.density", "sphere.radius")
+    two, five = (Fit(SCENE, points, keys).answer() for keys in ((E, NU), (E, NU, *alike)))
+    assert two.freedom == five.freedom == 4
+    # ν enters the model beside the stiffness, but for the overlap ratio, of 5e-4
+    np.testing.assert_allclose(five.intervals[1], two.intervals[1], rtol=1e-3)
+
+
 def test_the_speed_of_a_front_tells_the_modulus_of_a_struck_chain() -> None:
     """At a given velocity of the striker the speed of the front goes as E^{2/5}, by the scaling of Hertz's law."""
     chain = Scene.load("solitary_chain")
@@ -233,9 +247,11 @@ def test_the_command_prints_writes_and_draws(tmp_path: Path, capsys: pytest.Capt
     assert main(words) == 0
     printed = capsys.readouterr().out
     assert "sphere.youngs_modulus" in printed
+    assert [line.split()[3] for line in printed.splitlines() if "frequency, MHz" in line] == ["L", "TR"] * 3
     assert "chi2 =" in printed
     assert Scene.load(scene).sphere.youngs_modulus == pytest.approx(6e10, rel=1e-6)
     answer = json.loads(plain.read_text())
+    assert answer["degrees_of_freedom"] == 5
     assert answer["keys"][E]["from"] < 6e10 < answer["keys"][E]["to"]
     assert figure.stat().st_size > 10_000
 
@@ -243,6 +259,50 @@ def test_the_command_prints_writes_and_draws(tmp_path: Path, capsys: pytest.Capt
 def test_a_file_that_is_not_there_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(SystemExit, match="No such file"):
         main([str(tmp_path / "none.csv"), "tr_periodic", "--free", E])
+
+
+# --- units that were mistaken -----------------------------------------------------------------------------------------
+
+
+def printed(folder: Path, scene: Scene, key: str, text: str, capsys: pytest.CaptureFixture[str]) -> str:
+    """Return what the command says of a table, also if it ends in a refusal."""
+    (folder / "data.csv").write_text(text, encoding="utf-8")
+    (folder / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
+    try:
+        assert main([str(folder / "data.csv"), str(folder / "scene.toml"), "--free", key]) == 0
+    except SystemExit as end:
+        return f"{capsys.readouterr().out}{end}"
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("units", "says"),
+    [
+        (("MHz", "MHz"), ()),
+        (("kHz", "kHz"), ("times what the start gives; is the column frequency_kHz in MHz?",)),
+        (("MHz", "GHz"), ("times what the errors say; is the column error_GHz in MHz?", "do not determine")),
+        (("MHz", "kHz"), ("times what the errors say; is the column error_kHz in MHz?",)),
+    ],
+)
+def test_a_unit_that_was_mistaken_is_said(
+    units: tuple[str, str], says: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Points of the closed form, 1 % off by turns, and errors of 1 %
+    rows = [
+        f"{each.wavenumber},{(1 + 0.01 * (-1) ** n) * each.value / 1e6},{each.value / 1e8}"
+        for n, each in enumerate(closed_form(SCENE))
+    ]
+    head = "wavenumber_rad/row,frequency_{},error_{}\n".format(*units)
+    said = printed(tmp_path, SCENE, E, head + "\n".join(rows), capsys)
+    assert [each for each in says if each not in said] == []
+    assert ("times" in said) == bool(says)
+
+
+def test_a_key_far_from_its_start_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    soft = closed_form(SCENE.with_values({E: SCENE.sphere.youngs_modulus / 200}))
+    rows = [f"{each.branch},{each.wavenumber},{each.value}" for each in soft]
+    text = "branch,wavenumber_rad/row,frequency_Hz\n" + "\n".join(rows)
+    assert "sphere.youngs_modulus is 0.005 times its start" in printed(tmp_path, SCENE, E, text, capsys)
 
 
 # --- layers on a substrate -------------------------------------------------------------------------------------------

@@ -5,13 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.measure.points import DataError, Point, read
+from granular_analysis.measure.points import Point, read
+from granular_lmp.runs.record import GranularError
+from granular_lmp.scene.spreadsheets import TableError
+from tests.scene.test_files import endless
 
 
 def table(folder: Path, text: str) -> list[Point]:
     file = folder / "data.csv"
     file.write_text(text, encoding="utf-8")
-    return read(file)
+    return read(file)[0]
 
 
 def test_units_of_heads_become_si(tmp_path: Path) -> None:
@@ -35,16 +38,78 @@ def test_kinds_stand_in_one_table(tmp_path: Path) -> None:
     ]
 
 
+HEAD = "branch,wavenumber_rad/um,frequency_MHz,error_MHz\n"
+ROWS = "L,1.0,152.6,1.5\nTR,2.0,207.7,2.1\n"
+SPELLINGS = {
+    "semicolons": (HEAD + ROWS).replace(",", ";"),
+    "decimal commas": HEAD.replace(",", ";") + ROWS.replace(",", ";").replace(".", ","),
+    "tabs": (HEAD + ROWS).replace(",", "\t"),
+    "tabs and decimal commas": HEAD.replace(",", "\t") + ROWS.replace(",", "\t").replace(".", ","),
+    "spaces": (HEAD + ROWS).replace(",", "  "),
+    "byte order mark": "\ufeff" + HEAD + ROWS,
+    "DOS": (HEAD + ROWS).replace("\n", "\r\n"),
+    "empty lines": HEAD + "\n" + ROWS + "\n,,,\n\n",
+    "separators at the end": (HEAD + ROWS).replace("\n", ",\n"),
+    "separators at the end of rows": HEAD + ROWS.replace("\n", ",,\n"),
+    "round brackets": "Branch,Wave number (rad/um),Frequency (MHz),Error (MHz)\n" + ROWS,
+    "symbols": "branch,k [1/µm],f [MHz],error [MHz]\n" + ROWS,
+    "decimal commas in quotes": HEAD + '"L","1,0","152,6","1,5"\n"TR","2,0","207,7","2,1"\n',
+    "units below": "Branch,Wave number,Frequency,Error\n,(rad/um),(MHz),(MHz)\n" + ROWS,
+    "slashes": "branch,k/(rad/µm),f/MHz,error/MHz\n" + ROWS,
+    "quotes": HEAD + ROWS.replace("L,", '"L",').replace("1.5", '"1.5"'),
+    "comments": "# a layer\n" + HEAD + "# first run\n" + ROWS + "% end\n",
+    "head of numpy.savetxt": "# " + (HEAD + ROWS).replace(",", " "),
+    "preamble": "Instrument;XYZ\nRecord length;2\n\n" + (HEAD + ROWS).replace(",", ";"),
+}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "cp1252"])
+@pytest.mark.parametrize("name", SPELLINGS)
+def test_a_table_is_read_as_a_person_reads_it(name: str, encoding: str, tmp_path: Path) -> None:
+    def told(text: str) -> list[tuple[object, ...]]:
+        (tmp_path / "data.csv").write_bytes(text.encode(encoding, errors="ignore"))
+        return [(each.branch, each.wavenumber, each.value, each.error) for each in read(tmp_path / "data.csv")[0]]
+
+    assert told(SPELLINGS[name]) == told(HEAD + ROWS)
+
+
+def test_what_was_understood_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "data.csv").write_text("Gerät;XYZ\nk (1/m);f (kHz)\n1,5;3\n", encoding="utf-8")
+    assert read(tmp_path / "data.csv")[1].understood == (
+        f"{tmp_path / 'data.csv'}: 1 row: wavenumber in rad/m, frequency in kHz; head to line 2; "
+        "cells parted by semicolons; decimals with commas"
+    )
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder", "large"])
+def test_a_file_without_an_end_is_not_read(kind: str, tmp_path: Path) -> None:
+    with pytest.raises(GranularError, match=r"must be a regular file|is too large"):
+        read(endless(kind, tmp_path))
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
+        (HEAD + ROWS.replace("152.6", "4_51.3"), "line 2: frequency = '4_51.3': must be a finite number"),
+        (HEAD + ROWS.replace("152.6", "inf"), "line 2: frequency = 'inf': must be a finite number"),
+        (HEAD + ROWS.replace("152.6", '"152,6"'), "1.0 has a point, and 152,6 in line 2 a comma; write points"),
+        ('frequency_MHz,row\n"1,526",\n', "line 2: 1,526 may be a thousand or a decimal"),
+        (HEAD + ROWS.replace("152.6", "152,6"), "line 2: 5 cells under 4 heads; decimals need points where cells"),
+        ((HEAD + ROWS).replace(",", ";").replace("152.6", "152,6"), "1.0 has a point, and 152,6 in line 2 a comma"),
+        ("frequency_MHz\trow\n1,526\t\n", "line 2: 1,526 may be a thousand or a decimal"),
+        (HEAD.replace("frequency", "frequncy") + ROWS, "'frequncy_MHz' is unknown; did you mean frequency_MHz?"),
+        ("Instrument,XYZ\nfreqency (MHz)\n1\n", "'freqency (MHz)' is unknown; did you mean frequency_MHz?"),
+        ("1,2\n3,4\n", "has no head; must have a line of"),
+        ("frequency_MHz,\n1,2\n", "line 2: 2 cells under 1 heads"),
+        (",frequency_MHz\n1,2\n", "line 2: '1' stands under no head"),
         ("", "has no head"),
         ("frequency_MHz\n", "has a head and no points"),
         ("row\n1\n", "has no measured column"),
         ("colour,frequency_MHz\n1,2\n", "column 'colour' is unknown"),
         ("frequency_THz\n1\n", "column 'frequency_THz': the unit must be one of frequency_GHz"),
+        ("frequency_mHz\n1\n", "column 'frequency_mHz': the unit must be one of frequency_GHz"),
         ("wavenumber,frequency_MHz\n1,2\n", "the unit must be one of wavenumber_rad/m"),
-        ("frequency_MHz,frequency_Hz\n1,1\n", "two columns hold frequency"),
+        ("frequency_MHz,frequency_Hz\n1,1\n", "2 columns hold frequency; must be one"),
         ("frequency_MHz,row\n1,2\n", "line 2: a frequency takes no row"),
         ("arrival_us,row\n1,\n", "line 2: a arrival needs row"),
         ("arrival_us,row\n1,1.5\n", "must be a row, counted from 0"),
@@ -58,7 +123,7 @@ def test_kinds_stand_in_one_table(tmp_path: Path) -> None:
     ],
 )
 def test_a_bad_table_gets_one_line_that_names_its_file_and_place(tmp_path: Path, text: str, says: str) -> None:
-    with pytest.raises(DataError) as refusal:
+    with pytest.raises(TableError) as refusal:
         table(tmp_path, text)
     assert says in str(refusal.value)
     assert str(refusal.value).startswith(str(tmp_path))
@@ -67,5 +132,5 @@ def test_a_bad_table_gets_one_line_that_names_its_file_and_place(tmp_path: Path,
 
 def test_a_file_that_is_no_text_is_said(tmp_path: Path) -> None:
     (tmp_path / "data.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(DataError, match="not a text file"):
+    with pytest.raises(TableError, match="not a text file"):
         read(tmp_path / "data.csv")

@@ -112,11 +112,11 @@ def test_a_file_with_a_state_is_an_impact(tmp_path: Path, capsys: pytest.Capture
     [
         (["row,uy_m", "1,1e-6"], "column column: is missing"),
         (["row,column", "1,0"], "must have one of the columns ux_m, uy_m, vx_m_s, vy_m_s, spin_rad_s"),
-        (["row,column,uy", "1,0,1e-6"], "column 'uy': must be one of row, column, ux_m"),
-        (["row,column,uy_m,uy_m", "1,0,1,1"], "column 'uy_m': must be one of"),
-        (["row,column,uy_m", "1,0,1e-6", "2,0"], "line 3: 2 values: must be 3, one for each column"),
+        (["row,column,uy", "1,0,1e-6"], "column 'uy': the unit must be one of uy_m, uy_mm"),
+        (["row,column,uy_m,uy_m", "1,0,1,1"], "2 columns hold uy; must be one"),
+        (["row,column,uy_m", "1,0,1e-6", "2,0"], "line 3: 2 cells under 3 heads"),
         (["row,column,uy_m", "1,0,much"], "line 2: uy_m = 'much': must be 0, or from 1e-30 to 1e+12 in size"),
-        (["row,column,uy_m", "1,0,nan"], "line 2: uy_m = nan: must be 0, or"),
+        (["row,column,uy_m", "1,0,nan"], "line 2: uy_m = 'nan': must be 0, or"),
         (["row,column,uy_m", "1.5,0,1e-6"], "line 2: row = 1.5: must be a whole number, counted from 0"),
         (["row,column,uy_m", "-1,0,1e-6"], "line 2: row = -1.0: must be a whole number"),
         (["row,column,vy_m_s", "1,0,1", "1,0,2"], "sphere [1, 0]: is there twice; must be there once, at one time"),
@@ -125,7 +125,8 @@ def test_a_file_with_a_state_is_an_impact(tmp_path: Path, capsys: pytest.Capture
         (["row,column,vy_m_s", "1,0,500"], "start.state: velocity = 500: two spheres would overlap by"),
         (["row,column,vy_m_s", "99,0,1"], "start.state: sphere [99, 0]: must be [row, column]"),
         (["row,column,vy_m_s", "1,0,0"], "striker: missing; an impact has a table [[striker]], or a [start]"),
-        ([], "column row: is missing"),
+        ([], "has no head; must have a line of column, row"),
+        (["row,column,uy_m", "1_0,0,1e-6"], "line 2: row = '1_0'"),
     ],
 )
 def test_a_file_that_is_no_state_is_refused_by_name(

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from granular_analysis.theory import green
+from granular_analysis.theory.catalogue import NETWORK
+from granular_analysis.tools import compare
 from granular_lmp import Scene, build, run
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.checkpoints import SPEED
@@ -41,8 +43,8 @@ def burst_samples(count: int = 81) -> list[list[float]]:
     return np.column_stack([tau, np.where(np.arange(count) % (count - 1), value, 0.0)]).tolist()
 
 
-def written(path: Path, pairs: list[list[float]]) -> Path:
-    path.write_text("tau,value\n" + "".join(f"{tau:.9g},{value:.9g}\n" for tau, value in pairs), encoding="utf-8")
+def written(path: Path, pairs: list[list[float]], head: str = "tau,value") -> Path:
+    path.write_text(f"{head}\n" + "".join(f"{tau:.9g},{value:.9g}\n" for tau, value in pairs), encoding="utf-8")
     return path
 
 
@@ -56,6 +58,9 @@ def sources(**keys: Any) -> list[dict[str, Any]]:
 @pytest.mark.parametrize("kind", ["force", "motion"])
 def test_samples_of_a_burst_do_what_the_burst_does(kind: str, tmp_path: Path) -> None:
     path = str(written(tmp_path / "burst.csv", burst_samples()))
+    if kind == "motion":  # as a measured one
+        si = [[tau * SMALL.scale.time, value * SMALL.displacement_amplitude] for tau, value in burst_samples()]
+        written(tmp_path / "burst.csv", si, "time_s,motion_m")
     signals = {"burst": BURST, "samples": {"signal": path, "delay": DELAY}, "more": {"signal": path, "delay": 0.31}}
     moved = {
         name: run(SMALL.with_values({"source": sources(**{kind: "y"}, **keys)}), tmp_path / name)
@@ -106,6 +111,66 @@ def test_before_and_after_the_samples_the_signal_is_constant(tmp_path: Path) -> 
         assert tau < 8 or moved == pytest.approx(1, abs=1e-8)
     with pytest.raises(SceneError, match="ends at tau = 8 with 1: must come back to 0, or last to time.duration = 14"):
         adopt(tmp_path / "deck", tmp_path / "run")
+
+
+# --- measured drives -------------------------------------------------------------------------------------------------
+
+# The units of a drive in those of the scene: k1 D0, D0, k1 D0 R, and D0 over R of an angle
+RADIUS, D0, K1 = SMALL.sphere.radius, SMALL.displacement_amplitude, SMALL.sphere.normal_stiffness
+DRIVES = {
+    "force": ({"force": "y"}, "t (µs);Force (nN)", 1e-6, K1 * D0 / 1e-9),
+    "motion": ({"motion": "y"}, "Time [ns];Displacement [nm]", 1e-9, D0 / 1e-9),
+    "torque": ({"force": "torque"}, "time_ms;torque_nNm", 1e-3, K1 * D0 * RADIUS / 1e-9),
+    "rotation": ({"motion": "rotation"}, "time_s;angle_urad", 1.0, D0 / RADIUS / 1e-6),
+}
+
+
+@pytest.mark.parametrize("kind", DRIVES)
+def test_a_measured_drive_is_that_of_its_units(kind: str, tmp_path: Path) -> None:
+    keys, head, second, unit = DRIVES[kind]
+    rows = [f"{tau * SMALL.sphere.time_scale / second:.12g};{value * unit:.12g}" for tau, value in burst_samples()]
+    text = "\n".join(["Oscilloscope;XYZ", head, *rows, ""]).replace(".", ",")
+    (tmp_path / "drive.csv").write_text(text, encoding="utf-8")
+    scene = SMALL.with_values({"source": sources(**keys, signal=str(tmp_path / "drive.csv"))})
+    (found,) = prepare(scene).sources
+    # Twelve digits of the largest time and value
+    np.testing.assert_allclose(found.source.sampled, burst_samples(), rtol=0, atol=1e-10)
+    assert Scene.loads(scene.to_toml()) == scene
+    assert "(81 over " in found.words
+
+
+def test_a_crystal_takes_up_the_newtons_times_seconds_of_its_drive(tmp_path: Path) -> None:
+    """Newton's second law in SI units: nothing holds the sheet, so its momentum is the integral of the force."""
+    tau, value = np.array(burst_samples()).T
+    seconds, newtons = 0.4e-9 * tau, 2e-10 * value
+    signal = [["time_s", "force_N"], *np.column_stack([seconds, newtons]).tolist()]
+    snapshots = run(SMALL.with_values({"source": sources(force="y", signal=signal)}), tmp_path / "run").snapshots()
+    fit = samples.spline(np.column_stack([seconds, newtons]).tolist())
+    impulse = [fit.integrate(0, min(t, seconds[-1])) for t in snapshots.tau * SMALL.scale.time]
+    mass = 4 / 3 * np.pi * RADIUS**3 * SMALL.sphere.density
+    momentum = mass * D0 / SMALL.scale.time * snapshots.stack("velocity")[..., 1].sum(axis=1)
+    # Verlet sums the force by the trapezoidal rule: 4.4e-4 with steps of 0.05 τ, a quarter of it with half of them
+    np.testing.assert_allclose(momentum, impulse, rtol=0, atol=1e-3 * np.abs(impulse).max())
+
+
+def test_measured_drives_of_every_kind_do_in_lammps_what_they_do_in_the_network(tmp_path: Path) -> None:
+    """The network takes newtons and metres by kg, m and s of its own, not by k1 and D0."""
+    drives = []
+    for place, (keys, head, second, unit) in zip([[3, 3], [1, 1], [4, 1], [1, 4]], DRIVES.values(), strict=True):
+        rows = [[tau * SMALL.sphere.time_scale / second, value * unit] for tau, value in burst_samples()]
+        drives.append({"spheres": [place], **keys, "signal": [head.split(";"), *rows]})
+    found = compare.compare(run(SMALL.with_values({"source": drives}), tmp_path / "run"))
+    assert found.theory == NETWORK
+    assert max(found.error.values()) < 2e-3  # of the step, 0.05 τ: 1.4e-3 of φ
+
+
+def test_a_measured_drive_keeps_its_newtons_in_another_scene() -> None:
+    pairs = [[tau * 1e-9, value * 1e-10] for tau, value in burst_samples()]
+    scene = SMALL.with_values({"source": sources(force="y", signal=[["time_s", "force_N"], *pairs])})
+    other = scene.with_values({"wave.amplitude": 2 * SMALL.amplitude})
+    assert other.source == scene.source
+    assert prepare(other).sources[0].source.largest == pytest.approx(prepare(scene).sources[0].source.largest / 2)
+    assert prepare(scene).sources[0].source.largest == pytest.approx(1e-10 / (K1 * D0))
 
 
 # --- scenes ----------------------------------------------------------------------------------------------------------
@@ -177,7 +242,11 @@ def changed(place: int, column: int, value: float) -> list[list[float]]:
             r"source\.1\.signal = 'noise': must be one of \"tone\", .*, or a file \"NAME\.csv\" with the columns",
         ),
         ("none.csv", r"source\.1\.signal = 'none\.csv': cannot be read: No such file or directory$"),
-        ("\0.csv", "cannot be read as UTF-8 text"),
+        ("\0.csv", "cannot be read: embedded null byte"),
+        (changed(7, 1, 2e6), "2e\\+06 among the numbers: must be from -1e\\+06 to 1e\\+06"),
+        ([["time_s", "motion_m"], *burst_samples()], 'signal: has motion_m: must be force with force = "x"'),
+        ([["time_s", "force_lb"], *burst_samples()], "column 'force_lb': the unit must be one of force_N"),
+        ([["time_s", "tau"], *burst_samples()], "must have the columns tau,value, or time_s and one of force_N"),
         (burst_samples()[:4], "4 samples: must be from 5 to 10000"),
         ([[0.0, 0.0], [1.0]], r"source\.1\.signal\[1\] = \[1\.0\]: must be \[tau, value\], two numbers"),
         ([[0.0, 0.0], [1.0, True]], r"source\.1\.signal\[1\] = \[1\.0, True\]: must be \[tau, value\]"),
@@ -203,12 +272,17 @@ def test_samples_that_are_no_signal_are_refused_by_name(signal: Any, message: st
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "line 1 must be tau,value, here ''"),
-        ("0,0\n1,1\n", "line 1 must be tau,value, here '0,0'"),
-        ("tau,value\n0,0\n0.1;1\n", "line 3 must be two numbers, tau,value, here '0.1;1'"),
-        ("tau,value\n0,0\n\n0.2,1\n", "line 3 must be two numbers, tau,value, here ''"),
-        ("tau,value\n0,0,0\n", "line 2 must be two numbers"),
-        ("tau,value\n0,inf\n", "two numbers from -1e\\+06 to 1e\\+06"),
+        (
+            "",
+            "has no head; must have a line of angle_UNIT, force_UNIT, motion_UNIT, tau, time_UNIT, torque_UNIT, value",
+        ),
+        ("0,0\n1,1\n", "torque_UNIT, value; line 1 is '0,0'"),
+        ("tau,value\n0,0\n0.1;1\n", "line 3: 1 cells under 2 heads"),
+        ("tau,value\n0,0\n0.2\n", "line 3: 1 cells under 2 heads"),
+        ("tau,value\n0,0,0\n", "line 2: 3 cells under 2 heads"),
+        ("tau\n0\n", "must have the columns tau,value, or time_s and one of force_N, .* here tau"),
+        ("tau,value\n0,inf\n", "line 2 must be two numbers, here 0, inf"),
+        ("tau,value\n0,1_0\n", "line 2 must be two numbers, here 0, 1_0"),
     ],
 )
 def test_a_file_that_is_no_table_is_refused_with_its_line(text: str, message: str, tmp_path: Path) -> None:

@@ -85,6 +85,18 @@ def test_parameters_of_which_data_know_a_product_are_named_together_and_stay_nea
     assert idle == pytest.approx(4.0, rel=1e-6)
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_parameters_that_data_do_not_determine_take_no_degree_of_freedom(known: bool) -> None:
+    data, errors = noisy(0.01), np.full(len(X), 0.01) if known else None
+    spare = [Parameter("scale", 1.5, 0.0), Parameter("idle", 4.0, 0.0)]
+    two = estimate(LINE, line, data, errors)
+    four = estimate([*LINE, *spare], lambda v: line(np.array([v[0] * v[2], v[1]])), data, errors)
+    assert two.freedom == four.freedom == len(X) - 2
+    assert four.blind == (("slope", "scale"), ("idle",))
+    assert four.chi_squared == pytest.approx(two.chi_squared, rel=1e-6)
+    np.testing.assert_allclose(four.intervals[1], two.intervals[1], rtol=1e-6)
+
+
 @pytest.mark.parametrize("loss", [loss for loss in LOSSES if loss != "linear"])
 def test_a_robust_loss_weighs_an_outlier_down(loss: str) -> None:
     data = noisy(0.01)

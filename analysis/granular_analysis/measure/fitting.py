@@ -103,14 +103,20 @@ class Fit:
             found[chosen] = fronts(scene, [self.points[n] for n in chosen])
         return found
 
+    @cached_property
+    def at_start(self) -> Floats:
+        """Return what the points would be, (N,), for the values that the scene declares."""
+        return self.predicted(np.array([each.start for each in self.parameters]))
+
     def answer(self) -> Estimate:
         """Return the estimate.
 
         Raises ValueError for a scene or a point that no theory here holds, GranularError for values that leave it.
         """
         errors = [each.error for each in self.points if each.error is not None]
-        self.predicted(np.array([each.start for each in self.parameters]))  # its refusals are the answer
-        known: dict[bytes, Floats] = {}  # searches ask again where they start and end
+        start = np.array([each.start for each in self.parameters])
+        # Its refusals at the start are the answer, and searches ask again where they start and end
+        known = {start.tobytes(): self.at_start}
 
         def model(values: Floats) -> Floats:
             place = values.tobytes()
@@ -128,10 +134,14 @@ class Fit:
             return np.full(len(self.points), np.nan)
 
     def branches(self, values: Floats) -> list[str]:
-        """Return the branch of each point, counted from 1; of a surface wave its word, of another kind none."""
-        chosen = [each for each in self.points if _theory(each) == "frequency"]
-        numbers = iter(_branches(_modes(self.at(values), chosen), chosen).tolist() if chosen else [])
-        return [str(next(numbers) + 1) if _theory(each) == "frequency" else each.branch for each in self.points]
+        """Return the branch of each point: its own word, or the number, from 1, of the nearest of a frequency."""
+        found = [each.branch for each in self.points]
+        near = [n for n, each in enumerate(self.points) if each.kind == "frequency" and not each.branch]
+        if near:
+            chosen = [self.points[n] for n in near]
+            for n, number in zip(near, _branches(_modes(self.at(values), chosen), chosen), strict=True):
+                found[n] = str(number + 1)
+        return found
 
 
 def _theory(point: Point) -> str:
@@ -232,7 +242,8 @@ def summary(fit: Fit, found: Estimate) -> dict[str, Any]:
             each.name: {"value": float(value), "start": each.start, "from": plain(low), "to": plain(high)}
             for each, value, (low, high) in zip(found.parameters, found.values, found.intervals, strict=True)
         },
-        "chi_squared_a_point": plain(found.chi_squared) if found.error is None else None,
+        "chi_squared_a_degree_of_freedom": plain(found.chi_squared) if found.error is None else None,
+        "degrees_of_freedom": found.freedom,
         "error": found.error,
         "correlations": [[plain(value) for value in row] for row in found.correlations],
         "cannot_tell_apart": [list(group) for group in found.blind],

@@ -140,7 +140,12 @@ def _sources(scene: Scene, network: Network, scales: Scales) -> Iterator[Drive]:
         if kind in turns:
             component = component + 3 if network.dimension == 3 else 2
         unit = scales.length * (1 if source.motion else scales.stiffness) * turns.get(kind, 1.0)
-        signal, pace, largest = signal_of(source, scene)
+        measured = not isinstance(source.signal, str) and isinstance(source.signal[0][0], str)
+        if measured:  # in SI units, behind a head
+            newton = scales.kilogram * scales.metre / scales.second**2
+            sizes = {"force": newton, "torque": newton * scales.metre, "motion": scales.metre, "angle": 1.0}
+            unit = 1 / sizes[str(source.signal[0][1]).partition("_")[0]]
+        signal, pace, largest = signal_of(source, scene, scales.time * scales.second if measured else 1.0)
         yield Drive(
             chosen(source, scene, network.position),
             component,
@@ -151,13 +156,16 @@ def _sources(scene: Scene, network: Network, scales: Scales) -> Iterator[Drive]:
         )
 
 
-def signal_of(source: Any, scene: Scene) -> tuple[Function, float, float]:
+def signal_of(source: Any, scene: Scene, second: float = 1.0) -> tuple[Function, float, float]:
     """Return the signal of a source over τ, the time in which it changes, and its largest value.
+
+    `second` is t0 in the unit of time of samples: s for those of a measured drive.
 
     Raises TheoryError for a signal that is not known here.
     """
     if not isinstance(source.signal, str):
-        pairs = np.array(source.signal)
+        pairs = np.array([each for each in source.signal if not isinstance(each[0], str)])
+        pairs[:, 0] /= second
         return green.samples(pairs, source.delay), pairs[1, 0] - pairs[0, 0], float(np.abs(pairs[:, 1]).max())
     if source.signal == "step":
         return green.step(source.ramp, source.delay), source.ramp / 4, 1.0

@@ -1,7 +1,7 @@
 """Measured points of a table: their kind, their place, their value with its error, in SI units.
 
-A table is CSV with a head. A column is a quantity and its unit, ``frequency_MHz`` or ``frequency [MHz]``; lines that
-begin with # are comments. Each row has a value in one of
+A table is CSV with a head (`granular_lmp.scene.spreadsheets`). A column is a quantity and its unit, ``frequency_MHz``
+or ``f [MHz]``. Each row has a value in one of
 
     frequency_Hz          of a wave: with wavenumber_rad/row or wavelength_m, direction_deg, and branch
     second_harmonic_m     of a wave of amplitude_m, time_s after its start: with wavenumber or wavelength
@@ -13,30 +13,26 @@ name (L, TR, RT) or a number from 1, the lowest; an empty one is that with the n
 is 0, an empty direction that of the scene. Every other cell that a row needs must be filled.
 """
 
-import csv
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-_PREFIXES = {"": 1.0, "k": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3, "u": 1e-6, "n": 1e-9}
-_LENGTHS = {f"{prefix}m": size for prefix, size in _PREFIXES.items() if size <= 1}
-_TIMES = {f"{prefix}s": size for prefix, size in _PREFIXES.items() if size <= 1}
+from granular_lmp.scene import spreadsheets
+from granular_lmp.scene.spreadsheets import ERROR, LENGTHS, TIMES, Column, Table, TableError, value_of
+
 _NUMBERS = {"": 1.0}
 UNITS: Mapping[str, Mapping[str, float]] = {  # each quantity has these, in SI units
-    "frequency": {f"{prefix}Hz": size for prefix, size in _PREFIXES.items() if size >= 1},
-    "second_harmonic": _LENGTHS,
-    "arrival": _TIMES,
+    "frequency": {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9},
+    "second_harmonic": LENGTHS,
+    "arrival": TIMES,
     "speed": {"m/s": 1.0, "km/s": 1e3},
-    "wavenumber": {"rad/row": 1.0, "rad/m": 1.0, "rad/um": 1e6},
-    "wavelength": _LENGTHS,
+    "wavenumber": {"rad/row": 1.0, "rad/m": 1.0, "rad/mm": 1e3, "rad/um": 1e6},
+    "wavelength": LENGTHS,
     "direction": {"deg": 1.0},
-    "amplitude": _LENGTHS,
-    "time": _TIMES,
+    "amplitude": LENGTHS,
+    "time": TIMES,
     "row": _NUMBERS,
     "column": _NUMBERS,
     "to_row": _NUMBERS,
@@ -52,10 +48,9 @@ KINDS: Mapping[str, tuple[frozenset[str], frozenset[str]]] = {
 
 
 COUNTED = {"row", "column", "to_row", "to_column"}
-
-
-class DataError(ValueError):
-    """A table that is no table of measured points: the message names the line, the column and what is allowed."""
+_ERRORS = {unit: 1.0 for kind in KINDS for unit in [*UNITS[kind], "%"]}  # of one size: the kind tells the unit's
+_HEADS = {**UNITS, "branch": _NUMBERS, ERROR: _ERRORS}
+_SYMBOLS = {"f": "frequency", "k": "wavenumber", "wave_number": "wavenumber", "λ": "wavelength", "t": "time"}
 
 
 @dataclass(frozen=True)
@@ -90,132 +85,80 @@ class Point:
     to_column: int = -1
 
 
-class _Column(NamedTuple):
-    """A column by its head: what it holds, and its unit."""
+def read(file: str | Path) -> tuple[list[Point], Table]:
+    """Return the points of a table, and the table as it was understood.
 
-    quantity: str
-    unit: str
-
-
-def read(file: str | Path) -> list[Point]:
-    """Return the points of a table.
-
-    Raises DataError for what is not understood, OSError for a file that cannot be read.
+    Raises GranularError for a file that cannot be read, and for what is not understood.
     """
+    table = spreadsheets.read(file, _HEADS, _SYMBOLS)
     try:
-        text = Path(file).read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DataError(f"{file}: not a text file") from error
-    try:
-        return list(_points(text))
-    except DataError as error:
-        raise DataError(f"{file}: {error}") from None
+        if not any(each.quantity in KINDS for each in table.columns):
+            raise ValueError(f"has no measured column; it needs {_or(KINDS, '_UNIT')}")
+        if not table.rows:
+            raise ValueError("has a head and no points")
+        points = [
+            _point(line, [(column, cell) for column, cell in zip(table.columns, cells, strict=True) if cell])
+            for line, cells in table.rows
+        ]
+    except ValueError as error:
+        raise TableError(f"{file}: {error}") from None
+    return points, table
 
 
-def _points(text: str) -> Iterator[Point]:
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip() and line[0] != "#"]
-    if not lines:
-        raise DataError(f"has no head; it needs a column {_or(KINDS, '_UNIT')}")
-    if ";" in lines[0][1] or "\t" in lines[0][1]:
-        raise DataError("line of heads: cells must be parted by commas, and decimals by points")
-    columns = [_column(head) for head in next(csv.reader([lines[0][1]]))]
-    names = [each.quantity for each in columns]
-    if twice := {name for name in names if name != "error" and names.count(name) > 1}:
-        raise DataError(f"two columns hold {_or(twice)}; each quantity has one unit")
-    if not any(name in KINDS for name in names):
-        raise DataError(f"has no measured column; it needs {_or(KINDS, '_UNIT')}")
-    if len(lines) == 1:
-        raise DataError("has a head and no points")
-    for number, line in lines[1:]:
-        cells = [cell.strip() for cell in next(csv.reader([line]))]
-        if len(cells) != len(columns):
-            raise DataError(f"line {number}: {len(cells)} cells under {len(columns)} heads; decimals need points")
-        yield _point(number, [(column, cell) for column, cell in zip(columns, cells, strict=True) if cell])
-
-
-def _column(head: str) -> _Column:
-    """Return what a head says; DataError for one that is unknown."""
-    text = head.strip()
-    if text == "branch":
-        return _Column(text, "")
-    found = re.fullmatch(r"(?P<name>[a-z_]+?)(?:_(?P<unit>[^_\[\]]+)|\s*\[(?P<bracketed>.+)\])?", text)
-    name, unit = (found["name"], found["unit"] or found["bracketed"] or "") if found else (text, "")
-    if text in UNITS:
-        name, unit = text, ""
-    if name == "error" and (unit == "%" or any(unit in UNITS[kind] for kind in KINDS)):
-        return _Column(name, unit)
-    if name not in UNITS:
-        units = {f"{each}_UNIT" for each in UNITS if UNITS[each] != _NUMBERS} | {"branch", "error_UNIT"} | COUNTED
-        near = get_close_matches(name, UNITS, n=1)
-        raise DataError(
-            f"column {text!r} is unknown; {f'did you mean {near[0]}?' if near else f'allowed: {_or(units)}'}"
-        )
-    if unit not in UNITS[name]:
-        allowed = _or(f"{name}_{each}" if each else name for each in UNITS[name])
-        raise DataError(f"column {text!r}: the unit must be one of {allowed}")
-    return _Column(name, unit)
-
-
-def _point(line: int, cells: list[tuple[_Column, str]]) -> Point:
-    there = {column.quantity: (column.unit, cell) for column, cell in cells if column.quantity != "error"}
+def _point(line: int, cells: list[tuple[Column, str]]) -> Point:
+    there = {column.quantity: (column.unit, cell) for column, cell in cells if column.quantity != ERROR}
     kinds = [name for name in there if name in KINDS]
     if len(kinds) != 1:
-        raise DataError(f"line {line}: must have one value of {_or(KINDS)}, and has {_or(kinds) or 'none'}")
+        raise ValueError(f"line {line}: must have one value of {_or(KINDS)}, and has {_or(kinds) or 'none'}")
     kind = kinds[0]
     needed, allowed = KINDS[kind]
     if lacking := needed - there.keys():
-        raise DataError(f"line {line}: a {kind} needs {_or(lacking)}")
+        raise ValueError(f"line {line}: a {kind} needs {_or(lacking)}")
     if other := there.keys() - needed - allowed - {kind}:
-        raise DataError(f"line {line}: a {kind} takes no {_or(other)}")
+        raise ValueError(f"line {line}: a {kind} takes no {_or(other)}")
     if {"wavenumber", "wavelength"} <= there.keys():
-        raise DataError(f"line {line}: has a wavenumber and a wavelength; give one of the two")
+        raise ValueError(f"line {line}: has a wavenumber and a wavelength; give one of the two")
     numbers = {name: _number(line, name, *each) for name, each in there.items() if name != "branch"}
     value = numbers.pop(kind)
     if value <= 0:
-        raise DataError(f"line {line}: {kind} = {there[kind][1]}: must be above 0")
-    place = {name: int(number) if name in COUNTED else number for name, number in numbers.items()}
-    unit = there["wavenumber"][0] if "wavenumber" in there else "rad/row"
+        raise ValueError(f"line {line}: {kind} = {there[kind][1]}: must be above 0")
+    place = {name: int(each) if name in COUNTED else each for name, each in numbers.items()}
+    rows = "wavelength" not in place and there.get("wavenumber", ("rad/row",))[0] == "rad/row"
     if "wavelength" in place:
-        place, unit = place | {"wavenumber": 2 * np.pi / place.pop("wavelength")}, "rad/m"
+        place["wavenumber"] = 2 * np.pi / place.pop("wavelength")
     return Point(
         kind,
         value,
         _error(line, kind, value, cells),
         line,
         there.get("branch", ("", ""))[1],
-        unit="rad/m" if unit.startswith("rad/u") else unit,
+        unit="rad/row" if rows else "rad/m",
         **place,  # type: ignore[arg-type]  # numbers by their names
     )
 
 
 def _number(line: int, name: str, unit: str, cell: str) -> float:
     """Return a cell in SI units."""
-    try:
-        value = float(cell)
-    except ValueError:
-        value = np.nan
+    value = value_of(cell)
     whole = name not in COUNTED or (value >= 0 and value == int(value))
     if not np.isfinite(value) or not whole or (name in ("wavelength", "amplitude", "time") and value <= 0):
         kind = f"a {name.removeprefix('to_')}, counted from 0" if name in COUNTED else "a finite number"
         above = " above 0" if name in ("wavelength", "amplitude", "time") else ""
-        raise DataError(f"line {line}: {name} = {cell!r}: must be {kind}{above}")
+        raise ValueError(f"line {line}: {name} = {cell!r}: must be {kind}{above}")
     return value * UNITS[name][unit]
 
 
-def _error(line: int, kind: str, value: float, cells: list[tuple[_Column, str]]) -> float | None:
+def _error(line: int, kind: str, value: float, cells: list[tuple[Column, str]]) -> float | None:
     """Return the standard error of a value of a kind, None without one."""
-    given = [(column.unit, cell) for column, cell in cells if column.quantity == "error"]
+    given = [(column.unit, cell) for column, cell in cells if column.quantity == ERROR]
     fitting = [(unit, cell) for unit, cell in given if unit == "%" or unit in UNITS[kind]]
     if len(given) != len(fitting) or len(given) > 1:
         allowed = _or([*(f"error_{unit}" for unit in UNITS[kind]), "error_%"])
-        raise DataError(f"line {line}: the error of a {kind} must be in one of {allowed}")
+        raise ValueError(f"line {line}: the error of a {kind} must be in one of {allowed}")
     for unit, cell in fitting:
-        try:
-            size = float(cell) * (value / 100 if unit == "%" else UNITS[kind][unit])
-        except ValueError:
-            size = np.nan
+        size = value_of(cell) * (value / 100 if unit == "%" else UNITS[kind][unit])
         if not 0 < size < np.inf:
-            raise DataError(f"line {line}: error = {cell!r}: must be a finite number above 0")
+            raise ValueError(f"line {line}: error = {cell!r}: must be a finite number above 0")
         return size
     return None
 

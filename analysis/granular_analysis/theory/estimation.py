@@ -8,8 +8,9 @@ deviations; if they are not, all points have one error, which the residuals tell
 
 A combination of parameters whose standard deviation is above `WIDE`, a factor of e² of positive ones, is one that the
 data do not determine: the right singular vector of J that belongs to it names the parameters that it mixes. They have
-no interval. A search with a prior of that width about the start finds them, and leaves them near it; a second search
-without a prior moves only along the other right singular vectors.
+no interval. A search with a prior of that width about the start finds them; a second search without a prior moves only
+along the other right singular vectors. So of all values that meet the data alike those come out that lie nearest to the
+start, to first order: a parameter without effect stays there, and parameters of a product share the step.
 
 When it breaks: an interval assumes that the model is linear over its own width, and that residuals are independent and
 Gaussian. A robust loss weighs outliers down; its intervals are then those of a
@@ -86,6 +87,8 @@ class Estimate:
     correlations : (P, P); nan in the rows of such parameters.
     residuals : (N,) in standard deviations σ_i; in those that the residuals tell where the errors were not known.
     error : the one error of all points, in their unit, where errors were not known; else None.
+    freedom : the number of points less that of combinations of parameters that the data determine, which is the rank of
+        the Jacobian: a parameter that they do not determine meets no point.
     blind : groups of parameters that the data cannot tell apart; a group of one is a parameter without effect.
     """
 
@@ -95,12 +98,8 @@ class Estimate:
     correlations: Floats
     residuals: Floats
     error: float | None
+    freedom: int
     blind: tuple[tuple[str, ...], ...]
-
-    @property
-    def freedom(self) -> int:
-        """Return the number of points less that of parameters."""
-        return len(self.residuals) - len(self.parameters)
 
     @property
     def chi_squared(self) -> float:
@@ -142,7 +141,7 @@ def estimate(
     search = _Search(tuple(parameters), model, data, loss)
     if errors is None:
         guess = _GUESS * (float(np.abs(data).max()) or 1.0)
-        unit = guess * max(_scatter(search.best(np.full(len(data), guess))), _ROUNDING)
+        unit = guess * max(search.best(np.full(len(data), guess)).scatter, _ROUNDING)
         found = search.best(np.full(len(data), unit))
         return search.judged(found, unit)
     sigma = np.asarray(errors, dtype=float)
@@ -159,11 +158,14 @@ class _Minimum(NamedTuple):
     jacobian: Floats
     seen: Floats
 
+    @property
+    def freedom(self) -> int:
+        return len(self.residuals) - len(self.seen)
 
-def _scatter(found: _Minimum) -> float:
-    """Return the root of Σ r² over the degrees of freedom."""
-    count, parameters = found.jacobian.shape
-    return float(np.sqrt(np.sum(found.residuals**2) / (count - parameters)))
+    @property
+    def scatter(self) -> float:
+        """Return the root of Σ r² over the degrees of freedom."""
+        return float(np.sqrt(np.sum(self.residuals**2) / self.freedom))
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,8 +229,8 @@ class _Search:
         """Return the estimate of a minimum; `unit` is that of the residuals, where the error is not known."""
         width, spread = float(ndtri(0.5 + COVERAGE / 2)), 1.0
         if unit is not None:
-            spread = max(_scatter(found), _ROUNDING)
-            width = float(stdtrit(len(self.data) - len(self.parameters), 0.5 + COVERAGE / 2))
+            spread = max(found.scatter, _ROUNDING)
+            width = float(stdtrit(found.freedom, 0.5 + COVERAGE / 2))
         inside = found.jacobian @ found.seen.T
         covariance = found.seen.T @ np.linalg.inv(inside.T @ inside) @ found.seen * spread**2
         null = np.eye(len(self.parameters)) - found.seen.T @ found.seen  # projects on what data do not determine
@@ -241,6 +243,7 @@ class _Search:
             correlations=covariance / np.outer(deviation, deviation),
             residuals=found.residuals / spread,
             error=None if unit is None else unit * spread,
+            freedom=found.freedom,
             blind=tuple(_groups(null, [each.name for each in self.parameters])),
         )
 

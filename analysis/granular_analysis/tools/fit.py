@@ -24,21 +24,25 @@ from granular_analysis.plotting import letter, save, start, write
 from granular_analysis.theory.estimation import LOSSES, Estimate
 from granular_analysis.theory.scenes import Setting
 from granular_lmp.runs.record import GranularError, Scene
+from granular_lmp.scene.spreadsheets import ERROR, Column
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _STRONG = 0.99  # correlation that is told
 _FAR = 5.0  # residual that is told
+_MOVED = 100.0  # factor between a key and its start that is told
+_UNLIKELY = 1e3  # χ² a degree of freedom, and its inverse, that are told
 _LINES = 200  # wave numbers of a branch in the figure
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A fit with its answer."""
+    """A fit with its answer, and the columns of the table that it is of."""
 
     fit: Fit
     found: Estimate
+    columns: Sequence[Column] = ()
 
     @property
     def scene(self) -> Scene:
@@ -56,7 +60,7 @@ def table(fitted: Fitted) -> str:
     lines += [
         *_verdict(fitted),
         "",
-        f"{'line':>5} {'kind':16}{'branch':>7}{'measured':>13}{'fitted':>13}{'residual':>10}",
+        f"{'line':>5} {'kind':22}{'branch':>7}{'measured':>13}{'fitted':>13}{'residual':>10}",
     ]
     for point, branch, value, residual in zip(
         fit.points, fit.branches(found.values), fit.predicted(found.values), found.residuals, strict=True
@@ -79,6 +83,7 @@ def _verdict(fitted: Fitted) -> list[str]:
         said = [f"chi2 = {found.chi_squared:.4g} a degree of freedom, of {found.freedom}"]
     else:
         said = ["as many keys as points: the points do not judge the model"]
+    said += _unlikely(fitted)
     worst = int(np.argmax(np.abs(found.residuals)))
     if abs(found.residuals[worst]) > _FAR:
         said.append(
@@ -87,7 +92,7 @@ def _verdict(fitted: Fitted) -> list[str]:
         )
     for group in found.blind:
         keys = ", ".join(group)
-        said.append(f"the data do not depend on {keys}" if len(group) == 1 else f"the data cannot tell apart: {keys}")
+        said.append(f"the data do not determine {keys}" if len(group) == 1 else f"the data cannot tell apart: {keys}")
     names = [each.name for each in found.parameters]
     for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
         correlation = found.correlations[i, j]
@@ -96,6 +101,47 @@ def _verdict(fitted: Fitted) -> list[str]:
         elif np.isfinite(correlation):
             said.append(f"correlation of {names[i]} and {names[j]}: {correlation:.2f}")
     return said
+
+
+def unlikely_units(fit: Fit, columns: Sequence[Column]) -> list[str]:
+    """Return a sentence on each kind of point that is about a thousand times what the start gives, or a thousandth."""
+    said, pairs = [], list(zip(fit.points, fit.at_start, strict=True))
+    for kind in dict.fromkeys(each.kind for each in fit.points):
+        factors = [each.value / value for each, value in pairs if each.kind == kind and value > 0]
+        if factors and _thousands(factor := float(np.median(factors))):
+            said.append(f"{kind} is {factor:.2g} times what the start gives{_perhaps(columns, kind, kind, factor)}")
+    return said
+
+
+def _unlikely(fitted: Fitted) -> list[str]:
+    """Return sentences on keys far from where they started, and on errors of another size than the residuals."""
+    found = fitted.found
+    said = [
+        f"{each.name} is {value / each.start:.2g} times its start"
+        for each, value in zip(found.parameters, found.values, strict=True)
+        if each.logarithmic and not 1 / _MOVED < value / each.start < _MOVED
+    ]
+    if found.error is None and found.freedom and not 1 / _UNLIKELY < found.chi_squared < _UNLIKELY:
+        size = float(np.sqrt(found.chi_squared))
+        unit = _perhaps(fitted.columns, ERROR, fitted.fit.points[0].kind, 1 / size)
+        said.append(f"residuals are {size:.2g} times what the errors say{unit}")
+    return said
+
+
+def _thousands(factor: float) -> int:
+    """Return the power of 1000 that is nearest to a factor."""
+    return round(np.log10(factor) / 3) if 0 < factor < np.inf else 0
+
+
+def _perhaps(columns: Sequence[Column], quantity: str, kind: str, factor: float) -> str:
+    """Ask for the unit that a column may have in place of that of its head, which makes it `factor` times too large."""
+    for column in columns:
+        if column.quantity == quantity and column.unit in UNITS[kind]:
+            size = UNITS[kind][column.unit] / 1e3 ** _thousands(factor)
+            for unit, other in UNITS[kind].items():
+                if unit != column.unit and np.isclose(other, size, atol=0):
+                    return f"; is the column {quantity}_{column.unit} in {unit}?"
+    return ""
 
 
 def _unit(kind: str, value: float) -> tuple[str, float]:
@@ -172,13 +218,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--scene", dest="fitted", metavar="FILE", help="write the fitted scene, ready to run")
     options = parser.parse_args(arguments)
     try:
-        fit = Fit(Scene.load(options.scene), read(options.data), tuple(options.free), options.loss)
-        fitted = Fitted(fit, fit.answer())
+        scene, (points, measured) = Scene.load(options.scene), read(options.data)
+        print(measured.understood)
+        fit = Fit(scene, points, tuple(options.free), options.loss)
+        print("".join(f"{each}\n" for each in unlikely_units(fit, measured.columns)), end="")
+        fitted = Fitted(fit, fit.answer(), measured.columns)
         print(table(fitted))
     except GranularError as error:
         raise SystemExit(error.in_options()) from error
-    except OSError as error:
-        raise SystemExit(f"{options.data}: {error.strerror or error}") from error
     except ValueError as error:
         raise SystemExit(str(error)) from error
     if options.output:

@@ -33,13 +33,14 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from granular_analysis.measure.fitting import wavevectors
-from granular_analysis.measure.points import DataError, Point, read
+from granular_analysis.measure.points import Point, read
 from granular_analysis.measure.surface import BRANCH, SLOWEST, Film, Wave, is_surface_wave
 from granular_analysis.plotting import parser, save, start, write
 from granular_analysis.theory.phase_matching import zone_edge
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.surface_wave import HalfSpace
 from granular_lmp.runs.record import GranularError, Scene
+from granular_lmp.scene.spreadsheets import TableError
 
 Floats = NDArray[np.float64]
 POINTS = 120
@@ -85,14 +86,15 @@ def beside(points: Sequence[Point], found: Floats) -> str:
     return "\n".join(lines)
 
 
-def measured(file: str) -> list[Point]:
-    """Return the points of a table; DataError for one that is no surface wave."""
-    points = [replace(each, branch=each.branch or BRANCH) for each in read(file)]
+def measured(file: str) -> tuple[list[Point], str]:
+    """Return the points of a table, and how it was understood; TableError for one that is no surface wave."""
+    found, table = read(file)
+    points = [replace(each, branch=each.branch or BRANCH) for each in found]
     for each in points:
         if not is_surface_wave(each):
             said = f"branch = {each.branch!r}" if each.kind == "frequency" else f"a {each.kind}"
-            raise DataError(f"{file}: line {each.line}: {said}: must be a frequency of saw, saw1, saw2, … or no branch")
-    return points
+            raise TableError(f"{file}: line {each.line}: {said}: must be a frequency of saw, saw1, … or no branch")
+    return points, table.understood
 
 
 def as_csv(waves: Sequence[Wave]) -> str:
@@ -154,15 +156,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         setting = Setting(Scene.load(options.scene))
         below = HalfSpace.of(*options.below) if options.below else None
         film = Film.of(setting, options.density, options.direction, thickness=options.thickness, below=below)
-        points = measured(options.data) if options.data else []
+        points, understood = measured(options.data) if options.data else ([], "")
         vectors = wavevectors(setting, points)
-        told = [table(film)] + ([beside(points, film.met(points, vectors))] if points else [])
+        told = [table(film)] + ([understood, beside(points, film.met(points, vectors))] if points else [])
     except GranularError as error:
         raise SystemExit(error.in_options()) from error
-    except DataError as error:
-        raise SystemExit(str(error)) from error
-    except OSError as error:
-        raise SystemExit(f"{options.data}: {error.strerror or error}") from error
     except ValueError as error:
         raise SystemExit(f"{options.scene}: {error}") from error
     at = np.linalg.norm(vectors, axis=1) / np.linalg.norm(film.unit)

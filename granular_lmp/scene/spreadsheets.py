@@ -1,0 +1,246 @@
+"""Tables of numbers in CSV, as spreadsheets, digitizers and oscilloscopes write them: one reader for all of them.
+
+The head names quantities with their units: ``frequency_MHz``, ``frequency [MHz]``, ``Frequency (MHz)``,
+``frequency/MHz``, or by the symbol of a quantity, ``f (MHz)``. Cells are parted by commas, semicolons, tabs or spaces;
+where they are not parted by commas, decimals may have one. Lines above the head, lines that begin with # or %, empty
+lines and separators at the end of a line are passed over. What has two readings is refused.
+"""
+
+import csv
+import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from collections.abc import Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from math import nan
+from pathlib import Path
+
+from granular_lmp.errors import SceneError, one_line
+from granular_lmp.frozen import dataclass
+from granular_lmp.scene.files import LARGEST_TABLE, file_bytes
+from granular_lmp.scene.schema import shown
+
+Quantities = Mapping[str, Mapping[str, float]]  # the units of each quantity and their sizes in SI; "" for no unit
+Words = Mapping[str, str]  # other words and symbols for a quantity
+Rows = Sequence[tuple[int, list[str]]]  # the number of each line, from 1, and its cells
+
+LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9}
+
+ERROR = "error"  # the one quantity of which a table may have several columns, each of another quantity
+_PARTED_BY = {"\t": "tabs", ";": "semicolons", ",": "commas", " ": "spaces"}
+_COMMENT = "#%"
+_LOWEST_HEAD, _WIDEST_HEAD = 200, 100  # lines in which a head is looked for, and their cells
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)  # float() takes 4_51.3 and ٤ too
+_WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
+_UNIT = re.compile(r"(?:\s*[_/]|\s+in\s|(?=\s*[\[(]))\s*(.+)|\s*")  # behind the name of a quantity, or nothing
+_PER = re.compile(r"^1/(\w+)$|^(?:rad)?([a-z]+)\^?-1$")  # of a wave number, the one quantity in this unit
+_SPELLED = str.maketrans({"µ": "u", "μ": "u", "−": "-", "°": "deg", "·": "", " ": "", "\xa0": ""})
+
+
+class TableError(SceneError):
+    """A table cannot be read; the text names the file, the line and what is allowed."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column by its head: what it holds, and its unit."""
+
+    quantity: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table, and in one line how it was understood. Each row has a cell for each column, "" for nothing."""
+
+    columns: Sequence[Column]
+    rows: Rows
+    understood: str
+
+
+def value_of(cell: str) -> float:
+    """Return the number in a cell, nan if it holds none."""
+    return float(cell) if _NUMBER.fullmatch(cell) else nan
+
+
+def read(file: str | Path, quantities: Quantities, words: Words, said: str = "") -> Table:
+    """Return the table in a file.
+
+    Parameters
+    ----------
+    file : a regular file of at most `LARGEST_TABLE` bytes, in UTF-8, UTF-16 with a byte order mark, or Windows-1252.
+    quantities : what a column may hold, with its units.
+    words : other words and symbols for a quantity.
+    said : what the user wrote for the file, if that is not its path.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read, has no head, or a head or a line is not understood.
+    """
+    said = said or str(file)
+    try:
+        return _table(_decoded(file_bytes(Path(file), LARGEST_TABLE, said)), Heads(quantities, words), said)
+    except (ValueError, csv.Error) as error:
+        raise TableError(f"{said}: {one_line(error)}") from None
+
+
+def _decoded(raw: bytes) -> str:
+    wide = raw.startswith((BOM_UTF16_LE, BOM_UTF16_BE))
+    for encoding in ("utf-16",) if wide else ("utf-8", "cp1252"):
+        try:
+            text = raw.decode(encoding).lstrip("\ufeff")  # the mark of the byte order
+        except UnicodeDecodeError:
+            continue
+        if "\0" not in text:
+            return text
+    raise ValueError("not a text file; save a spreadsheet as CSV")
+
+
+class Heads:
+    """What heads may say."""
+
+    def __init__(self, quantities: Quantities, words: Words) -> None:
+        self.quantities = quantities
+        named = {each: each for each in quantities} | dict(words)
+        self._patterns = [
+            (re.compile(word.replace("_", r"[\s_-]?"), re.IGNORECASE), named[word])
+            for word in sorted(named, key=len, reverse=True)
+        ]
+
+    @property
+    def allowed(self) -> str:
+        """Return all quantities in words."""
+        return ", ".join(name if "" in units else f"{name}_UNIT" for name, units in sorted(self.quantities.items()))
+
+    def column(self, head: str) -> Column | None:
+        """Return what a head says, in whatever unit; None if it names no quantity."""
+        for word, quantity in self._patterns:
+            found = word.match(head)
+            if found and (unit := _UNIT.fullmatch(head, found.end())):
+                said = (unit[1] or "").strip("[]() ").translate(_SPELLED).replace("_", "/")
+                return Column(quantity, _PER.sub(r"rad/\1\2", said))
+        return None
+
+    def knows(self, head: str) -> bool:
+        """Return whether a head is understood, with its unit."""
+        column = self.column(head)
+        return column is not None and column.unit in self.quantities[column.quantity]
+
+    def near(self, head: str) -> str:
+        """Return the head that is nearly the same, "" if none is."""
+        every = [f"{name}_{unit}".strip("_") for name, units in self.quantities.items() for unit in units]
+        folded = {each.lower(): each for each in every}
+        plain = re.sub(r"[\s_\[\]()]+", "_", head.lower()).strip("_")
+        return next((folded[each] for each in get_close_matches(plain, folded, n=1)), "")
+
+    def checked(self, head: str) -> Column:
+        """Return what a head says; ValueError if it is not understood."""
+        column = self.column(head)
+        if column is None:
+            near = self.near(head)
+            raise ValueError(
+                f"column {head!r} is unknown; {f'did you mean {near}?' if near else f'allowed: {self.allowed}'}"
+            )
+        units = self.quantities[column.quantity]
+        if column.unit not in units:
+            allowed = ", ".join(sorted(f"{column.quantity}_{each}".strip("_") for each in units))
+            raise ValueError(f"column {head!r}: the unit must be one of {allowed}")
+        return column
+
+
+def _table(text: str, heads: Heads, said: str) -> Table:
+    lines = [(count, line) for count, line in enumerate(text.splitlines(), 1) if line.strip()]
+    after, separator, names = _head(lines, heads)
+    while not names[-1]:
+        names.pop()
+    rows = list(_rows(lines[after:], separator, len(names)))
+    used = [n for n, name in enumerate(names) if name]
+    for count, cells in rows:
+        if other := [cell for name, cell in zip(names, cells, strict=True) if cell and not name]:
+            raise ValueError(f"line {count}: {other[0]!r} stands under no head")
+    columns = [heads.checked(names[n]) for n in used]
+    for each in {each.quantity for each in columns} - {ERROR}:
+        if (held := [column.quantity for column in columns].count(each)) > 1:
+            raise ValueError(f"{held} columns hold {each}; must be one, in one unit")
+    plain, with_commas = _with_points([(count, [cells[n] for n in used]) for count, cells in rows], separator)
+    last = lines[after - 1][0]
+    told = [f"{each.quantity} in {each.unit}" if each.unit else each.quantity for each in columns]
+    understood = [f"{said}: {len(rows)} row{'s' * (len(rows) != 1)}: {', '.join(told)}"]
+    understood += [f"head to line {last}"] if last > 1 else []
+    understood += [f"cells parted by {_PARTED_BY[separator]}"] if separator != "," and len(names) > 1 else []
+    understood += ["decimals with commas"] if with_commas else []
+    return Table(columns, plain, "; ".join(understood))
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return re.split(r"\s+(?![\[(])", line.strip())  # the unit in brackets belongs to what stands before it
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+
+
+def _head(lines: Sequence[tuple[int, str]], heads: Heads) -> tuple[int, str, list[str]]:
+    """Return the number of lines up to the head, what parts its cells, and the cells: where most is understood.
+
+    Of equals it is the first. Raises ValueError if nothing is understood anywhere, with the head that is nearly the
+    same.
+    """
+    best, found = (0, 0), None
+    for after, separator, cells in _may_be_heads(lines):
+        known = sum(map(heads.knows, cells[:_WIDEST_HEAD]))
+        if known and (known, known - sum(map(bool, cells))) > best:
+            best, found = (known, known - sum(map(bool, cells))), (after, separator, cells)
+    if found:
+        return found
+    for _, line in lines[:_LOWEST_HEAD]:
+        for cell in map(str.strip, re.split(r"[\t;,]", line.lstrip(_COMMENT))[:_WIDEST_HEAD]):
+            if any(map(str.isalpha, cell)) and (heads.column(cell) or heads.near(cell)):
+                heads.checked(cell)
+    first = f"; line {lines[0][0]} is {shown(lines[0][1])}" if lines else ""
+    raise ValueError(f"has no head; must have a line of {heads.allowed}{first}")
+
+
+def _may_be_heads(lines: Sequence[tuple[int, str]]) -> Iterator[tuple[int, str, list[str]]]:
+    """Yield each line as a head, and with the line below as its units: the lines up to it, a separator, its cells."""
+    for after, (_, line) in enumerate(lines[:_LOWEST_HEAD], 1):
+        for separator in _PARTED_BY:
+            cells = _cells(line.lstrip(_COMMENT), separator)
+            yield after, separator, cells
+            units = _cells(lines[after][1].lstrip(_COMMENT), separator) if after < len(lines) else []
+            if len(units) == len(cells):
+                named = zip(cells, units, strict=True)
+                yield after + 1, separator, [f"{cell} [{unit.strip('[]()')}]" if unit else cell for cell, unit in named]
+
+
+def _rows(lines: Sequence[tuple[int, str]], separator: str, width: int) -> Iterator[tuple[int, list[str]]]:
+    for count, line in lines:
+        cells = [] if line.lstrip()[0] in _COMMENT else _cells(line, separator)
+        while len(cells) > width and not cells[-1]:
+            cells.pop()
+        if any(cells) and len(cells) != width:
+            remedy = "" if separator != "," else "; decimals need points where cells are parted by commas"
+            raise ValueError(f"line {count}: {len(cells)} cells under {width} heads{remedy}")
+        if any(cells):
+            yield count, cells
+
+
+def _with_points(rows: Rows, separator: str) -> tuple[Rows, bool]:
+    """Return rows whose decimals have points, and whether they had commas.
+
+    Raises ValueError for a table with both, and for commas that may part thousands.
+    """
+    commas = [(count, cell) for count, cells in rows for cell in cells if _WITH_COMMA.fullmatch(cell)]
+    if not commas:
+        return rows, False
+    for count, cells in rows:
+        if point := next((cell for cell in cells if "." in cell and _NUMBER.fullmatch(cell)), None):
+            other, comma = commas[0]
+            raise ValueError(f"line {count}: {point} has a point, and {comma} in line {other} a comma; write points")
+    if separator != ";" and all(_THOUSANDS.fullmatch(cell) for _, cell in commas):
+        count, cell = commas[0]
+        raise ValueError(
+            f"line {count}: {cell} may be a thousand or a decimal; write it with a point, or without comma"
+        )
+    return [(n, [c.replace(",", ".") if _WITH_COMMA.fullmatch(c) else c for c in cells]) for n, cells in rows], True
