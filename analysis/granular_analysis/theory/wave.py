@@ -26,6 +26,8 @@ from granular_analysis.theory.second_order import Mixed
 from granular_analysis.theory.third_order import Shift
 from granular_analysis.theory.third_order import shift as shift_of
 
+__all__ = ["antiresonance", "generated", "resonance"]
+
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 # Forces that may be left, in units of the largest stiffness at the wave vector. Rounding leaves 1e-15; a contact of
