@@ -1,16 +1,16 @@
 """When a deck looks at its contacts, and how much of a motion may hide between two looks.
 
-A deck looks at each sample, or `LOOKS` times in a period of the fastest motion Ω if that is more often. Of an
-oscillation that is seen every h, at most the share
+A deck looks `LOOKS` times in a period of the fastest motion Ω. Of an oscillation that is seen every h at most the
+share
 
     1 − cos(Ω h/2)
 
-of the amplitude lies beyond what is seen: 3 % where the sample is half a τ, 8 % at most. What comes so near to a limit
-is refused: on the opening of contacts, the share of their swing, which is at most that of the deepest overlap, and at
-most twice the amplitude of all waves, sources and strikes together. With the kernel nothing hides: it sees every step.
+of the amplitude lies beyond what is seen, 7.6 %. What comes so near to a limit is refused: on the opening of contacts,
+the share of their swing, which is at most that of the deepest overlap, and at most twice the amplitude of all waves,
+sources and strikes together. With the kernel nothing hides: it sees every step.
 """
 
-from math import ceil, cos, pi
+from math import cos, pi
 
 from granular_lmp.crystal.modes import Mode, highest_frequency
 from granular_lmp.effects.case import Case
@@ -18,7 +18,7 @@ from granular_lmp.scene.at_rest import contacts_of, swiftness
 from granular_lmp.scene.linear import physics_of, unit_contacts, usual_frequency
 from granular_lmp.scene.scene import Scene
 
-LOOKS = 8  # in a period of the fastest motion that matters, at least
+LOOKS = 8  # in a period of the fastest motion that matters
 TOP = 1.0  # rad/τ, top of the branches that carry displacements: L and TR at the edge of the zone
 
 
@@ -47,8 +47,8 @@ def longest(scene: Scene, mode: Mode | None = None) -> float:
 
 
 def look_interval(scene: Scene, mode: Mode | None = None) -> int:
-    """Return the steps between two looks, as the deck computes them."""
-    return ceil(scene.time.steps_per_sample / ceil(scene.time.sample / longest(scene, mode) - 1e-9))
+    """Return the steps between two looks, as the deck computes them; 1 where a step is longer than `longest`."""
+    return max(1, int(longest(scene, mode) / scene.time.step))
 
 
 def hidden(scene: Scene, mode: Mode | None = None, every: float | None = None) -> float:

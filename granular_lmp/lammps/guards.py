@@ -6,6 +6,10 @@ says when they are, and `granular_lmp.lammps.cone` which spheres they judge, tho
 record. The guards are defined with their effects (`granular_lmp.effects`).
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from granular_lmp.effects.case import Case
 from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.guard import Guard
 from granular_lmp.effects.looks import longest, look_interval, nearly_open
@@ -19,6 +23,9 @@ from granular_lmp.problem import Problem
 
 GUARDS = all_guards()
 LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
+BOUND = (
+    3.0  # times the largest ratio of one contact, the hardest shear is over the smallest sliding force (make guards)
+)
 
 
 def line_interval(problem: Problem) -> int:
@@ -46,36 +53,42 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
     for guard in (GUARDS[name] for name in names):
         of_contacts = [*contact_lines("inside", how), *overlap_lines(how)] if guard.of_contacts else []
         text += [line for line in (*of_contacts, *guard.lines(problem)) if line not in text]
+    seen = {name: f"f_looks[{place}]" for place, name in enumerate(_measured(problem), 1)}
     return [
         "# --- guards: looks whether the effects occur that this deck leaves out",
         *inside_lines(problem),
         *look_lines(problem),
         *text,
         *counted_lines(problem),
-        *_written_out(problem, how, checkpoint),
-        *thermo_lines(problem, columns(problem)),
-        *judged_lines(problem),
+        f"fix          looks all ave/time ${{look}} 1 ${{look}} {' '.join(seen)}  # LAMMPS computes them once a look",
+        *judged_lines(problem, seen=seen),
+        *_written_out(problem, how, seen, checkpoint),
+        *thermo_lines(columns(problem), seen),
     ]
 
 
 def look_lines(problem: Problem) -> list[str]:
-    """Return the line of v_look, the steps between two looks: `look_interval`, for other values by -var too."""
-    time = f"{longest(problem.scene, problem.mode):.6g}"
-    return [f"variable     look equal $(ceil(v_every/ceil(v_sample/{time}-1e-9)))  # steps between two looks"]
+    """Return the line of v_look, the steps between two looks: `look_interval`, for another step by -var too."""
+    steps = f"{longest(problem.scene, problem.mode)!r}*v_t0/v_step"
+    return [f"variable     look equal $(floor({steps})+(1>{steps}))  # steps between two looks"]
 
 
-def thermo_lines(problem: Problem, names: list[str], every: str = "${look}") -> list[str]:
-    """Return the lines of the thermo table."""
+def thermo_lines(names: list[str], seen: Mapping[str, str]) -> list[str]:
+    """Return the lines of the thermo table; `seen` says where the numbers of some columns stand."""
+    heads = "".join(f" colname {place} {name}" for name, place in seen.items())
     return [
-        f"thermo_style custom step {' '.join(names)}",
-        "thermo_modify flush yes format float %.10g  # the log of a killed run holds them too",
-        f"thermo       {every}",
+        f"thermo_style custom step {' '.join(seen.get(name, name) for name in names)}",
+        f"thermo_modify flush yes format float %.10g{heads}",  # flushed: the log of a killed run holds them too
+        "thermo       ${look}",
     ]
 
 
-def judged_lines(problem: Problem, every: int | str = "${look}") -> list[str]:
+def judged_lines(
+    problem: Problem, every: int | str = "${look}", seen: Mapping[str, str] = MappingProxyType({})
+) -> list[str]:
     """Return the line that keeps the numbers by which the last lines of the deck judge the run."""
-    own = " ".join(GUARDS[name].column for name in problem.judged)
+    names = [GUARDS[name].column for name in problem.judged]
+    own = " ".join(seen.get(name, name) for name in names)
     return [f"fix          judged all vector {every} {own}  # for the last lines"] if own else []
 
 
@@ -111,16 +124,27 @@ def _of_meetings(problem: Problem) -> list[str]:
 
 def columns(problem: Problem) -> list[str]:
     """Return the names of the thermo columns behind the step; those of slip need shear."""
-    own = ["v_tau", *(GUARDS[name].column for name in problem.guards)]
     if problem.scene.loose:
-        return own
-    return [*own, "v_overlap", *(["v_mu"] if SLIP.title in problem.guards else [])]
+        return ["v_tau", *(GUARDS[name].column for name in problem.guards)]
+    return ["v_tau", *_measured(problem), *(["v_mu"] if SLIP.title in problem.guards else [])]
 
 
-def _written_out(problem: Problem, how: Reading, checkpoint: str) -> list[str]:
-    """Return the lines that dump each contact, to judge it alone, while an upper bound does not decide."""
+def _measured(problem: Problem) -> list[str]:
+    """Return the columns that a look measures."""
+    return [*(GUARDS[name].column for name in problem.guards), "v_overlap"]
+
+
+def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkpoint: str) -> list[str]:
+    """Return the lines that dump each contact, to judge it alone, while an upper bound does not decide.
+
+    There are none if the bound of the wave that is expected is far below the limit. LAMMPS counts contacts before it
+    asks whether to skip: a dump whose interval is a time counts those that the look has computed, one whose interval is
+    in steps has them computed again.
+    """
     scene = problem.scene
     names = [name for name in problem.guards if GUARDS[name].per_contact(scene) and name in problem.left_out]
+    if SLIP.title in names and BOUND * Case(scene, problem.on).largest_slip() < SLIP.limit_in(problem):
+        names.remove(SLIP.title)
     if not names:
         return []
     columns, numbers, ends = "c_contact[1] c_contact[2]", "%.17g %.9g", []
@@ -130,14 +154,16 @@ def _written_out(problem: Problem, how: Reading, checkpoint: str) -> list[str]:
         columns, numbers = f"c_ends[1] c_ends[2] {columns}", f"%.0f %.0f {numbers}"
         ends = [f"compute      ends inside property/local patom1 patom2 cutoff {how.formulas.cutoff}"]
     holds = {
-        SLIP.title: f"({SLIP.limit_in(problem):.4f}>=v_slip)",
-        OPEN.title: f"(v_overlap>={nearly_open(scene, problem.mode):.4f})",
+        SLIP.title: f"({SLIP.limit_in(problem):.4f}>={seen['v_slip']})",
+        OPEN.title: f"({seen['v_overlap']}>={nearly_open(scene, problem.mode):.4f})",
     }
     return [
         *ends,
         f"variable     decided equal {'&&'.join(holds[name] for name in names)}  # if not, each contact is written",
+        "variable     next equal time+dt*${look}",
         f"dump         contacts all local ${{look}} ${{dump}}.contacts {columns}",
-        f'dump_modify  contacts first yes skip v_decided format line "{numbers}"' + " append yes" * bool(checkpoint),
+        f'dump_modify  contacts every/time v_next first yes skip v_decided format line "{numbers}"'
+        + " append yes" * bool(checkpoint),
     ]
 
 

@@ -54,7 +54,7 @@ def _guards(problem: Problem) -> list[str]:
             for guard in own
             if guard.name in _STEP
         ),
-        *thermo_lines(problem, columns(problem)),
+        *thermo_lines(columns(problem), {}),
         *judged_lines(problem),
     ]
 

@@ -218,13 +218,12 @@ def test_what_is_off_is_guarded_and_openings_and_slip_are_measured_anyway() -> N
 
 @pytest.mark.parametrize("step", [0.0125, 0.05, 0.5])
 @pytest.mark.parametrize("mode", ["L", "TR", "RT"])
-def test_guards_look_at_each_sample_or_eight_times_in_the_fastest_period(mode: str, step: float) -> None:
+def test_guards_look_eight_times_in_the_fastest_period_or_at_every_step(mode: str, step: float) -> None:
     problem = build(PAPER.with_values({"time.timestep": step, "time.sample": 0.5, "wave.mode": mode})).problem
     scene, steps = problem.scene, look_interval(problem.scene)
-    assert steps <= scene.time.steps_per_sample
-    assert steps == 1 or (steps - 1) * step * LOOKS <= 2 * pi / fastest(scene)
+    assert steps == 1 or steps * step * LOOKS <= 2 * pi / fastest(scene)
     assert fastest(scene) >= max(2 * problem.mode.frequency, 1)
-    assert hidden(scene) <= 1 - cos(pi / LOOKS)
+    assert hidden(scene) <= 1 - cos(pi / LOOKS) + 1e-12
 
 
 # --- every combination ---

@@ -222,7 +222,7 @@ def test_guards_see_every_contact_at_every_step(name: str, tmp_path: Path) -> No
         ("l_opening", {"wave.amplitude": 1.2, "effects.contact_opening": "auto"}, (False, False)),
         ("l_opening", {"wave.amplitude": 1.26, "effects.contact_opening": "auto"}, (True, False)),
         ("l_opening", {"wave.amplitude": 1.265, "effects.contact_opening": "auto"}, (True, True)),
-        ("tr_periodic", {"packing.rows": 16, "effects.friction": 0.066}, (False, False)),
+        ("tr_periodic", {"packing.rows": 16, "effects.friction": 0.07}, (False, False)),
         ("tr_periodic", {"packing.rows": 16, "effects.friction": 0.0617}, (True, False)),
     ],
 )
