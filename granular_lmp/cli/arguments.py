@@ -93,26 +93,31 @@ def scene_of(options: Options) -> "Scene":
         scene = with_all(scene)
     if options.changes:  # after that: what is said of one effect counts
         scene = scene.with_values(changes_of(options))
-    lines = _notes_on(scene)
+    _say_notes_on(scene)
+    return scene
+
+
+def _say_notes_on(scene: "Scene") -> None:
+    """Say what was changed to make a scene fit, "note: ...", and which effects it lacks, "warning: ...".
+
+    What follows from the scene alone is said at once, before its crystal comes to rest, which may take long.
+    """
+    from granular_lmp.effects.selection import remarks, select, warnings
+    from granular_lmp.scene.at_rest import crystal_of, remarks_on_wait
+
+    for sentence in (*scene.remarks(), *([] if scene.loose else [*remarks(scene), *remarks_on_wait(scene)])):
+        remark(f"note: {sentence}")
+    if scene.loose:
+        return
+    crystal = crystal_of(scene, progress_of_rest)
+    lines = [
+        *(f"note: {each}" for each in crystal.remarks()),
+        *(f"warning: {each}" for each in warnings(select(scene))),
+    ]
     if sys.stderr.isatty():
         remark("\r\033[K", end="")  # wipe the line of the progress
     for line in lines:
         remark(line)
-    return scene
-
-
-def _notes_on(scene: "Scene") -> list[str]:
-    """Return what was changed to make a scene fit, "note: ...", and which effects it lacks, "warning: ..."."""
-    from granular_lmp.effects.selection import remarks, select, warnings
-    from granular_lmp.scene.at_rest import crystal_of, remarks_on_wait
-
-    if scene.loose:
-        return [f"note: {sentence}" for sentence in scene.remarks()]
-    for sentence in remarks_on_wait(scene):
-        remark(f"note: {sentence}")  # at once, above the progress: the others come when the crystal is at rest
-    crystal = crystal_of(scene, progress_of_rest)
-    notes = [*scene.remarks(), *remarks(scene), *crystal.remarks()]
-    return [*(f"note: {each}" for each in notes), *(f"warning: {each}" for each in warnings(select(scene)))]
 
 
 def wave_scene_of(options: Options) -> "Scene":

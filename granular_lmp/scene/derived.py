@@ -329,14 +329,17 @@ class Derived(Document):
         return words.moved(self.striker, self.start, self.source)
 
     def remarks(self) -> list[str]:
-        """Return a sentence for each change that made the scene fit, and one if another adhesion law is nearer."""
+        """Return a sentence for each change that made the scene fit, on disorder, and if another law is nearer."""
+        physics = remarks.on_law(self.material, self.effects)
+        if not self.loose:
+            physics += remarks.on_disorder(self.disorder, self.sphere, self.packing, self.wave)
         if self.wave is None:
-            return remarks.on_law(self.material, self.effects) + remarks.on_step(self.time)
+            return physics + remarks.on_step(self.time)
         said = remarks.on_packing(self.packing, self.shape) + remarks.on_vector(self.wave, self.shape, self.vector)
         if self.wave.frequency is not None:
             found = wavenumbers_of(self.wave, self.sphere, self.physics, self.wave_lattice, self.wall)
             said = remarks.on_frequency(self.wave, found) + said
-        said += remarks.on_law(self.material, self.effects) + remarks_on_space(self.lattice, self.substrate, self.space)
+        said += physics + remarks_on_space(self.lattice, self.substrate, self.space)
         return said + remarks.on_step(self.time)
 
     @property

@@ -1,9 +1,13 @@
 """The measures of the figures of disorder and of defects, on fields whose answers are known and on tiny crystals."""
 
+import json
 from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from functools import partial
+from io import StringIO
 from pathlib import Path
+from subprocess import CompletedProcess
 from typing import Any
 
 import numpy as np
@@ -11,6 +15,7 @@ import pytest
 
 from cases.defects import case as defects
 from cases.disorder import case as disorder
+from granular_analysis.cli import main as analysis_main
 from granular_analysis.measure.disordered import (
     CUT_VARIANCE,
     Value,
@@ -29,6 +34,7 @@ from granular_analysis.plotting import save
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import resonance as resonance_of_equal
 from granular_lmp import Record, Scene, run
+from granular_lmp.cli import main as granular_lmp_main
 from granular_lmp.studies.sweep import sweep
 
 SILICA = Contact(0.17, overlap_ratio=2.5e-4)
@@ -184,6 +190,38 @@ def test_what_the_figures_do_not_know_is_refused_by_name(tmp_path):
     )
     with pytest.raises(ValueError, match=r"disorder\.vacancies: the figures of disorder leave that out"):
         disorder.read([record])
+
+
+def in_process(command: list[str], **_: Any) -> CompletedProcess[str]:
+    """Do what ``python -m granular_lmp`` does, without its start."""
+    error = StringIO()
+    with redirect_stdout(StringIO()), redirect_stderr(error):
+        status = granular_lmp_main(command[3:])
+    return CompletedProcess(command, status, "", error.getvalue())
+
+
+def test_one_command_runs_seeds_and_equal_spheres_and_says_what_is_left(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("granular_analysis.measure.runs.subprocess.run", in_process)
+    wave = {"wave.wavenumber": RESONANT, "disorder.radius": 0.02 * TINY.sphere.overlap_ratio, "output.particles": 0.0}
+    scene, said = tmp_path / "scene.toml", tmp_path / "said.json"
+    scene.write_text(TINY.with_values(wave | {"effects.contact_opening": "auto"}).to_toml())
+    words = ["harmonic", str(scene), "--seeds", "2", "-o", str(tmp_path / "runs"), "--json", str(said)]
+    assert analysis_main(words) == 0
+    found = json.loads(said.read_text())
+    assert found["s"] == pytest.approx(0.02)
+    theory = perfect_strength(RESONANT, SILICA, 0.05, np.arange(0, 40.1, 2.0))
+    assert found["equal_spheres"] == pytest.approx(theory, rel=0.03)  # as above
+    # s = 0.1 takes 4 %, and its square counts; two seeds scatter by less than that
+    assert found["left"]["share"] == pytest.approx(1, abs=0.01)
+    assert 0 < found["left"]["error"] < 0.01
+    assert "mean of 2 crystals" in capsys.readouterr().out
+    for changes, why in (
+        ({"disorder.vacancies": 0.1}, "disorder.vacancies: the mean over seeds leaves that out"),
+        ({"disorder.radius": 0.0}, "disorder.radius = 0: must be above 0"),
+    ):
+        scene.write_text(TINY.with_values(wave | changes).to_toml())
+        with pytest.raises(SystemExit, match=why):
+            analysis_main(words)
 
 
 # --- one defect ---

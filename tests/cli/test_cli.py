@@ -58,7 +58,8 @@ def test_a_long_way_to_rest_names_the_faster_one_before_it_is_gone(
     file = tmp_path / "large.toml"
     file.write_text(unequal(2.0, 300).to_toml())
     _, _, said = cli(capsys, "check", str(file))
-    note, stopped = said.splitlines()
+    *_, spread, note, stopped = said.splitlines()
+    assert spread.startswith("note: the diameters spread by s = 2 overlaps at rest: about 16% of the contacts part")
     assert note.startswith("note: 90000 spheres")
     assert 'about 230 s to come to rest; packing.relax_by = "avalanches"' in note
     assert "stopped here" in stopped

@@ -44,6 +44,37 @@ def test_no_spread_is_the_deck_of_the_perfect_lattice() -> None:
     assert seeded.data.text("") == plain.data.text("")
 
 
+def said_of(spread: float, scene: Scene = SHEET) -> list[str]:
+    """Return what is said before a run of spheres whose diameters spread by so many overlaps at rest."""
+    return scene.with_values({"disorder.radius": spread * scene.sphere.overlap_ratio}).remarks()
+
+
+def test_what_is_said_of_disorder_is_what_the_study_measured() -> None:
+    study = (Path(__file__).parents[2] / "analysis/cases/disorder/README.md").read_text("utf-8")
+    cells = {row[0]: row[1:] for line in study.splitlines() if (row := re.split(r" *\| *", line.strip("| ")))}
+    pressed = SHEET.with_values({"sphere.work_of_adhesion": 0.0, "packing.contact_force": 1e-7})
+    for name, scene in (("adhesion", SHEET), ("compression", pressed)):
+        for spread, cell in zip(cells["$s$"], cells[name], strict=True):
+            left = 0.0 if cell == "–" else float(cell.split()[0])
+            assert (
+                not float(spread) or f"about {left:.0%} of the mean second harmonic" in said_of(float(spread), scene)[0]
+            )
+    for spread in (0.8, 2.0, 12.0):
+        part = 1 - float(cells[f"{spread:g}"][0].split()[0]) / 6
+        assert f"about {part:.0%} of the contacts part" in said_of(spread)[0]
+    assert "no contact parts" in said_of(0.4)[0]
+    for name in ("chain", "honeycomb"):  # each contact rests by itself
+        shape = {"packing.lattice": name, "packing.columns": 1 if name == "chain" else 8}
+        assert not any("diameters" in each for each in said_of(2.0, SHEET.with_values(shape)))
+
+
+def test_as_many_contacts_part_as_is_said() -> None:
+    unequal = SHEET.with_values({"disorder.radius": 2 * SHEET.sphere.overlap_ratio, "packing.rows": 18})
+    left = 2 * len(crystal_of(unequal).contacts) / unequal.shape.spheres / 6
+    # 16 % are said; of 430 contacts 1.3 % is the standard error
+    assert left == pytest.approx(1 - 0.16, abs=0.05)
+
+
 def test_a_scene_is_read_back_from_its_text() -> None:
     heavy = {"spheres": [[3, 4], [5, 5]], "density": 9000.0}
     scene = SHEET.with_values(SPREAD | {"inclusion": [heavy, {"disc": [6, 2, 1.5], "vacancy": True}]})

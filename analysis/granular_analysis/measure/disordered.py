@@ -15,11 +15,15 @@ iC_v/Ω)/2 of displacements and velocities is what runs along k; without, the wa
 with it.
 
 Standard errors are those of the jackknife over seeds, in which what seeds share is no error: the finite cell, the step.
+
+`over_seeds` makes the runs that this takes of one scene: waves of both signs in its crystals and in the perfect one.
 """
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +32,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from granular_analysis.measure.coherent import decay
+from granular_analysis.measure.runs import begun, run_sweep
 from granular_analysis.measure.sheets import Sheet, component
 from granular_analysis.second_harmonic import ModeName
 from granular_analysis.theory import catalogue
@@ -36,7 +41,7 @@ from granular_analysis.theory.choice import contact_of, traits_of
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.second_order import Mixed, branch_of
 from granular_analysis.theory.wave import resonance as perfect_resonance
-from granular_lmp.runs.record import Record
+from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -200,7 +205,10 @@ def coherent(record: Record, fields: Floats, harmonic: int = 1) -> Complexes:
     places = places - places[shape.centre_row * shape.columns + shape.columns // 2]
     k = harmonic * wavevector_of(record.scene.wavenumber, record.scene.direction)
     if np.allclose(np.exp(2j * places @ k), 1, atol=1e-6):
-        raise ValueError(f"{record.folder}: {harmonic}k is half a reciprocal wave vector: its wave has no direction")
+        raise ValueError(
+            f"{record.folder}: {harmonic}k is half a reciprocal wave vector: its wave has no direction; "
+            "take another wave.wavenumber"
+        )
     return component(fields, places, k) @ frame(record.scene.direction).T
 
 
@@ -237,6 +245,53 @@ def measured(waves: Waves, estimate: Callable[[Complexes], float] = strength) ->
     """Return a strength of waves with its standard error over the seeds."""
     value, error = jackknife(estimate, waves.amplitudes)
     return Value(float(value), float(error))
+
+
+class Seeds(NamedTuple):
+    """The second harmonic of a scene over seeds: of its crystals, and of the perfect one.
+
+    scene is the one that ran; spread is s = σ 2R/Δ0.
+    """
+
+    scene: Scene
+    spread: float
+    waves: Waves
+    perfect: Waves
+
+    @property
+    def mean(self) -> Value:
+        """Return the coherent strength and its standard error, in D0."""
+        return measured(self.waves)
+
+    @property
+    def equal(self) -> float:
+        """Return the strength in the perfect crystal, in D0."""
+        return strength(self.perfect.amplitudes)
+
+
+def over_seeds(scene: Scene, count: int, folder: str | Path) -> Seeds:
+    """Run the crystals of a scene with the seeds 1 to `count`, and the perfect one, each with waves of both signs.
+
+    The command granular-lmp runs them, as sweeps in `folder`; those that are finished are not run again. Contacts may
+    open, and snapshots are taken twenty times where the scene asks for none.
+
+    Raises ValueError for fewer than two seeds, a scene without disorder, or that these measures do not know, and for
+    runs that fail.
+    """
+    if count < 2:
+        raise ValueError(f"{count} seed: must be two or more, as the error is found from how seeds differ")
+    if not (scene.wave and (scene.disorder.radius or scene.disorder.density)):
+        raise ValueError("disorder.radius = 0: must be above 0, or disorder.density, in the scene of a wave")
+    apart = scene.output.particles or max(scene.time.duration / 20, scene.time.sample)
+    scene = scene.with_values({"effects.contact_opening": True, "output.particles": apart})
+    with TemporaryDirectory() as short:
+        if left := sorted(traits_of(begun(scene, short)) - MEASURED):
+            raise ValueError(f"{', '.join(left)}: the mean over seeds leaves that out")
+    signs, seeds = "wave.phase=0.0,3.141592653589793", f"disorder.seed=1:{count}:{count}"
+    equal = scene.with_values({"disorder.radius": 0.0, "disorder.density": 0.0})
+    (perfect,) = second_harmonics(run_sweep(equal, Path(folder, "perfect"), signs)).values()
+    ((key, waves),) = second_harmonics(run_sweep(scene, Path(folder, "seeds"), signs, seeds)).items()
+    return Seeds(scene, key.spread, waves, perfect)
 
 
 class Resonance(NamedTuple):

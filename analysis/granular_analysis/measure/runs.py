@@ -43,6 +43,21 @@ def begun(scene: Scene, folder: str | Path) -> Record:
     return load(run)
 
 
+def run_sweep(scene: Scene, folder: Path, *over: str) -> list[Record]:
+    """Return the runs of a sweep of a scene over some keys, by the command granular-lmp, which says how far it is.
+
+    Raises ValueError if the command fails.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    declared = folder.with_suffix(".toml")
+    declared.write_text(scene.to_toml(), encoding="utf-8")
+    keys = [word for each in over for word in ("--over", each)]
+    command = [sys.executable, "-m", "granular_lmp", "sweep", str(declared), *keys, "-o", str(folder)]
+    if subprocess.run(command, stdout=subprocess.DEVNULL).returncode:
+        raise ValueError(f"{folder}: the sweep failed, as it says above")
+    return sweep(str(folder))
+
+
 def sweep(folder: str) -> list[Record]:
     """Return the finished runs of a sweep, by wave number; no run of an earlier sweep in the same folder.
 

@@ -2,12 +2,16 @@
 
     granular-analysis harmonic SCENE_OR_RUN [--by theory|cell|network] [--csv FILE] [--json FILE]
     granular-analysis harmonic SWEEP_OVER_PHASES
+    granular-analysis harmonic SCENE --seeds N [-o FOLDER] [--json FILE]
 
 A scene, a file or the name of a shipped one, and a run are told by the first of three ways that holds them: the theory
 of second order of a perfect crystal or layers; the second order of the cell of its spheres; their network. The latter
 two begin from the first snapshot of a run; of a scene, one sample is run for it. ``--by`` asks for one of the three. Of
 a sweep over six or more values of ``wave.phase``, or of its runs, it is measured in the snapshots by least squares.
 `granular_analysis.measure.harmonic` says what is meant, and what the errors are.
+
+``--seeds`` runs a disordered scene with N seeds, and its perfect crystal, and prints the mean over the seeds beside
+that of equal spheres (`granular_analysis.measure.disordered`).
 """
 
 import argparse
@@ -24,6 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_analysis.measure.disordered import Seeds, over_seeds, whole_strength
 from granular_analysis.measure.harmonic import Harmonic, by_cell, by_network, by_runs, by_theory, need_wave
 from granular_analysis.measure.runs import begun, load
 from granular_analysis.measure.swept import Swept
@@ -114,6 +119,33 @@ def table(found: Harmonic) -> str:
     return "\n".join(lines)
 
 
+def seeds_summary(found: Seeds) -> dict[str, Any]:
+    """Return what the seeds say, as the JSON holds it, in D0 but for ``left`` and ``s``."""
+    mean, left = found.mean, found.mean / found.equal
+    return {
+        "name": found.scene.name,
+        "seeds": len(found.waves.amplitudes),
+        "s": found.spread,
+        "tau": float(found.waves.tau[-1]),
+        "mean": {"strength": mean.value, "error": mean.error},
+        "one_crystal": whole_strength(found.waves.amplitudes),
+        "equal_spheres": found.equal,
+        "left": {"share": left.value, "error": left.error},
+    }
+
+
+def seeds_table(found: Seeds) -> str:
+    """Return the summary as text."""
+    said = seeds_summary(found)
+    return (
+        f"{said['name']}: s = {said['s']:.3g}; second harmonic along the wave, rms to tau = {said['tau']:g}, in D0\n"
+        f"mean of {said['seeds']} crystals{said['mean']['strength']:12.4g} +- {said['mean']['error']:.1e}\n"
+        f"with what is scattered{said['one_crystal']:9.4g}\n"
+        f"equal spheres{said['equal_spheres']:18.4g}\n"
+        f"left of it{said['left']['share']:21.3f} +- {said['left']['error']:.3f}"
+    )
+
+
 def as_csv(found: Harmonic) -> str:
     """Return `columns` as CSV, every number with all its digits."""
     text, held = io.StringIO(), columns(found)
@@ -128,20 +160,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("targets", nargs="+", metavar="SCENE_OR_RUN", help="a scene, a run, or runs of several phases")
     parser.add_argument("--by", choices=("theory", "cell", "network"), help="this way, not the first that holds it")
+    parser.add_argument(
+        "--seeds", metavar="N", type=int, help="run a disordered scene with N seeds: the mean over them"
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="FOLDER", help="for --seeds: folder of the runs (default: seeds/NAME)"
+    )
     parser.add_argument("--csv", metavar="FILE", help="write C over tau as CSV")
     parser.add_argument("--json", metavar="FILE", help="write the summary as JSON")
     options = parser.parse_args(arguments)
+    if options.seeds is not None and (options.by or options.csv or len(options.targets) > 1):
+        parser.error("--seeds takes one scene, without --by and --csv")
     try:
-        found = harmonic(options.targets, options.by)
+        if options.seeds is not None:
+            scene = Scene.load(options.targets[0])
+            seeds = over_seeds(scene, options.seeds, options.output or Path("seeds", scene.name))
+            text, said = seeds_table(seeds), seeds_summary(seeds)
+        else:
+            found = harmonic(options.targets, options.by)
+            text, said = table(found), summary(found)
     except GranularError as error:
         raise SystemExit(error.in_options()) from error
     except ValueError as error:
         raise SystemExit(f"{', '.join(options.targets)}: {error}") from error
-    print(table(found))
+    print(text)
     if options.csv:
         write(Path(options.csv), as_csv(found))
     if options.json:
-        write(Path(options.json), json.dumps(summary(found), indent=2) + "\n")
+        write(Path(options.json), json.dumps(said, indent=2) + "\n")
     return 0
 
 
