@@ -264,11 +264,17 @@ class Comparison:
     said: bool
     late: float  # tau, of the first time
     over: float  # what was reported over the truth, less 1, of slip; the smallest overlap less the true one
+    exactly: bool = True  # happened to a contact that perhaps reaches the record, without a margin
 
     @property
     def missed(self) -> bool:
         """True if the effect occurred and the guard did not trigger."""
         return self.happened and not self.said
+
+    @property
+    def near(self) -> bool:
+        """True if the guard stopped a run that only came within the margin."""
+        return self.said and self.happened_wide and not self.exactly
 
     @property
     def stopped(self) -> bool:
@@ -305,6 +311,7 @@ def _openings(info: dict[str, Any], real: Truth, deck: Deck) -> Comparison:
         said=said is not None,
         late=said - first if said is not None and first is not None else 0.0,
         over=info["smallest_overlap"] - float(real.overlap.min()) if first is None and "crystal" not in info else 0.0,
+        exactly=bool((real.overlap_wide <= 0).any()),
     )
 
 
@@ -323,6 +330,7 @@ def _slip(info: dict[str, Any], real: Truth, deck: Deck) -> Comparison:
         said=said is not None,
         late=said - first if said is not None and first is not None else 0.0,
         over=guard["bound"] / worst - 1 if 0 < worst < inf and whole.all() else 0.0,
+        exactly=bool((real.slip_wide >= 1 - ROUGH).any()) or not whole.all(),
     )
 
 
@@ -347,9 +355,9 @@ def study(count: int) -> dict[str, list[tuple[Comparison, Comparison]]]:
 def table(found: dict[str, list[tuple[Comparison, Comparison]]]) -> str:
     """The comparisons as a Markdown table, a line a family."""
     lines = [
-        "| wave | scenes | open | missed | stopped | late, τ | overlap too large by, Δ₀ "
-        "| slid | missed | stopped | late, τ | bound over truth |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|",
+        "| wave | scenes | open | missed | stopped | in the margin | late, τ | overlap too large by, Δ₀ "
+        "| slid | missed | stopped | in the margin | late, τ | bound over truth |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     every = [pair for pairs in found.values() for pair in pairs]
     for family, pairs in [*found.items(), ("all", every)]:
@@ -363,7 +371,7 @@ def table(found: dict[str, list[tuple[Comparison, Comparison]]]) -> str:
 
 
 def _counts(comparisons: Sequence[Comparison]) -> list[str]:
-    counts = [sum(getattr(one, key) for one in comparisons) for key in ("happened", "missed", "stopped")]
+    counts = [sum(getattr(one, key) for one in comparisons) for key in ("happened", "missed", "stopped", "near")]
     return [*map(str, counts), f"{max(one.late for one in comparisons):.2f}"]
 
 
