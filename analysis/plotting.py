@@ -1,16 +1,14 @@
 """Shared parts of the scripts: their colours, options, start and end, and how a figure or text file is written."""
 
 import argparse
-import gc
-import os
-import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 from granular_analysis.theory.contact import Contact
+from granular_lmp.cli.entry import as_program
 from granular_lmp.runs.record import GranularError
 
 if TYPE_CHECKING:  # slow to import, and not every script draws
@@ -43,30 +41,8 @@ def parser(
 
 
 def start(main: Callable[[], int | None]) -> NoReturn:
-    """Run a script as a program: bad input is one line and exit status 2, an answer that cannot be written status 1."""
-    sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (a closed stream, for good)
-    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
-    status, said = 0, ""
-    try:
-        status = main() or 0
-        sys.stdout.flush()
-    except SystemExit as refusal:
-        status, said = (2, refusal.code) if isinstance(refusal.code, str) else (int(refusal.code or 0), "")
-    except KeyboardInterrupt:
-        status, said = 128 + signal.SIGINT, "interrupted"
-    except BrokenPipeError:  # the reader of the answer, `head` say, has gone
-        pass
-    except OSError as error:  # a full disk behind the standard output, a working directory that was deleted
-        status, said = 1, f"{error.filename or 'this machine'}: {error.strerror or error}"
-    with suppress(OSError):
-        print(said, end="\n" * bool(said), file=sys.stderr)
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except OSError:  # the interpreter would try again at its end, and complain
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-    gc.freeze()  # what is alive is not searched for garbage once more, a sixth of the time of a comparison
-    sys.exit(status)
+    """Run a script as a program, which begins and ends as every command (`granular_lmp.cli.entry`)."""
+    sys.exit(as_program("granular-analysis", main))
 
 
 def spheres(
