@@ -94,12 +94,12 @@ def show(
     """
     try:
         found = compare()
-        text, figure = table(found), draw(found)
+        print(table(found))  # the numbers first: a figure may fail
+        figure = draw(found)
     except GranularError as error:  # its message names the folder
         raise SystemExit(error.in_options()) from error
     except ValueError as error:
         raise SystemExit(f"{run}: {error}" if run else str(error)) from error
-    print(text)
     save(figure, path)
     return 0
 
@@ -107,14 +107,18 @@ def show(
 def save(figure: "Figure", path: str | Path) -> None:
     """Write the figure in the format of the file's ending; its folder is made.
 
-    Raises SystemExit with one line for an ending that matplotlib does not write, or a file that cannot be written.
+    Raises SystemExit with one line for an ending that matplotlib does not write, a file that cannot be written, and
+    settings of matplotlib that need a program that is not there, as ``text.usetex`` LaTeX.
     """
     path = Path(path)
     known = figure.canvas.get_supported_filetypes()
     if path.suffix[1:].lower() not in known:
         raise SystemExit(f"{path}: must end in one of {', '.join(sorted(known))}")
     with _writable(path):
-        figure.savefig(path, dpi=150)
+        try:
+            figure.savefig(path, dpi=150)
+        except RuntimeError as error:
+            raise SystemExit(f"{path}: cannot be drawn: {' '.join(str(error).split())}") from error
 
 
 def letter(panels: Iterable["Axes"]) -> None:
