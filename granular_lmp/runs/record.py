@@ -95,22 +95,23 @@ class Record(HasCard):
 
     Notes
     -----
-    p, q and φ are those of one sphere. They are those of the infinite lattice until the echo of the walls arrives
-    (`Scene.echo_time`). ℓ, v and t0 are the units of an impact (`granular_lmp.crystal.scale`).
+    Two records are equal if their scenes and motions are, in whatever folders. p, q and φ are those of one sphere. They
+    are those of the infinite lattice until the echo of the walls arrives (`Scene.echo_time`). ℓ, v and t0 are the units
+    of an impact (`granular_lmp.crystal.scale`).
 
     Examples
     --------
     >>> scene = Scene.load("tr_periodic").with_values({"time.duration": 10.0})
     >>> record = run(scene, "runs/read")
-    >>> bool((Record.load("runs/read").p == record.p).all()), list(record.si)
+    >>> Record.load("runs/read") == record, list(record.si)
     (True, ['t_s', 'p_m', 'q_m', 'theta_rad'])
     """
 
     tau: Floats
     signals: Mapping[str, Floats]
     scene: Scene
-    info: dict[str, Any] = field(default_factory=dict)
-    folder: Path | None = None
+    info: dict[str, Any] = field(default_factory=dict, compare=False)
+    folder: Path | None = field(default=None, compare=False)
 
     @classmethod
     def load(cls, folder: str | Path, *, unfinished: bool = False) -> Self:
