@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 from granular_analysis.theory.contact import Contact
+from granular_lmp.cli.arguments import changes_of
 from granular_lmp.cli.entry import as_program
-from granular_lmp.runs.record import GranularError
+from granular_lmp.runs.record import GranularError, Scene
 
 if TYPE_CHECKING:  # slow to import, and not every script draws
     from matplotlib.axes import Axes
@@ -38,6 +39,11 @@ def parser(
         result.add_argument("sweeps", nargs="+", metavar="SWEEP", help=sweeps)
     result.add_argument("-o", "--output", default=default, metavar="FILE", help=f"PNG, PDF or SVG (default: {default})")
     return result
+
+
+def scene_of(source: str, options: argparse.Namespace) -> Scene:
+    """Return a scene, a file or a shipped one, with what ``--set`` changes."""
+    return Scene.load(source).with_values(changes_of(options))
 
 
 def start(main: Callable[[], int | None]) -> NoReturn:

@@ -11,11 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from granular_analysis.cli import help_texts
+from granular_analysis.cli import main as analysis
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main, parser
 from granular_lmp.cli.parser import parsers
 from granular_lmp.effects.selection import EFFECTS
-from granular_lmp.errors import CrystalError
+from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.plot.signals import dispersion_figure
 from granular_lmp.scene import at_rest
 from granular_lmp.scene.json_schema import json_schema
@@ -187,6 +189,32 @@ def test_set_changes_one_value(small_toml: Path, tmp_path: Path, capsys: pytest.
     assert cli(capsys, *words)[0] == 0
     scene = Record.load(tmp_path / "run").scene
     assert (scene.wave.amplitude, scene.wave.mode) == (0.1, "L")
+
+
+OF_A_SCENE = {
+    "design": ["tr_resonant", "--vary", "sphere.density", "2000", "3000"],
+    "fit": ["points.csv", "tr_resonant", "--free", "sphere.density"],
+    "harmonic": ["tr_resonant"],
+    "resonances": ["tr_resonant"],
+    "saw": ["monolayer_rocking"],
+}
+
+
+@pytest.mark.parametrize("name", OF_A_SCENE)
+def test_set_reaches_the_scene_of_each_script_of_analysis(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words = [*OF_A_SCENE[name], "--set", "wave.amplitude=0.05", "--set", "sphere.densty=3000"]
+    with pytest.raises((SystemExit, SceneError), match="sphere.densty: unknown key; did you mean 'density'?"):
+        analysis([name, *words])
+    assert "--set KEY=VALUE" in help_texts()[f"granular-analysis {name}"]
+
+
+def test_set_is_what_a_script_of_analysis_computes_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = {}
+    for amplitude in ("0.1", "0.05"):
+        words = ["tr_resonant", "--set", f"wave.amplitude={amplitude}", "--set", "time.duration=2"]
+        assert analysis(["harmonic", *words, "--json", str(tmp_path / "x.json")]) == 0
+        said[amplitude] = json.loads((tmp_path / "x.json").read_text())["along"]["strength"]
+    assert said["0.1"] == pytest.approx(2 * said["0.05"], rel=1e-9)  # D0 times a
 
 
 def test_init_copies_every_shipped_scene_and_deck(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,8 +11,12 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).parents[2]
-# The third is how a program begins and ends, which is no physics
-FROM_PACKAGE = {"granular_lmp.runs.record", "granular_lmp.crystal.sphere", "granular_lmp.cli.entry"}
+COMMANDS = {  # how both programs begin and end and read --set, which is no physics
+    "granular_lmp.cli.entry",
+    "granular_lmp.cli.arguments.changes_argument",
+    "granular_lmp.cli.arguments.changes_of",
+}
+FROM_PACKAGE = {"granular_lmp.runs.record", "granular_lmp.crystal.sphere", *COMMANDS}
 
 
 @cache
