@@ -118,7 +118,10 @@ def test_a_perfect_crystal_is_run_without_what_it_does_not_need(small_toml: Path
     ("words", "message"),
     [
         (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: corner_source, fcc_transverse, "),
-        (["run", "solitary_chin"], "two_tones; impacts: breather, compressed_chain, dimer_chain, "),
+        (["run", "nowhere"], "two_tones, breather, compressed_chain, dimer_chain, "),
+        (["run", "solitary_chin"], "solitary_chin: no such scene file; did you mean 'solitary_chain'?"),
+        (["check", "test1_gras"], "test1_gras: no such scene file; did you mean 'test1_glass'?"),
+        (["collide", "test1_gras"], "test1_gras: no such collision; did you mean 'test1_glass'?"),
         (["run", "tr_periodic", "--set", "wave.wavenumer=1"], "wavenumer: unknown key; did you mean 'wavenumber'?"),
         (["run", "tr_periodic", "--set", "wave.mode=S"], 'wave.mode = \'S\': must be one of "L", "TR", "RT"'),
         (["build", "tr_periodic", "--set", "time.timestep"], "'time.timestep': must be KEY=VALUE"),
@@ -130,7 +133,7 @@ def test_a_perfect_crystal_is_run_without_what_it_does_not_need(small_toml: Path
         (["init", "{tmp}/file"], "file: is there already; choose another name"),
         (["init", "{tmp}/file/mine.toml"], "file/mine.toml: cannot be written"),
         (["init", "{tmp}/my wave.toml"], "name = 'my wave': must be a string of"),
-        (["init", "{tmp}/mine.toml", "--from", "tr_wave"], "tr_wave: no such scene file; shipped scenes: corner_"),
+        (["init", "{tmp}/mine.toml", "--from", "rt_waves"], "rt_waves: no such scene file; did you mean 'rt_wave'?"),
         (
             ["check", "tr_periodic", "--set", "packing.vacancies=0.1"],
             "packing.vacancies: unknown key; [disorder] and [[inclusion]] declare spheres",
