@@ -466,7 +466,8 @@ def shaken(tmp_path_factory: pytest.TempPathFactory) -> Path:
     others = {"name": "touch", "spheres": [[11, 1]], "what": "contacts"}, {"name": "many", "rows": [8, 12]}
     tables = {
         "sphere": Scene.load("tr_periodic").to_dict()["sphere"],
-        "packing": {"rows": 21, "columns": 3, "ends": "fixed"},
+        "packing": {"rows": 29, "columns": 3, "ends": "fixed"},
+        "output": {"particles": 6.0},
         "wave": {"mode": "TR", "wavenumber": 1.475, "amplitude": 0.05, "form": "none"},
         "time": {"duration": 6.0, "timestep": 0.1, "allow_echo": True},
         "source": [{"rows": [9, 9], "force": "x", "ramp": 2.0}],
@@ -475,6 +476,16 @@ def shaken(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("monitors") / "run"
     run(Scene.from_dict(tables), folder)
     return folder
+
+
+def test_a_push_is_drawn_with_all_rows_and_their_numbers_in_the_scene(shaken: Path) -> None:
+    axes, discs = drawn(shaken)
+    rest = Snapshots.load(shaken).rest
+    assert len(rest) == 29 * 3
+    assert {*np.round(np.asarray(discs.get_offsets())[:, 1])} == {*np.round(rest[:, 1])}
+    ticks = dict(zip((text.get_text() for text in axes.get_yticklabels()), axes.get_yticks(), strict=True))
+    row = Snapshots.load(shaken).crystal.arrays["row"]
+    assert [ticks[str(n)] for n in (0, 25)] == pytest.approx([rest[row == n, 1].mean() for n in (0, 25)])
 
 
 @pytest.mark.parametrize(
