@@ -16,6 +16,7 @@ from granular_analysis.cli import main as analysis
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main, parser
 from granular_lmp.cli.parser import parsers
+from granular_lmp.crystal.lattices import lattice_constant
 from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.plot.signals import dispersion_figure
@@ -357,6 +358,12 @@ def test_modes_prints_the_paper_s_modes_and_draws_them(
     status, out, _ = cli(capsys, "modes", "tr_nonresonant", "--plot", str(tmp_path / "new" / "modes.png"))
     assert status == 0
     assert "0.276934569162" in out  # 0.276935327978 in the paper's geometry, 2.7e-6 more
+    scene = Scene.load("tr_nonresonant")
+    row = np.sqrt(3) / 2 * lattice_constant(scene.sphere) * scene.sphere.radius  # m
+    speeds = {line.split()[0]: float(line.split()[3]) for line in out.splitlines()[2:5]}
+    # Ω = sin(ξ/2) of L
+    assert speeds["L"] == pytest.approx(np.cos(scene.wavenumber / 2) / 2 * row / scene.sphere.time_scale, rel=1e-5)
+    assert speeds["RT"] < 0 < speeds["TR"]
     assert (tmp_path / "new" / "modes.png").read_bytes().startswith(b"\x89PNG")
 
 
