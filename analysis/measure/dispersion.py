@@ -74,8 +74,8 @@ class Sheet:
 
     def theory(self, wavevectors: Floats) -> Floats:
         """Frequencies (K, 3) of the three branches, ascending."""
-        ratios = {"overlap_ratio": float(self.overlap_ratio), "prestress": float(self.prestress)}
-        return real_modes(wavevectors, Contact(float(self.poisson_ratio), **ratios))[0]
+        ratio, overlap, share = (float(each) for each in (self.poisson_ratio, self.overlap_ratio, self.prestress))
+        return real_modes(wavevectors, Contact(ratio, overlap_ratio=overlap, prestress=share))[0]
 
 
 def zone_path(box: Floats) -> tuple[Floats, list[int]]:
