@@ -89,7 +89,9 @@ def drawing() -> str:
     says = {room: sentence(paths[0].read_text("utf-8")) for room, paths in rooms().items()}
     analysis = sorted((ROOT / "analysis").rglob("*.py"))
     taken = {room for path in analysis for room in imported(path.read_text("utf-8"))}
-    says["analysis"] = "The independent theory, and what compares runs with it: of the package, record and sphere only."
+    says["analysis"] = (
+        "The independent theory, compared with runs; of the package it takes record, sphere and entry only."
+    )
     places = {room: 20 + _STEP * i for i, room in enumerate([*chain, "analysis"])}
     height = places["analysis"] + _HEIGHT + 20
     lines = [
