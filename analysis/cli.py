@@ -11,7 +11,6 @@ from contextlib import redirect_stdout, suppress
 from importlib import import_module
 from io import StringIO
 
-from granular_analysis.cases.declared import Case, names
 from granular_lmp.cli.entry import as_program
 
 DOORS = {
@@ -67,4 +66,6 @@ def program() -> int:
 
 def scripts() -> dict[str, str]:
     """Return what each script does, those of the cases among them, whose files are then read."""
+    from granular_analysis.cases.declared import Case, names  # inside the entry, as the scripts
+
     return DOORS | {case.name: case.says for case in map(Case.load, names()) if case.figure}
