@@ -88,7 +88,7 @@ def drawing() -> str:
     analysis = sorted((ROOT / "analysis").rglob("*.py"))
     taken = {room for path in analysis for room in imported(path.read_text("utf-8"))}
     says["analysis"] = (
-        "The independent theory, and what compares runs with it: of the package, records, tables and sphere only."
+        "The independent theory, compared with runs; of the package it takes records, tables, sphere and entry only."
     )
     places = {room: 20 + _STEP * i for i, room in enumerate([*chain, "analysis"])}
     height = places["analysis"] + _HEIGHT + 20

@@ -181,7 +181,7 @@ def _styled(letter: re.Match[str]) -> str:
 def _commands() -> str:
     """Return ``--help`` of every command, as Markdown."""
     from granular_analysis import cli
-    from granular_lmp.cli import help_texts
+    from granular_lmp.cli.parser import help_texts
 
     texts = help_texts() | cli.help_texts()
     return "\n\n".join(f"## `{name}`\n\n```text\n{text}\n```" for name, text in texts.items())

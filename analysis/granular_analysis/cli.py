@@ -1,17 +1,12 @@
 """The command line ``granular-analysis``: ``granular-analysis compare RUN`` runs `granular_analysis.tools.compare`."""
 
 import argparse
-import gc
-import os
 import sys
-from collections.abc import Callable
 from contextlib import redirect_stdout, suppress
-from functools import partial
 from importlib import import_module
 from io import StringIO
-from typing import NoReturn
 
-from granular_analysis.tools.case import Case, names
+from granular_lmp.cli.entry import as_program
 
 DOORS = {
     "case": "run cases, in a checkout: what a figure needs, runs, script and expected numbers",
@@ -33,38 +28,6 @@ DOORS = {
 
 def main(argv: list[str] | None = None) -> int:
     """Run one script of `analysis`; returns its exit status."""
-    return _script(argv)() or 0
-
-
-def help_texts() -> dict[str, str]:
-    """Return the help of the command and of each of `DOORS`, for the reference page."""
-    found = {}
-    for words in ([], *([door] for door in DOORS)):
-        with redirect_stdout(StringIO()) as printed, suppress(SystemExit):
-            main([*words, "--help"])
-        found[" ".join(["granular-analysis", *words])] = printed.getvalue().rstrip()
-    return found
-
-
-def program() -> NoReturn:
-    """Run one script as a program, whose errors are one line (`granular_analysis.plotting.start`)."""
-    gc.set_threshold(100_000)  # imports make no garbage
-    script = _script(None)
-    from granular_analysis.plotting import start  # matplotlib would slow --help down
-
-    start(script)
-
-
-def scripts() -> dict[str, str]:
-    """Return what each script does, those of the cases among them, whose files are then read."""
-    cases = {case.name: case.says for case in map(Case.load, names()) if case.figure}
-    return DOORS | {name: says for name, says in cases.items() if name not in DOORS}
-
-
-def _script(argv: list[str] | None) -> Callable[[], int | None]:
-    """Return the script that the arguments name, with its own arguments."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small; threads would only wait for each other
-    os.environ["MPLBACKEND"] = "agg"  # pictures go to files; matplotlib is not imported where it knows not the backend
     words = sys.argv[1:] if argv is None else argv
     known = DOORS if words and words[0] in DOORS else scripts()
     parser = argparse.ArgumentParser(
@@ -86,4 +49,27 @@ def _script(argv: list[str] | None) -> Callable[[], int | None]:
     sys.argv[0] = f"granular-analysis {chosen.script}"  # the name by which the script speaks of itself
     tool = chosen.script in DOORS
     module = f"granular_analysis.tools.{chosen.script}" if tool else f"cases.{chosen.script}.case"
-    return partial(import_module(module).main, chosen.arguments)
+    return import_module(module).main(chosen.arguments) or 0
+
+
+def help_texts() -> dict[str, str]:
+    """Return the help of the command and of each of `DOORS`, for the reference page."""
+    found = {}
+    for words in ([], *([door] for door in DOORS)):
+        with redirect_stdout(StringIO()) as printed, suppress(SystemExit):
+            main([*words, "--help"])
+        found[" ".join(["granular-analysis", *words])] = printed.getvalue().rstrip()
+    return found
+
+
+def program() -> int:
+    """Run the script of this process; returns its exit status, and says an error in one line."""
+    return as_program("granular-analysis", main)
+
+
+def scripts() -> dict[str, str]:
+    """Return what each script does, those of the cases among them, whose files are then read."""
+    from granular_analysis.tools.case import Case, names  # inside the entry, as the scripts
+
+    cases = {case.name: case.says for case in map(Case.load, names()) if case.figure}
+    return DOORS | {name: says for name, says in cases.items() if name not in DOORS}

@@ -1,17 +1,16 @@
 """Shared parts of the scripts: their colours, options, start and end, and how a figure or text file is written."""
 
 import argparse
-import gc
-import os
-import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 from granular_analysis.theory.contact import Contact
-from granular_lmp.runs.record import GranularError
+from granular_lmp.cli.arguments import changes_of
+from granular_lmp.cli.entry import as_program
+from granular_lmp.runs.record import GranularError, Scene
 
 if TYPE_CHECKING:  # slow to import, and not every script draws
     from matplotlib.axes import Axes
@@ -42,31 +41,14 @@ def parser(
     return result
 
 
+def scene_of(source: str, options: argparse.Namespace) -> Scene:
+    """Return a scene, a file or a shipped one, with what ``--set`` changes."""
+    return Scene.load(source).with_values(changes_of(options))
+
+
 def start(main: Callable[[], int | None]) -> NoReturn:
-    """Run a script as a program: bad input is one line and exit status 2, an answer that cannot be written status 1."""
-    sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (a closed stream, for good)
-    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
-    status, said = 0, ""
-    try:
-        status = main() or 0
-        sys.stdout.flush()
-    except SystemExit as refusal:
-        status, said = (2, refusal.code) if isinstance(refusal.code, str) else (int(refusal.code or 0), "")
-    except KeyboardInterrupt:
-        status, said = 128 + signal.SIGINT, "interrupted"
-    except BrokenPipeError:  # the reader of the answer, `head` say, has gone
-        pass
-    except OSError as error:  # a full disk behind the standard output, a working directory that was deleted
-        status, said = 1, f"{error.filename or 'this machine'}: {error.strerror or error}"
-    with suppress(OSError):
-        print(said, end="\n" * bool(said), file=sys.stderr)
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except OSError:  # the interpreter would try again at its end, and complain
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-    gc.freeze()  # what is alive is not searched for garbage once more, a sixth of the time of a comparison
-    sys.exit(status)
+    """Run a script as a program, which begins and ends as every command (`granular_lmp.cli.entry`)."""
+    sys.exit(as_program("granular-analysis", main))
 
 
 def spheres(
@@ -118,12 +100,12 @@ def show(
     """
     try:
         found = compare()
-        text, figure = table(found), draw(found)
+        print(table(found))  # the numbers first: a figure may fail
+        figure = draw(found)
     except GranularError as error:  # its message names the folder
         raise SystemExit(error.in_options()) from error
     except ValueError as error:
         raise SystemExit(f"{run}: {error}" if run else str(error)) from error
-    print(text)
     save(figure, path)
     return 0
 
@@ -131,14 +113,18 @@ def show(
 def save(figure: "Figure", path: str | Path) -> None:
     """Write the figure in the format of the file's ending; its folder is made.
 
-    Raises SystemExit with one line for an ending that matplotlib does not write, or a file that cannot be written.
+    Raises SystemExit with one line for an ending that matplotlib does not write, a file that cannot be written, and
+    settings of matplotlib that need a program that is not there, as ``text.usetex`` LaTeX.
     """
     path = Path(path)
     known = figure.canvas.get_supported_filetypes()
     if path.suffix[1:].lower() not in known:
         raise SystemExit(f"{path}: must end in one of {', '.join(sorted(known))}")
     with _writable(path):
-        figure.savefig(path, dpi=150)
+        try:
+            figure.savefig(path, dpi=150)
+        except RuntimeError as error:
+            raise SystemExit(f"{path}: cannot be drawn: {' '.join(str(error).split())}") from error
 
 
 def letter(panels: Iterable["Axes"]) -> None:

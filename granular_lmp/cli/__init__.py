@@ -5,4 +5,3 @@ Imports stay inside the commands: ``--help`` must not wait for LAMMPS, ASE and n
 
 from granular_lmp.cli.entry import main as main
 from granular_lmp.cli.entry import program as program
-from granular_lmp.cli.parser import help_texts as help_texts

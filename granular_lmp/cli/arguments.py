@@ -41,7 +41,7 @@ def scene_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def changes_argument(parser: argparse.ArgumentParser, example: str) -> None:
+def changes_argument(parser: argparse._ActionsContainer, example: str) -> None:
     """Add ``--set``; `changes_of` reads it."""
     parser.add_argument(
         "--set",

@@ -1,4 +1,7 @@
-"""How a command begins and ends: its standard streams, its errors in one line, its exit status."""
+"""How a command begins and ends: its standard streams, its errors in one line, its exit status.
+
+`ended` is the entry of granular-analysis, too.
+"""
 
 import argparse
 import gc
@@ -8,9 +11,9 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 
 from granular_lmp.cli.output import remark, say_profile
-from granular_lmp.cli.parser import parsers
 from granular_lmp.errors import GranularError, RunFolderError
 from granular_lmp.runs.phases import collected
 
@@ -19,43 +22,70 @@ _STDERR = 2  # its descriptor
 
 def program() -> int:
     """Run the command of this process; returns its exit status."""
-    gc.set_threshold(100_000)  # to search all that is imported for circles, again and again, is 5 % of a short command
-    status = main()
-    gc.freeze()  # the interpreter would search numpy for circles before it ends: 7 % of a short command
-    return status
+    return as_program("granular-lmp", _command)
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0, 1 for a failed run, 2 for bad input, 130 when interrupted."""
+    return ended("granular-lmp", partial(_command, argv))
+
+
+def _command(argv: list[str] | None = None) -> int:
+    from granular_lmp.cli.parser import parsers  # inside the entry: an interrupted import is one line, too
+
+    started = time.perf_counter()
+    words = sys.argv[1:] if argv is None else argv
+    options = parsers(words)[0].parse_args(words)
+    _refuse_deleted_folder()
+    command: Callable[[argparse.Namespace], int] = options.command
+    with collected() as seconds:
+        try:
+            return command(options)
+        finally:
+            if options.profile:
+                say_profile(seconds, time.perf_counter() - started)
+
+
+def as_program(name: str, command: Callable[[], int | None]) -> int:
+    """Run the command of this process, as `ended`, without the searches for garbage that a short process can spare."""
+    gc.set_threshold(100_000)  # to search all that is imported for circles, again and again, is 5 % of a short command
+    status = ended(name, command)
+    gc.freeze()  # the interpreter would search numpy for circles before it ends: 7 % of a short command
+    return status
+
+
+def ended(name: str, command: Callable[[], int | None]) -> int:
+    """Run a command of a program; returns its exit status. Its error is one line that begins with the program's name.
+
+    A SystemExit with a text is bad input, as `GranularError` says it; another, that of argparse, is passed on.
+    """
     _open_streams()
     # Before numpy is imported: its matrices are small here, and threads would take a quarter of the processor time
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["MPLBACKEND"] = "agg"  # pictures go to files; matplotlib is not imported where it knows not the backend
-    started = time.perf_counter()
+    os.environ["MATPLOTLIBRC"] = os.devnull  # a figure is the same for every user, whose own settings may need LaTeX
     try:
-        words = sys.argv[1:] if argv is None else argv
-        options = parsers(words)[0].parse_args(words)
-        _refuse_deleted_folder()
-        command: Callable[[argparse.Namespace], int] = options.command
-        with collected() as seconds:
-            try:
-                return command(options)
-            finally:
-                if options.profile:
-                    say_profile(seconds, time.perf_counter() - started)
+        status = command() or 0
+        sys.stdout.flush()  # what a script printed may stand in a buffer, and the disk be full
+        return status
     except GranularError as error:
-        remark(f"granular-lmp: error: {error.in_options()}")
+        remark(f"{name}: error: {error.in_options()}")
         return error.exit_status
+    except SystemExit as refusal:
+        if not isinstance(refusal.code, str):
+            raise
+        remark(f"{name}: error: {refusal.code}")
+        return 2
     except KeyboardInterrupt:
-        remark("granular-lmp: interrupted")
+        remark(f"{name}: interrupted")
         return 128 + signal.SIGINT
     except BrokenPipeError:  # the reader of our output, `head` say, has gone
         return 0
     except OSError as error:  # the machine refuses: a folder that nobody may look into, no descriptors left
-        remark(f"granular-lmp: error: {error.filename or 'this machine'}: {error.strerror or error}")
+        remark(f"{name}: error: {error.filename or 'this machine'}: {error.strerror or error}")
         return 2 if error.filename else 1
     except MemoryError as error:
-        remark(f"granular-lmp: error: out of memory: {error}")
+        remark(f"{name}: error: out of memory: {error}")
         return 1
     finally:
         _drop_unwritten()

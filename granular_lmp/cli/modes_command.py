@@ -198,11 +198,23 @@ def _say_modes(scene: "Scene", table: Table) -> None:
     width = 10 if by_share else 12
     head = "".join(f"{column:>{width}}" for column in columns)
     named = f"{'name':8}" if by_share else ""
+    speeds = _speeds(scene, table)
+    head = f"{'group v (m/s)':>15}" * bool(speeds) + head
     say(f"{'mode':5}{named}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{head}")
-    for row in table:
+    for row, speed in zip(table, speeds or [""] * len(table), strict=True):
         shape = "".join(f"{row[column] + 0.0:{width}.{width - 4}f}" for column in columns)
         name = f"{row['name']:8}" if named else ""
-        say(f"{row['mode']:5}{name}{row['frequency']:18.12f}{row['frequency_Hz']:18.6g}{shape}")
+        say(f"{row['mode']:5}{name}{row['frequency']:18.12f}{row['frequency_Hz']:18.6g}{speed}{shape}")
+
+
+def _speeds(scene: "Scene", table: Table) -> list[str]:
+    """Return the group velocity of each mode along k, m/s, below 0 if it is against k; none at Γ."""
+    if "group_velocity_m_s" not in table[0]:
+        return []
+    unit = _vector_of(scene).unit
+    along = [sum(v * e for v, e in zip(row["group_velocity_m_s"], unit, strict=False)) for row in table]
+    rounding = 1e-9 * max(map(abs, along))
+    return [f"{speed if abs(speed) > rounding else 0.0:15.6g}" for speed in along]
 
 
 def _branches_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":

@@ -34,7 +34,7 @@ def add_to(commands: Commands) -> None:
         "--rows",
         type=positive,
         metavar="N",
-        help="of a run: rows around the centre (default: 25, without a wave all)",
+        help="of a run: rows around the centre (default: 25 of a wave, all of a push or a strike)",
     )
     view.add_argument(
         "--fronts",

@@ -50,7 +50,7 @@ def run_figure(
         Factor of displacements and angles; by default 1, 2 or 5 times a power of ten with which D0 is at most half a
         radius. Without a wave spheres stay at their places unless a factor is given.
     rows : int, optional
-        Number of rows around the centre row; by default 25, or all if there are fewer, and all without a wave.
+        Number of rows around the centre row; by default 25 of a wave, all of a push or a strike.
     fronts : bool
         True for lines where the bursts of sources are by their group velocities, as in `granular_lmp.plot.fronts`.
     side : "top", "x" or "y", optional

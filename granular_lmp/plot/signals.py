@@ -177,6 +177,8 @@ def save(figure: Figure, path: str | Path, size: tuple[int, int] | None = None) 
     ------
     RunFolderError
         If matplotlib does not write this format, or the file cannot be written.
+    ViewError
+        If the settings of matplotlib need a program that this machine does not have, as ``text.usetex`` LaTeX.
     """
     path = Path(path)
     known = figure.canvas.get_supported_filetypes()
@@ -187,3 +189,5 @@ def save(figure: Figure, path: str | Path, size: tuple[int, int] | None = None) 
         figure.savefig(path, dpi=resized(figure, size) if size else 150)
     except OSError as error:
         raise RunFolderError(f"{path}: cannot be written: {one_line(error)}") from error
+    except RuntimeError as error:
+        raise ViewError(f"{path}: cannot be drawn: {one_line(error)}") from error

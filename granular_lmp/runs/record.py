@@ -3,7 +3,8 @@
 LAMMPS writes ``dump.*`` and ``log.lammps`` in the units of the deck. Of a scene with a wave ``trajectory.csv`` holds p,
 q and φ of the centre sphere over τ: its displacement along the wave vector k and along ẑ × k (v and −u for a wave along
 y) and Rθ, in D0. Of a scene without a wave ``dump.particles`` holds the spheres that it records. ``run.json`` holds the
-course of the run. Post-processing scripts may import only this module and `granular_lmp.crystal.sphere`.
+course of the run. Post-processing scripts may import only this module, `granular_lmp.crystal.sphere`, and
+`granular_lmp.cli.entry`, by which they begin and end.
 """
 
 from collections.abc import Mapping
@@ -97,22 +98,23 @@ class Record(HasCard):
 
     Notes
     -----
-    p, q and φ are those of one sphere. They are those of the infinite lattice until the echo of the walls arrives
-    (`Scene.echo_time`). ℓ, v and t0 are the units of an impact (`granular_lmp.crystal.scale`).
+    Two records are equal if their scenes and motions are, in whatever folders. p, q and φ are those of one sphere. They
+    are those of the infinite lattice until the echo of the walls arrives (`Scene.echo_time`). ℓ, v and t0 are the units
+    of an impact (`granular_lmp.crystal.scale`).
 
     Examples
     --------
     >>> scene = Scene.load("tr_periodic").with_values({"time.duration": 10.0})
     >>> record = run(scene, "runs/read")
-    >>> bool((Record.load("runs/read").p == record.p).all()), list(record.si)
+    >>> Record.load("runs/read") == record, list(record.si)
     (True, ['t_s', 'p_m', 'q_m', 'theta_rad'])
     """
 
     tau: Floats
     signals: Mapping[str, Floats]
     scene: Scene
-    info: dict[str, Any] = field(default_factory=dict)
-    folder: Path | None = None
+    info: dict[str, Any] = field(default_factory=dict, compare=False)
+    folder: Path | None = field(default=None, compare=False)
 
     @classmethod
     def load(cls, folder: str | Path, *, unfinished: bool = False) -> Self:

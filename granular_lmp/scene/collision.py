@@ -22,7 +22,7 @@ from granular_lmp.scene.bodies import SPHERE_RULES
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.files import first_file
 from granular_lmp.scene.refusals import SKIN
-from granular_lmp.scene.schema import choice, count, number
+from granular_lmp.scene.schema import allowed_names, choice, count, number
 from granular_lmp.scene.sections import DISTANCE, LOAD, RESCALED, SHEAR_LAWS
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.start import Start
@@ -132,7 +132,7 @@ class Collision(Document):
         found = first_file(source, (Path(source), _SHIPPED_COLLISIONS / f"{source}.toml"))
         if found is None:
             shipped = sorted(path.stem for path in _SHIPPED_COLLISIONS.glob("*.toml"))
-            raise SceneError(f"{source}: no such collision; shipped: {', '.join(shipped) or 'none'}")
+            raise SceneError(f"{source}: no such collision; {allowed_names(str(source), shipped, 'shipped')}")
         return cls.read(found)
 
     @classmethod

@@ -18,6 +18,8 @@ from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import shown
+from granular_lmp.scene.signals import SIGNALS
+from granular_lmp.scene.sources import Source
 
 _POINTS = 60  # points on a branch: its extrema lie much farther apart than a sixtieth of the zone
 _LOWEST = 1e-9  # rad per row, the smallest wave number of a scene
@@ -178,13 +180,20 @@ def _zero(function: Callable[[float], float], low: float, high: float) -> float:
 def with_placeholder(tables: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return the tables with any wave number where ``wave.frequency`` stands in its place, to be solved for later.
 
+    Where there is no wave, ``form = "none"``, and the sources have frequencies of their own, none need be given.
+
     Raises
     ------
     SceneError
-        When both are given.
+        When both are given, or none, and a source takes its frequency from the wave.
     """
     wave = tables.get("wave")
-    if not isinstance(wave, Mapping) or "frequency" not in wave:
+    if not isinstance(wave, Mapping):
+        return tables
+    if wave.get("form") == "none" and wave.keys().isdisjoint(("wavenumber", "frequency")):
+        _refuse_without_frequency(tables.get("source"))
+        return {**tables, "wave": {**wave, "wavenumber": 1.0}}
+    if "frequency" not in wave:
         return tables
     if "wavenumber" in wave:
         raise SceneError(
@@ -192,6 +201,18 @@ def with_placeholder(tables: Mapping[str, Any]) -> Mapping[str, Any]:
             "give one of the two"
         )
     return {**tables, "wave": {**wave, "wavenumber": 1.0}}
+
+
+def _refuse_without_frequency(sources: Any) -> None:
+    """Raise SceneError for a source, of unchecked tables, whose signal has a frequency that nothing says."""
+    for number, each in enumerate(sources if isinstance(sources, list | tuple) else (), 1):
+        signal = each.get("signal", Source.signal) if isinstance(each, Mapping) else None
+        periodic = isinstance(signal, str) and signal in SIGNALS and "frequency" in SIGNALS[signal].keys
+        if periodic and each.keys().isdisjoint(("frequency", "hertz")):
+            raise SceneError(
+                f"source {number}: frequency: missing; it must be given, or hertz, or the wave.wavenumber of the mode "
+                "whose frequency it takes"
+            )
 
 
 def without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:

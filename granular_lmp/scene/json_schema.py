@@ -126,7 +126,9 @@ def _tables(document: type[Document], *, bare: bool, loose: bool = True) -> dict
             pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
             inner["wavevector"] = pair | {"description": note("wave.wavevector", Scene)}
             needed["wave"].remove("wavenumber")
-            table["oneOf"] = [{"required": [name]} for name in ("wavenumber", "wavevector", "frequency")]
+            which = [{"required": [name]} for name in ("wavenumber", "wavevector", "frequency")]
+            no_wave = {"required": ["form"], "properties": {"form": {"const": "none"}}, "not": {"anyOf": which}}
+            table["oneOf"] = [*which, no_wave]
         table |= {"required": needed[section]} if needed[section] else {}
         array = {"type": "array", "items": table} | ({"minItems": 1} if bare and section in document.marks else {})
         properties[section] = array if section in document.repeated else table

@@ -44,7 +44,7 @@ from granular_lmp.scene.records import said
 from granular_lmp.scene.refusals import NEEDS_REST, NEEDS_WAVE, UNWAVED, is_loose, refuse, refuse_tables
 from granular_lmp.scene.relaxation import check_arrangement, check_walls
 from granular_lmp.scene.samples import located
-from granular_lmp.scene.schema import AUTO
+from granular_lmp.scene.schema import AUTO, allowed_names, default_name
 from granular_lmp.scene.sections import (
     STEP_OR_TOLERANCE,
     Absorb,
@@ -218,13 +218,9 @@ class Scene(HasCard, Derived):
         places = (path, *(folder / "scene.toml" for folder in folders), SHIPPED / "collisions" / f"{source}.toml")
         found = first_file(source, places)
         if found is None:
-            shipped = sorted(folder.parent.name for folder in SHIPPED.glob("*/scene.toml"))
-            impacts = sorted(folder.parent.name for folder in SHIPPED.glob("impacts/*/scene.toml"))
-            collisions = sorted(each.stem for each in SHIPPED.glob("collisions/*.toml"))
-            raise SceneError(
-                f"{source}: no such scene file; shipped scenes: {', '.join(shipped) or 'none'}; "
-                f"impacts: {', '.join(impacts) or 'none'}; collisions: {', '.join(collisions) or 'none'}"
-            )
+            kinds = ("*/scene.toml", "impacts/*/scene.toml", "collisions/*.toml")
+            known = [default_name(file) for kind in kinds for file in sorted(SHIPPED.glob(kind))]
+            raise SceneError(f"{source}: no such scene file; {allowed_names(str(source), known, 'shipped scenes')}")
         return cls.read(found)
 
     @classmethod

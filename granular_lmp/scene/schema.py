@@ -320,12 +320,12 @@ def default_name(file: Path) -> str:
     return file.parent.name if file.name == "scene.toml" else file.stem
 
 
-def allowed_names(key: str, names: Iterable[str]) -> str:
+def allowed_names(key: str, names: Iterable[str], said: str = "allowed") -> str:
     """Return the closest allowed name for an error message, or all allowed names if none is close."""
     from difflib import get_close_matches  # kept out of start-up
 
     close = get_close_matches(key, list(names), n=1)
-    return f"did you mean '{close[0]}'?" if close else f"allowed: {', '.join(names)}"
+    return f"did you mean '{close[0]}'?" if close else f"{said}: {', '.join(names)}"
 
 
 def shown(value: Any) -> str:

@@ -22,6 +22,7 @@ FEWEST_SAMPLES = 8  # records after tau = 0; with fewer the window of a spectrum
 
 # What a scene may say that is kicked: of anything else, the record does not tell its reader
 _HAS = frozenset({"name", "sphere", "packing", "wave", "time", "effects", "output"})
+_EFFECTS = frozenset({"adhesion", "shear", "rotation", "tracking", "width"})
 # Guards of a sheet that is not linear any more, and the reasons
 _LINEAR = {"largest_slip": "contacts slid", "open_contacts": "contacts opened"}
 
@@ -35,12 +36,16 @@ def kicked(scene: Scene, seed: int = 0) -> Scene:
     Raises
     ------
     SceneError
-        If spheres do not turn.
+        If spheres do not turn, or an effect is on that the theory of the sheet leaves out.
     """
     problem = prepare(scene)
     if not problem.on["rotation"]:
         raise SceneError(
             "effects.rotation is off: must be on for a sheet that is kicked, for instance with wave.mode = TR"
+        )
+    if others := [name for name, on in problem.on.items() if on and name not in _EFFECTS]:
+        raise SceneError(
+            f"effects.{others[0]} is on: must be off for a sheet that is kicked, whose linear theory leaves it out"
         )
     return problem.scene.with_values(
         {
@@ -76,14 +81,15 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     -------
     Path
         Path of ``sheet.npz`` with ``tau`` (T,); ``velocity`` (T, N, 3): ẋ, ẏ, Rθ̇ in D0/t0; ``position`` (N, 2) at rest
-        and ``box`` (2,), in lattice constants; ``poisson_ratio``, ``overlap_ratio`` and ``contact_force``; ``effects``,
-        the names of the effects that are on.
+        and ``box`` (2,), in lattice constants; ``poisson_ratio``, ``overlap_ratio``, ``contact_force`` in N and
+        ``prestress``, its share of the force that holds a contact; ``effects``, the names of the effects that are on.
 
     Raises
     ------
     SceneError
         If the lattice is not hexagonal, the scene has fixed ends, monitors or a tolerance, its columns are not a
-        multiple of 3, spheres do not turn, or its records are too few or too far apart.
+        multiple of 3, spheres do not turn, an effect is on that its theory leaves out, or its records are too few or
+        too far apart.
     RunFolderError
         If the folder holds anything else (without `force`), or the sheet of a run that is finished.
     EffectError
@@ -185,5 +191,6 @@ def _save(path: Path, record: Record) -> None:
         poisson_ratio=scene.sphere.poisson_ratio,
         overlap_ratio=scene.sphere.overlap_ratio,
         contact_force=scene.sphere.contact_force,
+        prestress=scene.sphere.contact_force / scene.sphere.holding_force,
         effects=[name for name, effect in record.info["effects"].items() if effect["on"]],
     )

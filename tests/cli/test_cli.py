@@ -11,12 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from granular_analysis.cli import help_texts
+from granular_analysis.cli import main as analysis
 from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main, parser
 from granular_lmp.cli.parser import parsers
+from granular_lmp.crystal.lattices import lattice_constant
 from granular_lmp.effects.selection import EFFECTS
-from granular_lmp.errors import CrystalError
+from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.plot.signals import dispersion_figure
 from granular_lmp.scene import at_rest
 from granular_lmp.scene.json_schema import json_schema
@@ -135,7 +138,10 @@ def test_a_perfect_crystal_is_run_without_what_it_does_not_need(small_toml: Path
     ("words", "message"),
     [
         (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: corner_source, fcc_transverse, "),
-        (["run", "solitary_chin"], "two_tones; impacts: breather, compressed_chain, dimer_chain, "),
+        (["run", "nowhere"], "two_tones, breather, compressed_chain, dimer_chain, "),
+        (["run", "solitary_chin"], "solitary_chin: no such scene file; did you mean 'solitary_chain'?"),
+        (["check", "test1_gras"], "test1_gras: no such scene file; did you mean 'test1_glass'?"),
+        (["collide", "test1_gras"], "test1_gras: no such collision; did you mean 'test1_glass'?"),
         (["run", "tr_periodic", "--set", "wave.wavenumer=1"], "wavenumer: unknown key; did you mean 'wavenumber'?"),
         (["run", "tr_periodic", "--set", "wave.mode=S"], 'wave.mode = \'S\': must be one of "L", "TR", "RT"'),
         (["build", "tr_periodic", "--set", "time.timestep"], "'time.timestep': must be KEY=VALUE"),
@@ -147,7 +153,7 @@ def test_a_perfect_crystal_is_run_without_what_it_does_not_need(small_toml: Path
         (["init", "{tmp}/file"], "file: is there already; choose another name"),
         (["init", "{tmp}/file/mine.toml"], "file/mine.toml: cannot be written"),
         (["init", "{tmp}/my wave.toml"], "name = 'my wave': must be a string of"),
-        (["init", "{tmp}/mine.toml", "--from", "tr_wave"], "tr_wave: no such scene file; shipped scenes: corner_"),
+        (["init", "{tmp}/mine.toml", "--from", "rt_waves"], "rt_waves: no such scene file; did you mean 'rt_wave'?"),
         (
             ["check", "tr_periodic", "--set", "packing.vacancies=0.1"],
             "packing.vacancies: unknown key; [disorder] and [[inclusion]] declare spheres",
@@ -206,6 +212,32 @@ def test_set_changes_one_value(small_toml: Path, tmp_path: Path, capsys: pytest.
     assert cli(capsys, *words)[0] == 0
     scene = Record.load(tmp_path / "run").scene
     assert (scene.wave.amplitude, scene.wave.mode) == (0.1, "L")
+
+
+OF_A_SCENE = {
+    "design": ["tr_resonant", "--vary", "sphere.density", "2000", "3000"],
+    "fit": ["points.csv", "tr_resonant", "--free", "sphere.density"],
+    "harmonic": ["tr_resonant"],
+    "resonances": ["tr_resonant"],
+    "saw": ["monolayer_rocking"],
+}
+
+
+@pytest.mark.parametrize("name", OF_A_SCENE)
+def test_set_reaches_the_scene_of_each_script_of_analysis(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words = [*OF_A_SCENE[name], "--set", "wave.amplitude=0.05", "--set", "sphere.densty=3000"]
+    with pytest.raises((SystemExit, SceneError), match="sphere.densty: unknown key; did you mean 'density'?"):
+        analysis([name, *words])
+    assert "--set KEY=VALUE" in help_texts()[f"granular-analysis {name}"]
+
+
+def test_set_is_what_a_script_of_analysis_computes_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = {}
+    for amplitude in ("0.1", "0.05"):
+        words = ["tr_resonant", "--set", f"wave.amplitude={amplitude}", "--set", "time.duration=2"]
+        assert analysis(["harmonic", *words, "--json", str(tmp_path / "x.json")]) == 0
+        said[amplitude] = json.loads((tmp_path / "x.json").read_text())["along"]["strength"]
+    assert said["0.1"] == pytest.approx(2 * said["0.05"], rel=1e-9)  # D0 times a
 
 
 def test_init_copies_every_shipped_scene_and_deck(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -345,6 +377,12 @@ def test_modes_prints_the_paper_s_modes_and_draws_them(
     status, out, _ = cli(capsys, "modes", "tr_nonresonant", "--plot", str(tmp_path / "new" / "modes.png"))
     assert status == 0
     assert "0.276934569162" in out  # 0.276935327978 in the paper's geometry, 2.7e-6 more
+    scene = Scene.load("tr_nonresonant")
+    row = np.sqrt(3) / 2 * lattice_constant(scene.sphere) * scene.sphere.radius  # m
+    speeds = {line.split()[0]: float(line.split()[3]) for line in out.splitlines()[2:5]}
+    # Ω = sin(ξ/2) of L
+    assert speeds["L"] == pytest.approx(np.cos(scene.wavenumber / 2) / 2 * row / scene.sphere.time_scale, rel=1e-5)
+    assert speeds["RT"] < 0 < speeds["TR"]
     assert (tmp_path / "new" / "modes.png").read_bytes().startswith(b"\x89PNG")
 
 

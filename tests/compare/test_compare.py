@@ -294,6 +294,19 @@ def folder(small: Scene, tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
+def test_a_figure_that_fails_leaves_the_numbers(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: object) -> None:
+        raise SystemExit("compare.png: cannot be drawn")
+
+    monkeypatch.setattr(compare, "save", fail)
+    with pytest.raises(SystemExit, match="cannot be drawn"):
+        compare.main([str(folder), "--json", str(tmp_path / "out.json")])
+    assert f"\n{folder}" in capsys.readouterr().out
+    assert json.loads((tmp_path / "out.json").read_text())
+
+
 @pytest.mark.usefixtures("drawn_once")
 def test_compare_prints_a_table_and_writes_json_and_a_figure(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

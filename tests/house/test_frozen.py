@@ -7,6 +7,7 @@ from dataclasses import FrozenInstanceError, field, fields, replace
 from inspect import signature
 from typing import Any
 
+import numpy as np
 import pytest
 
 from granular_lmp import frozen
@@ -49,6 +50,24 @@ def test_records_of_equal_values_are_equal_and_have_one_hash(kind: Any) -> None:
     assert hash(kind(1.0)) == hash(kind(1.0)) == hash((1.0, ()))
     assert kind(1.0) != kind(2.0)
     assert kind(1.0) != (1.0, (), [])
+
+
+@frozen.dataclass(frozen=True)
+class Heap:
+    """A record of arrays."""
+
+    radius: np.ndarray
+    fields: dict[str, tuple[np.ndarray, ...]]
+
+
+def heap(last: float = np.nan, size: int = 3) -> Heap:
+    return Heap(np.ones(size), {"u": (np.zeros(2), np.array([1.0, last]))})
+
+
+def test_records_with_arrays_are_equal_if_all_elements_are() -> None:
+    assert heap() == heap()
+    assert heap(2.0) in [heap(), heap(2.0)]
+    assert heap(2.0) not in [heap(), heap(3.0), heap(2.0, size=2), Heap(np.ones(3), {}), Heap(None, heap(2.0).fields)]
 
 
 def test_records_of_two_kinds_are_never_equal() -> None:

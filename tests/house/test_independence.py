@@ -12,8 +12,13 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = {"granular_lmp": ROOT / "granular_lmp", "granular_analysis": ROOT / "analysis/granular_analysis"}
-# Reading of records and of tables, and the sphere
-FROM_PACKAGE = {"granular_lmp.runs.record", "granular_lmp.scene.spreadsheets", "granular_lmp.crystal.sphere"}
+COMMANDS = {  # how both programs begin and end and read --set, which is no physics
+    "granular_lmp.cli.entry",
+    "granular_lmp.cli.arguments.changes_argument",
+    "granular_lmp.cli.arguments.changes_of",
+}
+READERS = {"granular_lmp.runs.record", "granular_lmp.scene.spreadsheets"}  # of records and of tables
+FROM_PACKAGE = {*READERS, "granular_lmp.crystal.sphere", *COMMANDS}
 
 
 @cache

@@ -1,5 +1,7 @@
 """A notebook shows short lines, small pictures, and errors that speak Python; the command line speaks options."""
 
+import subprocess
+import sys
 from base64 import b64decode
 from pathlib import Path
 from typing import Any
@@ -93,6 +95,11 @@ def test_a_deck_of_loose_spheres_shows_its_text_without_a_picture(lattice: str) 
 def test_a_deck_of_spheres_that_adhere_shows_its_branches_without_a_wave_too() -> None:
     scene = Scene.load("solitary_chain").with_values({"sphere.work_of_adhesion": 0.1, "packing.rows": 6})
     assert "<img" in build(scene)._repr_html_()
+
+
+def test_a_prompt_completes_the_names_of_the_package_before_one_was_used() -> None:
+    fresh = "import granular_lmp as g; print(sorted(n for n in dir(g) if n[0] != '_') == sorted(g.__all__))"
+    assert subprocess.run([sys.executable, "-c", fresh], capture_output=True, text=True).stdout == "True\n"
 
 
 def test_what_has_no_picture_is_refused() -> None:

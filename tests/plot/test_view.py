@@ -6,14 +6,17 @@ import re
 import subprocess
 import sys
 from base64 import b64decode
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
 from PIL import Image
 
+from granular_analysis import plotting
 from granular_lmp import Record, Scene, prepare, run
 from granular_lmp.cli import main
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
@@ -21,7 +24,7 @@ from granular_lmp.plot import crystal, movie, spheres, view
 from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.plot.page import page as page_of
-from granular_lmp.plot.signals import signals_to_draw
+from granular_lmp.plot.signals import Picture, save, signals_to_draw
 from granular_lmp.runs.record import write_status
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.at_rest import crystal_of
@@ -45,10 +48,27 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
     return sweep(scene, over, tmp_path_factory.mktemp("view") / "sweep")
 
 
-def test_a_picture_needs_no_backend_of_matplotlib(seen: Path, tmp_path: Path) -> None:
+def test_a_picture_needs_no_backend_and_no_settings_of_matplotlib(seen: Path, tmp_path: Path) -> None:
+    own = tmp_path / "matplotlibrc"
+    own.write_text("text.usetex: True")
     command = [sys.executable, "-m", "granular_lmp", "view", str(seen), "-o", str(tmp_path / "seen.png"), "--tau", "1"]
-    done = subprocess.run(command, env=os.environ | {"MPLBACKEND": "nonsense"}, capture_output=True, text=True)
+    settings = {"MPLBACKEND": "nonsense", "MATPLOTLIBRC": str(own), "PATH": ""}  # there is no LaTeX
+    done = subprocess.run(command, env=os.environ | settings, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, f"{tmp_path}/seen.png\n", "")
+
+
+@pytest.mark.parametrize("write", [save, plotting.save])
+def test_a_figure_that_needs_latex_is_one_line_where_there_is_none(
+    write: Callable[[Picture, Path], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", "")
+    with rc_context({"text.usetex": True}):
+        figure = Picture()
+        figure.suptitle("a title that no cache of LaTeX holds")
+        with pytest.raises((ViewError, SystemExit)) as refused:
+            write(figure, tmp_path / "x.png")
+    assert str(refused.value).startswith(f"{tmp_path}/x.png: cannot be drawn: ")
+    assert "\n" not in str(refused.value)
 
 
 def drawn(folder: Path, **options: Any) -> tuple[Any, Any]:
@@ -446,7 +466,8 @@ def shaken(tmp_path_factory: pytest.TempPathFactory) -> Path:
     others = {"name": "touch", "spheres": [[11, 1]], "what": "contacts"}, {"name": "many", "rows": [8, 12]}
     tables = {
         "sphere": Scene.load("tr_periodic").to_dict()["sphere"],
-        "packing": {"rows": 21, "columns": 3, "ends": "fixed"},
+        "packing": {"rows": 29, "columns": 3, "ends": "fixed"},
+        "output": {"particles": 6.0},
         "wave": {"mode": "TR", "wavenumber": 1.475, "amplitude": 0.05, "form": "none"},
         "time": {"duration": 6.0, "timestep": 0.1, "allow_echo": True},
         "source": [{"rows": [9, 9], "force": "x", "ramp": 2.0}],
@@ -455,6 +476,16 @@ def shaken(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("monitors") / "run"
     run(Scene.from_dict(tables), folder)
     return folder
+
+
+def test_a_push_is_drawn_with_all_rows_and_their_numbers_in_the_scene(shaken: Path) -> None:
+    axes, discs = drawn(shaken)
+    rest = Snapshots.load(shaken).rest
+    assert len(rest) == 29 * 3
+    assert {*np.round(np.asarray(discs.get_offsets())[:, 1])} == {*np.round(rest[:, 1])}
+    ticks = dict(zip((text.get_text() for text in axes.get_yticklabels()), axes.get_yticks(), strict=True))
+    row = Snapshots.load(shaken).crystal.arrays["row"]
+    assert [ticks[str(n)] for n in (0, 25)] == pytest.approx([rest[row == n, 1].mean() for n in (0, 25)])
 
 
 @pytest.mark.parametrize(

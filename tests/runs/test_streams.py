@@ -1,5 +1,6 @@
 """The command line where streams are closed or full, folders are deleted, and files run out: one line, right status."""
 
+import io
 import json
 import resource
 import signal
@@ -16,7 +17,7 @@ import pytest
 from granular_analysis.cli import program
 from granular_analysis.plotting import start
 from granular_lmp import Scene
-from granular_lmp.cli import main
+from granular_lmp.cli import entry, main
 from granular_lmp.runs.routes import FEWEST_FILES
 from granular_lmp.studies.sweep import sweep
 from tests.cli.test_cli import cli
@@ -77,7 +78,8 @@ def test_a_full_standard_error_does_not_stop_a_run(
     assert "24 spheres" in out
 
 
-DOORS = ["-m granular_analysis.tools.compare", "-c 'from granular_analysis.cli import program; program()' compare"]
+PROGRAM = "'from granular_analysis.cli import program; exit(program())'"
+DOORS = ["-m granular_analysis.tools.compare", f"-c {PROGRAM} compare"]
 
 
 @pytest.mark.parametrize("door", members(DOORS, DOORS[0]))
@@ -85,7 +87,8 @@ def test_a_script_ends_as_a_command_does(door: str, small: Scene, tmp_path: Path
     # Of a sweep over words it prints a line and draws no figure
     sweep(small, {"wave.mode": ["TR"]}, tmp_path / "sweep")
     compare = f"PYTHONPATH={Path(__file__).parents[2]} {sys.executable} {door}"
-    assert shell(f"{compare} sweep > /dev/full", tmp_path)[::2] == (1, "this machine: No space left on device\n")
+    full = "granular-analysis: error: this machine: No space left on device\n"
+    assert shell(f"{compare} sweep > /dev/full", tmp_path)[::2] == (1, full)
     assert shell(f"set -o pipefail; {compare} sweep | true", tmp_path)[::2] == (0, "")
     assert shell(f"{compare} sweep <&- >&- 2>&-", tmp_path)[0] == 0
     assert not (tmp_path / "sweep/compare.png").exists()
@@ -97,10 +100,46 @@ def test_the_installed_command_is_the_one_whose_errors_are_one_line(
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["scripts"]["granular-analysis"] == "granular_analysis.cli:program"
     monkeypatch.setattr(sys, "argv", ["granular-analysis", "compare", "nowhere"])
-    with pytest.raises(SystemExit) as refused:
-        program()
-    assert refused.value.code == 2
-    assert capsys.readouterr() == ("", "nowhere: not a run folder (there is no run.json)\n")
+    assert program() == 2
+    said = "granular-analysis: error: nowhere: not a run folder (there is no run.json)\n"
+    assert capsys.readouterr() == ("", said)
+
+
+PROGRAMS = {"granular-lmp": entry.program, "granular-analysis": program}
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+@pytest.mark.parametrize("encoding", ["ascii", "iso-8859-1", "cp1252"])
+def test_a_terminal_without_our_letters_gets_them_as_escapes(
+    encoding: str, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), encoding))
+    assert entry.as_program(name, lambda: print("φ in °")) == 0
+    degrees = "\\xb0" if encoding == "ascii" else "°"
+    assert sys.stdout.buffer.getvalue().decode(encoding) == f"\\u03c6 in {degrees}\n"
+    monkeypatch.setattr(sys, "argv", [name, "--help"])
+    with pytest.raises(SystemExit) as ended:
+        PROGRAMS[name]()
+    assert not ended.value.code
+
+
+@pytest.mark.parametrize(
+    ("name", "imports"),
+    [
+        ("granular-lmp", "granular_lmp.cli.parser.parsers"),
+        ("granular-analysis", "granular_analysis.cli.import_module"),
+    ],
+)
+def test_a_command_that_is_interrupted_as_it_begins_is_one_line_and_status_130(
+    name: str, imports: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(imports, interrupted)
+    monkeypatch.setattr(sys, "argv", [name, "fit"])
+    assert PROGRAMS[name]() == 130
+    assert capsys.readouterr() == ("", f"{name}: interrupted\n")
 
 
 @pytest.mark.parametrize("name", SCRIPTS)

@@ -111,11 +111,14 @@ def test_a_scene_of_a_frequency_fits() -> None:
     scene = tomllib.loads(SCENES[0].read_text(encoding="utf-8"))
     wave = {key: value for key, value in scene["wave"].items() if key != "wavenumber"} | {"frequency": 8e7}
     validate(scene | {"wave": wave}, SCHEMA)
+    del wave["frequency"]
+    validate(scene | {"wave": wave | {"form": "none"}}, SCHEMA)
 
 
 @pytest.mark.parametrize(
     "change",
     [
+        {"wave": {"mode": "TR", "amplitude": 0.1, "form": "driven"}},
         {"wave": {"wavenumber": 1.0, "amplitude": 0.1}},
         {"wave": {"mode": "TR", "wavenumber": 1.0, "wavevector": [1.0, 0.0], "amplitude": 0.1}},
         {"wave": {"mode": "TR", "wavenumber": 1.0, "frequency": 8e7, "amplitude": 0.1}},

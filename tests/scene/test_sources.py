@@ -423,6 +423,20 @@ def test_an_end_that_one_source_moves_sends_back_the_waves_of_the_others() -> No
         quiet.with_values({"time.duration": 300.0})
 
 
+def test_a_crystal_at_rest_needs_a_wave_number_only_for_the_frequency_of_a_source() -> None:
+    tables = SHEET.with_values({"source": [PUSH, MOVE]}).given()
+    own = {**tables, "wave": {key: value for key, value in tables["wave"].items() if key != "wavenumber"}}
+    decks = [build(Scene.from_dict(each)).input_text.partition("\n") for each in (tables, own)]
+    assert decks[0][2] == decks[1][2]  # all but the title
+    for signal, known in {"burst": False, "ricker": False, "step": True}.items():
+        own["source"] = [PUSH, {"spheres": [[6, 9]], "force": "y", "signal": signal}]
+        if known:
+            assert Scene.from_dict(own).form == "none"
+        else:
+            with pytest.raises(SceneError, match="source 2: frequency: missing; .* or hertz, or the wave.wavenumber"):
+                Scene.from_dict(own)
+
+
 NEITHER = {"spheres": [[1, 1]]}
 
 

@@ -190,6 +190,20 @@ def test_branches_through_the_zone_meet_at_its_corners(
     assert np.diff(there).min() < 1e-6  # three-fold and four-fold axes hold pairs
 
 
+def test_the_density_of_states_of_a_chain_is_the_closed_form(capsys: pytest.CaptureFixture[str]) -> None:
+    """Half of the modes are L waves, Ω = Ω₀ sin(ξ/2), (2/π) asin(Ω/Ω₀) of them below Ω; half no contact resists."""
+    turned_off = ["--set", "effects.shear=false", "--set", "effects.rotation=false"]
+    said = said_by(capsys, "l_chain", *turned_off, "--dos", "--json")["table"]
+    hertz, density = np.array([[row["frequency_Hz"], row["density_per_Hz"]] for row in said]).T
+    width = hertz[1] - hertz[0]
+    edges = hertz + width / 2
+    # At the top a chord between wave numbers h = π/15 apart is up to h/4 off, of half of the modes: 1/120.
+    # Without chords the frequencies are steps of 1/30, and most bins are empty
+    below = 0.5 + np.arcsin(edges / edges[-1]) / np.pi
+    np.testing.assert_allclose(np.cumsum(density) * width, below, atol=1 / 120)
+    assert (density > 0).all()
+
+
 def test_the_density_of_states_is_of_all_modes(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "layer.toml").write_text(LAYER.to_toml())
     drawn = tmp_path / "density.png"

@@ -10,7 +10,8 @@ from granular_analysis.theory.branches import named_branch, names_of
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.tools import resonances as script
 from granular_lmp import Scene
-from granular_lmp.scene.linear import mode_of
+from granular_lmp.crystal.modes import named_in_space
+from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
 
 SHEET = {"packing.rows": 8, "packing.columns": 3}
 SUBSTRATE = {"youngs_modulus": 50e9, "poisson_ratio": 0.3, "work_of_adhesion": 0.05}
@@ -26,7 +27,7 @@ SCENES: dict[str, dict[str, Any]] = {
     "square layer": ON | {"packing.lattice": "square", "wave.mode": "3"},
     "layer that nothing holds": {"packing.space": 3, "wave.mode": "TR"},
     "fcc [001]": {"packing.lattice": "fcc", "wave.mode": "TR"},
-    "fcc [111]": {"packing.lattice": "fcc", "packing.orientation": "[111]", "packing.rows": 6, "wave.mode": "3"},
+    "fcc [111]": {"packing.lattice": "fcc", "packing.orientation": "[111]", "packing.rows": 6, "wave.mode": "TR"},
     "hcp": {"packing.lattice": "hcp", "wave.mode": "3"},
     "cubic": {"packing.lattice": "cubic", "wave.mode": "L"},
     "film on a substrate": ON | FILM | {"packing.layers": 3, "wave.mode": "S2"},
@@ -49,6 +50,21 @@ def test_the_wave_of_a_scene_in_space_is_that_of_the_package(name: str) -> None:
     # Rounding of an overlap that is a thousandth of the places
     assert theirs.frequency / declared.sphere.time_scale == pytest.approx(float(ours.frequency), rel=1e-11)
     np.testing.assert_allclose(theirs.shape(), ours.shape, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_names_of_all_branches_are_those_of_the_package(name: str) -> None:
+    declared = scene(name)
+    theirs = named_in_space(wave_contacts(declared), declared.sphere, declared.vector, physics_of(declared))
+    setting = Setting(declared)
+    crystal, k = setting.crystal(), setting.wavevector()
+    ours = {each: number for each, number in names_of(crystal, k).items() if not each.isdigit()}
+    assert ours.keys() == theirs.keys()
+    found = crystal.modes(k).frequencies * declared.sphere.time_scale
+    # Rounding of the frequency of a sheet that slides freely is the root of that of the highest
+    assert {each: pytest.approx(theirs[each][0], rel=1e-10, abs=1e-6) for each in theirs} == {
+        each: found[number] for each, number in ours.items()
+    }
 
 
 def test_other_constants_of_a_substrate_are_seen() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis.theory.bloch import real_modes
-from granular_analysis.theory.catalogue import COMPRESSED, missing
+from granular_analysis.theory.catalogue import missing
 from granular_analysis.theory.contact import Contact
 
 Floats = NDArray[np.float64]
@@ -30,7 +30,7 @@ FEWEST = 8  # records: below, the window leaves next to nothing
 class Sheet:
     """Velocities (T, N, 3) of all spheres in any unit at the times tau (T,), and the lattice, in lattice constants.
 
-    effects are the names of those that were on; contact_force is 0 where adhesion alone holds the lattice.
+    effects are the names of those that were on; prestress is the share of compression in the force at rest.
     """
 
     tau: Floats
@@ -39,7 +39,7 @@ class Sheet:
     box: Floats
     poisson_ratio: float
     overlap_ratio: float
-    contact_force: float = 0.0
+    prestress: float = 0.0
     effects: Sequence[str] = ()
 
     @classmethod
@@ -55,13 +55,14 @@ class Sheet:
         path = Path(path) / "sheet.npz" if Path(path).is_dir() else Path(path)
         try:
             with np.load(path) as file:
+                if "prestress" not in file and not file["contact_force"]:  # of version 0.1 and 0.2
+                    file = {**file, "prestress": 0.0}
                 sheet = cls(**{name: file[name] for name in cls.__dataclass_fields__})
         except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, BadZipFile) as error:
             raise ValueError(f"not the sheet of granular-lmp kick: {error}") from error
         if len(sheet.tau) < FEWEST:
             raise ValueError(f"{len(sheet.tau)} records; a spectrum takes at least {FEWEST}, kick it for longer")
-        traits = {f"effects.{name}" for name in sheet.effects} | ({COMPRESSED} if sheet.contact_force else set())
-        left_out = missing("granular-analysis dispersion", traits)
+        left_out = missing("granular-analysis dispersion", {f"effects.{name}" for name in sheet.effects})
         if left_out:
             raise ValueError(f"the linear theory here leaves out {', '.join(left_out)}")
         return sheet
@@ -73,7 +74,8 @@ class Sheet:
 
     def theory(self, wavevectors: Floats) -> Floats:
         """Frequencies (K, 3) of the three branches, ascending."""
-        return real_modes(wavevectors, Contact(float(self.poisson_ratio), overlap_ratio=float(self.overlap_ratio)))[0]
+        ratio, overlap, share = (float(each) for each in (self.poisson_ratio, self.overlap_ratio, self.prestress))
+        return real_modes(wavevectors, Contact(ratio, overlap_ratio=overlap, prestress=share))[0]
 
 
 def zone_path(box: Floats) -> tuple[Floats, list[int]]:

@@ -1,8 +1,9 @@
 """Names of the branches of any crystal at a wave vector: those that its mirrors give, and numbers from 1.
 
-L moves along k; of TR and RT the former is lower. In space they are the waves that stay in the plane, where that is a
-mirror, of one sphere a cell. S1, S2, … and H1, H2, … are even and odd across the plane of k and z. In the plane a
-branch has its number in a cell of several spheres alone.
+L moves along k; of TR and RT the former is lower. In space, of one sphere a cell, they are the waves that stay in the
+plane, where every wave of this k stays in it or leaves it; that needs no mirror of the crystal, as fcc along [111].
+S1, S2, … and H1, H2, … are even and odd across the plane of k and z. In the plane a branch has its number in a cell of
+several spheres alone.
 """
 
 from collections.abc import Mapping
@@ -11,11 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular_analysis.theory.crystal import Crystal, padded
+from granular_analysis.theory.crystal import PLANE, Crystal, padded
 from granular_analysis.theory.errors import TheoryError
 
 Complexes = NDArray[np.complex128]
 NAMES = ("L", "TR", "RT")
+_ROUNDING = 1e-6  # share of the energy of a mode that is none
 
 
 def named_branch(crystal: Crystal, wavevector: ArrayLike, name: str) -> int:
@@ -42,10 +44,10 @@ def names_of(crystal: Crystal, wavevector: ArrayLike, shapes: Complexes | None =
     solid, along = 2 in crystal.freedoms, padded(k) / np.linalg.norm(k)
     shapes = crystal.modes(k).shapes if shapes is None else shapes
     found: dict[str, Any] = {}
-    flat = solid and crystal.symmetry is not None and crystal.symmetry.normal[2] != 0
-    level = crystal.parity(shapes, k) if flat else np.zeros(len(shapes))
-    inside = np.flatnonzero(level > 0) if solid else np.arange(len(shapes))
-    if len(crystal) == 1 and len(inside):
+    parts = np.abs(shapes[:, 0]) ** 2
+    level = parts[:, list(PLANE)].sum(axis=1) / parts.sum(axis=1)  # share of a mode that stays in the plane
+    if len(crystal) == 1 and np.all((level < _ROUNDING) | (level > 1 - _ROUNDING)):
+        inside = np.flatnonzero(level > 0.5)
         longitudinal = inside[np.argmax(np.abs(shapes[inside, 0, :3] @ along))]
         found |= dict(zip(NAMES, [longitudinal, *inside[inside != longitudinal]], strict=False))
     across = np.cross([0.0, 0.0, 1.0], along)

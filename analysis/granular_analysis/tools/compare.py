@@ -386,16 +386,19 @@ def main(argv: list[str] | None = None) -> int:
             comparisons.append(compare(record, options.theory))
         except TheoryError as error:
             raise SystemExit(f"{folder}: {error}") from error
-        if comparisons[-1].theory and not swept:
-            save(figure(record, comparisons[-1]), Path(folder) / "compare.png")
     if swept:
         print(swept_table(swept, comparisons))
-        if drawn := curves.figure(swept, records, [each.signals for each in comparisons], LABELS):
-            save(drawn, swept.folder / "compare.png")
     else:
         print("\n".join([table(comparisons), *difference_lines(records, comparisons)]))
     if options.json:
         write(Path(options.json), json.dumps([c.to_dict() for c in comparisons], indent=2) + "\n")
+    if swept:  # figures last: they may fail where the numbers do not
+        if drawn := curves.figure(swept, records, [each.signals for each in comparisons], LABELS):
+            save(drawn, swept.folder / "compare.png")
+        return 0
+    for folder, record, found in zip(folders, records, comparisons, strict=True):
+        if found.theory:
+            save(figure(record, found), Path(folder) / "compare.png")
     return 0
 
 

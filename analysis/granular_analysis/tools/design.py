@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_analysis.plotting import start, write
+from granular_analysis.plotting import scene_of, start, write
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.objectives import (
     POINTS,
@@ -51,6 +51,7 @@ from granular_analysis.theory.rows import Rows, heavy_rows
 from granular_analysis.theory.scenes import CRYSTAL_KEYS, MOTION, VARIED, Setting
 from granular_analysis.theory.variation import Resonance as Resonant
 from granular_analysis.theory.variation import Spot, Value
+from granular_lmp.cli.arguments import changes_argument
 from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]
@@ -250,6 +251,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     scene.add_argument("--branch", type=int, default=1, metavar="N", help="below the gap, 1 is the lowest (default: 1)")
     scene.add_argument("--points", type=int, default=POINTS, metavar="N", help=f"of each key (default: {POINTS})")
     scene.add_argument("-o", "--output", metavar="FILE", help="write the scene with the best numbers")
+    changes_argument(scene, "sphere.poisson_ratio=0.3")
     chosen = command.parse_args(arguments)
     try:
         frequency = float(chosen.what)
@@ -295,7 +297,7 @@ def _of_scene(command: argparse.ArgumentParser, chosen: argparse.Namespace) -> i
         bounds = tuple((float(low), float(high)) for _, low, high in chosen.vary)
         keys = tuple(key for key, *_ in chosen.vary)
         asked = chosen.best, chosen.at, chosen.branch, chosen.points, chosen.least
-        question = Question(Scene.load(chosen.what), keys, bounds, *asked)
+        question = Question(scene_of(chosen.what, chosen), keys, bounds, *asked)
         answer = question.answer()
         print(answer.text())
         if chosen.output:

@@ -20,9 +20,10 @@ import numpy as np
 from granular_analysis.measure.fitting import Fit, summary
 from granular_analysis.measure.points import KINDS, UNITS, read
 from granular_analysis.measure.surface import Film, is_surface_wave
-from granular_analysis.plotting import letter, save, start, write
+from granular_analysis.plotting import letter, save, scene_of, start, write
 from granular_analysis.theory.estimation import LOSSES, Estimate
 from granular_analysis.theory.scenes import Setting
+from granular_lmp.cli.arguments import changes_argument
 from granular_lmp.runs.record import GranularError, Scene
 from granular_lmp.scene.spreadsheets import ERROR, Column
 
@@ -209,6 +210,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("data", metavar="DATA.csv", help="measured points, a row each")
     parser.add_argument("scene", metavar="SCENE", help="a file or a shipped scene: the model, and where the fit starts")
+    changes_argument(parser, "sphere.poisson_ratio=0.3")
     parser.add_argument("--free", nargs="+", required=True, metavar="KEY", help="keys of the scene that are fitted")
     parser.add_argument(
         "--loss", choices=LOSSES, default="linear", help="linear: least squares; the others weigh outliers down"
@@ -218,7 +220,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--scene", dest="fitted", metavar="FILE", help="write the fitted scene, ready to run")
     options = parser.parse_args(arguments)
     try:
-        scene, (points, measured) = Scene.load(options.scene), read(options.data)
+        scene, (points, measured) = scene_of(options.scene, options), read(options.data)
         print(measured.understood)
         fit = Fit(scene, points, tuple(options.free), options.loss)
         print("".join(f"{each}\n" for each in unlikely_units(fit, measured.columns)), end="")

@@ -18,7 +18,7 @@ import argparse
 import csv
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -32,7 +32,8 @@ from granular_analysis.measure.disordered import Seeds, over_seeds, whole_streng
 from granular_analysis.measure.harmonic import Harmonic, by_cell, by_network, by_runs, by_theory, need_wave
 from granular_analysis.measure.runs import begun, load
 from granular_analysis.measure.swept import Swept
-from granular_analysis.plotting import start, write
+from granular_analysis.plotting import scene_of, start, write
+from granular_lmp.cli.arguments import changes_argument, changes_of
 from granular_lmp.runs.record import STATUS, GranularError, Record, Scene
 
 Floats = NDArray[np.float64]
@@ -40,25 +41,28 @@ Floats = NDArray[np.float64]
 WAYS = ("along", "across")
 
 
-def harmonic(targets: Sequence[str], by: str | None = None) -> Harmonic:
+def harmonic(targets: Sequence[str], by: str | None = None, changes: Mapping[str, Any] | None = None) -> Harmonic:
     """Return the second harmonic of a scene, a run, a sweep over phases, or the runs of one.
+
+    changes : values of the scene by dotted keys, as in `Scene.with_values`; a run has its own.
 
     Raises ValueError or GranularError for what none of the ways holds, SystemExit for a run that cannot be read.
     """
     swept = Swept.load(targets[0]) if len(targets) == 1 else None
     folders = swept.folders if swept else [Path(each) for each in targets]
+    if changes and any((each / STATUS).is_file() for each in folders):
+        raise ValueError(f"--set {next(iter(changes))}: changes a scene, and a run has its own")
     if len(folders) > 1:
         if by:
             raise ValueError(f"--by {by} is of one scene or run, not of {len(folders)}")
         return by_runs([load(folder) for folder in folders])
     if not (folders[0] / STATUS).is_file():
-        return _of_scene(targets[0], by)
+        return _of_scene(Scene.load(targets[0]).with_values(changes or {}), by)
     record = load(folders[0])
     return _first(record.scene, by, lambda: record, record.tau)
 
 
-def _of_scene(target: str, by: str | None) -> Harmonic:
-    scene = Scene.load(target)
+def _of_scene(scene: Scene, by: str | None) -> Harmonic:
     samples = int(scene.time.duration / scene.time.sample + 1e-9)
     tau: Floats = scene.time.sample * np.arange(samples + 1.0)
     with TemporaryDirectory() as folder:
@@ -159,6 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("targets", nargs="+", metavar="SCENE_OR_RUN", help="a scene, a run, or runs of several phases")
+    changes_argument(parser, "wave.amplitude=0.05")
     parser.add_argument("--by", choices=("theory", "cell", "network"), help="this way, not the first that holds it")
     parser.add_argument(
         "--seeds", metavar="N", type=int, help="run a disordered scene with N seeds: the mean over them"
@@ -173,11 +178,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error("--seeds takes one scene, without --by and --csv")
     try:
         if options.seeds is not None:
-            scene = Scene.load(options.targets[0])
+            scene = scene_of(options.targets[0], options)
             seeds = over_seeds(scene, options.seeds, options.output or Path("seeds", scene.name))
             text, said = seeds_table(seeds), seeds_summary(seeds)
         else:
-            found = harmonic(options.targets, options.by)
+            found = harmonic(options.targets, options.by, changes_of(options))
             text, said = table(found), summary(found)
     except GranularError as error:
         raise SystemExit(error.in_options()) from error

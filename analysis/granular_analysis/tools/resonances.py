@@ -23,14 +23,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granular_analysis.plotting import parser, save, start, write
+from granular_analysis.plotting import parser, save, scene_of, start, write
 from granular_analysis.theory.bloch import frame
 from granular_analysis.theory.branches import names_of
 from granular_analysis.theory.crystal import Crystal, padded
 from granular_analysis.theory.phase_matching import COUNT, Match, matches, zone_edge
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.validity import together, turned, validity
-from granular_lmp.runs.record import GranularError, Scene
+from granular_lmp.cli.arguments import changes_argument
+from granular_lmp.runs.record import GranularError
 
 Floats = NDArray[np.float64]
 FIELDS = ("direction", "kind", "wavenumber", "wave", "target", "frequency_Hz", "growth", "forbidden")
@@ -158,6 +159,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table, and write figure and CSV."""
     command = parser(__doc__, "resonances.png")
     command.add_argument("scene", metavar="SCENE", help="file or name of a shipped scene")
+    changes_argument(command, "sphere.poisson_ratio=0.3")
     command.add_argument("--direction", type=float, metavar="DEG", help="from a row (default: that of the scene)")
     command.add_argument("--map", type=int, metavar="N", help="N directions from 0 to 180 degrees")
     options = command.parse_args(arguments)
@@ -166,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.direction is not None and not np.isfinite(options.direction):
         command.error(f"--direction {options.direction}: must be degrees, finite")
     try:
-        setting = Setting(Scene.load(options.scene))
+        setting = Setting(scene_of(options.scene, options))
         crystal = setting.crystal()
         said = outlook(setting, crystal)
     except GranularError as error:

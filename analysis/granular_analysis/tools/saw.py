@@ -35,11 +35,12 @@ from numpy.typing import NDArray
 from granular_analysis.measure.fitting import wavevectors
 from granular_analysis.measure.points import Point, read
 from granular_analysis.measure.surface import BRANCH, SLOWEST, Film, Wave, is_surface_wave
-from granular_analysis.plotting import parser, save, start, write
+from granular_analysis.plotting import parser, save, scene_of, start, write
 from granular_analysis.theory.phase_matching import zone_edge
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.surface_wave import HalfSpace
-from granular_lmp.runs.record import GranularError, Scene
+from granular_lmp.cli.arguments import changes_argument
+from granular_lmp.runs.record import GranularError
 from granular_lmp.scene.spreadsheets import TableError
 
 Floats = NDArray[np.float64]
@@ -143,6 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     command = parser(__doc__, "saw.png")
     number: dict[str, Any] = {"type": float, "default": None}
     command.add_argument("scene", metavar="SCENE", help="file or name of a shipped scene with a [substrate]")
+    changes_argument(command, "substrate.density=2000")
     command.add_argument("--data", metavar="DATA.csv", help="measured points, drawn over the waves and listed")
     command.add_argument("--density", metavar="RHO", help="of the substrate, kg/m3 (default: the scene's)", **number)
     command.add_argument("--thickness", metavar="H", help="of the substrate, m: a plate, or a film", **number)
@@ -153,7 +155,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if wrong := _wrong(options):
         command.error(wrong)
     try:
-        setting = Setting(Scene.load(options.scene))
+        setting = Setting(scene_of(options.scene, options))
         below = HalfSpace.of(*options.below) if options.below else None
         film = Film.of(setting, options.density, options.direction, thickness=options.thickness, below=below)
         points, understood = measured(options.data) if options.data else ([], "")
