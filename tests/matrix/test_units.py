@@ -7,6 +7,7 @@ import pytest
 
 from granular_analysis.compare import Comparison, compare
 from granular_lmp import Scene, build, run
+from granular_lmp.cli.entry import main
 from tests.conftest import members
 from tests.matrix.compared import SHORT
 from tests.matrix.features import KINDS
@@ -40,6 +41,18 @@ def texts(scene: Scene) -> dict[str, str]:
 def test_a_deck_is_the_same_in_any_units(name: str) -> None:
     small, large = map(texts, sizes(SCENES[name]))
     assert not [each for file, text in small.items() for each in departures(text, large[file], LINES)]
+
+
+@pytest.mark.parametrize("name", ["fcc_transverse", "hcp_c_axis"])  # which have branches of one frequency
+def test_modes_are_listed_in_the_same_order_in_any_units(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    listed = []
+    for scene in (Scene.load(name), *sizes(Scene.load(name))):
+        (tmp_path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
+        assert main(["modes", str(tmp_path / "scene.toml")]) == 0
+        listed.append([line.split()[:2] for line in capsys.readouterr().out.splitlines()[2:]])
+    assert listed[1:] == [listed[0]] * 2
 
 
 @pytest.mark.parametrize(
