@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import inf
 from typing import Any, Protocol
 
 from granular_lmp.accuracy import collisions
 from granular_lmp.accuracy.budget import error_budget
-from granular_lmp.accuracy.extrapolation import Judgement
+from granular_lmp.accuracy.extrapolation import Judgement, needed
+from granular_lmp.accuracy.halving import FINEST
 from granular_lmp.accuracy.ladder import finest_step, with_step
-from granular_lmp.accuracy.noise import counted, lost, refuse_noise, stalled
+from granular_lmp.accuracy.noise import counted, lost, out_of_reach, refuse_noise
 from granular_lmp.accuracy.recorded import Recorded
 from granular_lmp.accuracy.richardson import judge
 from granular_lmp.effects.selection import order
@@ -16,7 +18,7 @@ from granular_lmp.problem import Problem
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
 
-FEWEST = 3  # runs after which an error that does not fall is one of rounding
+FEWEST = 3  # runs that show how an error falls
 
 
 class Estimate(Protocol):
@@ -56,12 +58,23 @@ class OfWave:
             noise.update(lost(scene, signals[0], with_step(scene, finest_step(scene))))
         names = [name for name in counted(scene, signals[-1]) if name not in noise]
         self._judgements.append(judge(signals, [record.scene for record in records], names))
-        if len(records) > FEWEST and tolerance is not None:
-            errors = ({name: each.errors[name] for name in names} for each in self._judgements[-2:])
-            noise.update(stalled(tolerance, records[-1].scene, signals[-1], *errors))
+        if len(records) >= FEWEST and tolerance is not None:
+            before = self._judgements[-2].errors if len(records) > FEWEST else {}
+            noise.update(out_of_reach(tolerance, records[-1].scene, signals[-1], before, self._missed(records, names)))
             refuse_noise(tolerance, noise, counted(scene, signals[-1]))
             names = [name for name in names if name not in noise]
         return replace(self._judgements[-1], errors={name: self._judgements[-1].errors[name] for name in names})
+
+    def _missed(self, records: Sequence[Record], names: Sequence[str]) -> dict[str, tuple[float, Scene]]:
+        """Return the errors above the tolerance by name, and the scene with the step that is expected to meet it."""
+        judgement, time, found = self._judgements[-1], self._scene.time, {}
+        counts = [each.scene.time.steps_per_sample for each in records]
+        for name in names:
+            error = judgement.errors[name]
+            if time.tolerance is not None and time.tolerance < error < inf:
+                _, steps = needed(counts, judgement, error, time.tolerance)
+                found[name] = error, with_step(self._scene, time.sample / min(steps, FINEST * max(counts)))
+        return found
 
     def outcome(self, judgement: Judgement, answer: Record) -> dict[str, Any]:
         """Return the errors of p, q, φ and of monitors, and the budget of the former."""

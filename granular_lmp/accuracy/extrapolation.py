@@ -187,11 +187,29 @@ def _hides(judgement: Judgement, error: float) -> bool:
     return any(judgement.hidden.get(name, 0.0) >= error for name in judgement.errors)
 
 
+def needed(counts: Sequence[int], judgement: Judgement, error: float, tolerance: float) -> tuple[int, float]:
+    """Return the run that the next one is made beside, and the steps per sample that bring an error to the tolerance.
+
+    The estimate goes as the product of the powers of the steps of a sum of one run less. Parameters are those of
+    `following`.
+    """
+    made = sorted(counts)
+    finest, excess, removed = made[-1], _HASTE * error / tolerance, len(judgement.powers)
+    if not judgement.powers or _hides(judgement, error):
+        return finest, finest * excess
+    if 1 in judgement.powers:
+        full = removed == len(ALL)
+        base = made[-removed] if full else finest
+        return base, base * (excess if full else excess ** (1 / (removed + 1)))
+    # If the finer of two runs errs by e, their sum errs by about 5 e², as waves err by their phase
+    seen = excess if removed > 1 else excess * 5 * SAFETY * error / OF_TWO**2
+    return made[-2], made[-2] * seen**0.5
+
+
 def following(counts: Sequence[int], judgement: Judgement, error: float, tolerance: float) -> int:
     """Return the steps per sample of the run that is expected to bring an error below the tolerance.
 
-    The estimate goes as the product of the powers of the steps of a sum of one run less. The next run is one in between
-    where that is enough, and has at most twice the steps of the finest.
+    The next run is one in between where that is enough, and has at most twice the steps of the finest.
 
     Parameters
     ----------
@@ -204,23 +222,11 @@ def following(counts: Sequence[int], judgement: Judgement, error: float, toleran
     tolerance : float
         What it must be.
     """
-    made = sorted(counts)
-    finest = made[-1]
-    if len(made) == 1:
+    finest = max(counts)
+    if len(counts) == 1:
         return 2 * finest
-    excess, removed = _HASTE * error / tolerance, len(judgement.powers)
-    if not judgement.powers or _hides(judgement, error):
-        base, needed = finest, finest * excess
-    elif 1 in judgement.powers:
-        full = removed == len(ALL)
-        base = made[-removed] if full else finest
-        needed = base * (excess if full else excess ** (1 / (removed + 1)))
-    else:
-        base = made[-2]
-        # If the finer of two runs errs by e, their sum errs by about 5 e², as waves err by their phase
-        seen = excess if removed > 1 else excess * 5 * SAFETY * error / OF_TWO**2
-        needed = base * seen**0.5
-    between = ceil(max(needed, _APART * base))
-    if base < between <= finest / _APART and between not in made:
+    base, steps = needed(counts, judgement, error, tolerance)
+    between = ceil(max(steps, _APART * base))
+    if base < between <= finest / _APART and between not in counts:
         return between
-    return min(max(ceil(needed), ceil(_APART * finest), finest + 1), 2 * finest)
+    return min(max(ceil(steps), ceil(_APART * finest), finest + 1), 2 * finest)

@@ -16,7 +16,7 @@ from granular_lmp.scene.scene import Scene
 # of steps as 2, 3, 4 and 2.8 times that of 4, 5, 8, if it is independent; 0.3 times that of 1, 2, 4
 _SEEN = 3.0
 # The law of one run gives noise to within a factor of three, and sums of uneven steps raise it
-_LAW = 5.0
+_WITHIN, _LAW = 3.0, 5.0
 _KINDS = (NAMES, RATES, FORCES, ("flux",))
 
 
@@ -87,10 +87,12 @@ def refuse_noise(tolerance: float, noise: Mapping[str, float], names: Sequence[s
         )
 
 
-def stalled(
-    tolerance: float, run: Scene, signals: Signals, before: Mapping[str, float], now: Mapping[str, float]
+def out_of_reach(
+    tolerance: float, run: Scene, signals: Signals, before: Mapping[str, float], now: Mapping[str, tuple[float, Scene]]
 ) -> dict[str, float]:
-    """Return the noise of the signals above the tolerance whose error a shorter step did not lower.
+    """Return the noise of the signals that shorter steps do not bring below the tolerance.
+
+    Rounding surely drowns them at the step that they need, or they do not come closer and noise may be the reason.
 
     Parameters
     ----------
@@ -99,23 +101,27 @@ def stalled(
         Scene of the last run, with its step.
     signals : dict
         Signals of that run.
-    before, now : dict
-        Estimated errors without that run, and with it.
+    before : dict
+        Estimated errors without that run.
+    now : dict
+        Estimated errors above the tolerance, and the scene with the step that is expected to meet it.
     """
-    found = noise_of(run, signals)
-    return {
-        name: found[name]
-        for name, error in now.items()
-        if error > tolerance and error >= before.get(name, inf) and _LAW * _SEEN * found[name] > tolerance
-    }
+    here, found = noise_of(run, signals), {}
+    for name, (error, finer) in now.items():
+        there = noise_of(finer, signals)[name]
+        if there > _WITHIN * tolerance:
+            found[name] = there
+        elif error >= before.get(name, inf) and _LAW * _SEEN * here[name] > tolerance:
+            found[name] = here[name]
+    return found
 
 
 def said(noise: Mapping[str, float], tolerance: float) -> str:
     """Return the sentence about signals that are lost."""
-    names = ", ".join(f"{name} ({value:.1g} of it is rounding)" for name, value in noise.items())
+    names = ", ".join(f"{name} ({value:.1g})" for name, value in noise.items())
     return (
-        f"{names}: cannot meet the tolerance of {tolerance:g} and does not count; a larger wave.amplitude or fewer "
-        "packing.rows would lift it"
+        f"{names}, of which this share is rounding at the step that it needs: cannot meet the tolerance of "
+        f"{tolerance:g} and does not count; a larger wave.amplitude or fewer packing.rows would lift it"
     )
 
 

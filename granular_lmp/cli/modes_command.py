@@ -165,7 +165,8 @@ def _of_crystal(scene: "Scene", vector: "WaveVector", k: "NDArray[np.float64]") 
     named = dict(named_in_space(crystal, sphere, vector, physics)) if physics.space else {}
     plane = {name: named.pop(name)[0] for name in MODES if name in named}
     if named:
-        modes = sorted(((*mode, name) for name, mode in named.items()), key=lambda mode: mode[0])
+        # Of one frequency in the order of their names, which no rounding changes
+        modes = sorted(((*mode, name) for name, mode in named.items()), key=lambda mode: round(mode[0], 9))
     else:
         modes = [(*each, "") for each in zip(*bloch_modes(crystal, sphere, k, physics), strict=True)]
     rows = []

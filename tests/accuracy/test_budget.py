@@ -159,13 +159,13 @@ def test_all_of_it_is_what_the_run_is_off(wrong: float) -> None:
     assert budget_of(off)["all of it, measured"].p == pytest.approx(wrong, abs=1e-9)
 
 
-def test_every_source_is_there_and_the_largest_is_marked() -> None:
+def test_every_source_is_there_and_the_largest_are_marked() -> None:
     for scene in SCENES.values():
         budget = budget_of(as_run(scene))
         assert tuple(budget) == SOURCES
         for name in names_of(scene):
             largest = max(getattr(source, name) or 0.0 for source in budget.values())
-            assert [getattr(s, name) for s in budget.values() if name in s.dominates] == [largest]
+            assert all((name in s.dominates) == ((getattr(s, name) or 0.0) >= 0.9 * largest) for s in budget.values())
     line = budget_of(as_run(SCENES["L"]))["time step, order 2"]
     assert (line.q, line.phi) == (None, None)
 

@@ -213,6 +213,18 @@ def test_a_signal_that_rounding_keeps_above_the_tolerance_does_not_count(
     assert louder.info["error_estimate"]["p"] <= 1e-2
 
 
+def test_what_rounding_drowns_at_the_step_that_it_needs_is_not_chased(tmp_path: Path) -> None:
+    # phix errs by 0.017 after three runs, falls with the first power of the step, and rounding rises as it falls
+    wave = {"wave.mode": "H1", "wave.wavenumber": 1.9634954084936207, "wave.amplitude": 0.0567, "wave.phase": 0.0345}
+    crystal = {"packing.lattice": "square", "packing.rows": 16, "sphere.poisson_ratio": 0.3}
+    scene = Scene.load("monolayer_rocking").with_values(wave | crystal | {"time.tolerance": 1e-3})
+    record = run(scene, tmp_path / "run")
+    assert len(list((tmp_path / "run").glob("*_per_sample"))) == RUNGS
+    assert "phix" in record.info["noise"]
+    assert record.info["noise"]["phix"] > 1e-3
+    assert max(each for each in record.info["error_estimate"].values() if each is not None) <= 1e-3
+
+
 def test_where_rounding_leaves_nothing_the_tolerance_is_refused_after_one_run(tmp_path: Path) -> None:
     # The wave is not at the centre sphere yet
     changes = {"time.tolerance": 1e-2, "time.duration": 10.0, "output.particles": 0.0}

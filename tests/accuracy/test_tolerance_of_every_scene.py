@@ -138,11 +138,25 @@ def test_random_impacts_meet_a_tolerance(number: int, tmp_path: Path) -> None:
 
 def test_what_no_shorter_step_improves_is_noise_and_what_it_improves_is_not() -> None:
     weak, strong = (PAPER.with_values({"wave.amplitude": a, "time.duration": 10.0}) for a in (1e-3, 0.2))
-    signals = {"p": np.full(10, 1e-6), "q": np.ones(10)}
-    before, now = {"p": 0.02, "q": 0.02}, {"p": 0.03, "q": 0.03}
-    assert set(noise.stalled(1e-2, weak, signals, before, now)) == {"p"}  # q is a million times its rounding
-    assert not noise.stalled(1e-2, weak, signals, now, before)
-    assert not noise.stalled(1e-2, weak, signals, {"p": 1e-3}, {"p": 5e-3})
-    assert not noise.stalled(1e-2, strong, {"p": np.ones(10)}, {"p": 0.02}, {"p": 0.03})
+    signals, before = {"p": np.full(10, 1e-6), "q": np.ones(10)}, {"p": 0.02, "q": 0.02}
+
+    def lost(scene: Scene, signals: dict[str, np.ndarray], before: dict[str, float], error: float) -> set[str]:
+        now = {name: (error, scene) for name in signals}
+        return set(noise.out_of_reach(1e-2, scene, signals, before, now))
+
+    assert lost(weak, signals, before, 0.03) == {"p"}  # q is a million times its rounding
+    assert not lost(weak, signals, before, 0.015)
+    assert not lost(strong, {"p": np.ones(10)}, {"p": 0.02}, 0.03)
+
+
+@pytest.mark.parametrize(("shorter", "drowned"), [(1, False), (10, False), (100, True)])
+def test_what_rounding_drowns_at_the_step_that_it_needs_is_noise(shorter: int, drowned: bool) -> None:
+    scene = PAPER.with_values({"wave.amplitude": 1e-3, "time.duration": 10.0})
+    finer, signals = scene.with_values({"time.timestep": scene.time.step / shorter}), {"p": np.full(10, 1e-5)}
+    # Rounding is 1.2e-3 of p at this step, and goes as its inverse: 0.12, where law and tolerance allow 0.03
+    assert bool(noise.out_of_reach(1e-2, scene, signals, {}, {"p": (0.02, finer)})) == drowned
+
+
+def test_where_all_that_counts_is_lost_the_tolerance_is_refused() -> None:
     with pytest.raises(ToleranceError, match="rounding keeps all that is recorded above it"):
         noise.refuse_noise(1e-2, {"p": 0.1, "q": 0.1}, ["p", "q"])

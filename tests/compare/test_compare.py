@@ -18,7 +18,9 @@ from granular_analysis.measure import signals
 from granular_analysis.measure.swept import Swept
 from granular_analysis.second_harmonic import generated_amplitude, mode, nonlinearity, ratios, second_harmonic
 from granular_analysis.theory import bloch
-from granular_analysis.theory.choice import THEORIES, best, trajectory, wave_of
+from granular_analysis.theory.choice import THEORIES, best, drive_cancels, trajectory, wave_of
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave
 from granular_analysis.tools import compare, curves
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import RunFolderError
@@ -72,7 +74,6 @@ def test_the_measured_amplitude_is_the_one_put_in(mode: str) -> None:
 def test_the_standard_error_is_the_spread_of_noisy_measurements() -> None:
     record, random = from_theory(PAPER, "second-order", TAU), np.random.default_rng(5)
     shapes = signals.shapes_of(record, wave_of(record))
-    assert shapes is not None
     truth, _ = signals.amplitude_by(shapes, record)
     off = []
     for _ in range(2000):
@@ -88,8 +89,11 @@ def test_the_standard_error_is_the_spread_of_noisy_measurements() -> None:
 def test_of_a_few_records_no_amplitude_is_measured(mode: str, columns: int) -> None:
     scene = PAPER.with_values({"wave.mode": mode})
     few, enough = (from_theory(scene, "second-order", TAU[:count]) for count in (3 * columns - 1, 3 * columns))
-    assert signals.measured_amplitude(few, wave_of(few)) == (None, None)
-    assert signals.measured_amplitude(enough, wave_of(enough))[0] is not None
+    found = compare.compare(few)
+    assert (found.measured, found.fit_error) == (None, None)
+    said = f"no second harmonic is measured: a fit needs {3 * columns} records, and there are {3 * columns - 1}"
+    assert said in found.notes
+    assert compare.compare(enough).measured is not None
 
 
 # Mode, ξ, a, duration, and what holds best there
@@ -135,15 +139,33 @@ def test_what_has_not_converged_is_not_taken() -> None:
         scene = PAPER.with_values({f"wave.{key}": value for key, value in changes.items()})
         return best(wave_of(Record.of_centre(TAU, TAU, TAU, TAU, scene)), TAU)
 
-    assert chosen(amplitude=5.0) == "three-mode"  # contacts open: no order is smaller than the one before
+    assert chosen(amplitude=5.0) != "hierarchy"  # contacts open: no order is smaller than the one before
     assert chosen(amplitude=0.2) == "hierarchy"
 
 
-def test_the_drive_cancels_at_the_antiresonance() -> None:
-    at = wave_of(Record.of_centre(TAU, TAU, TAU, TAU, PAPER.with_values({"wave.wavenumber": 2.129233691})))
-    away = wave_of(Record.of_centre(TAU, TAU, TAU, TAU, PAPER))
-    assert at.cancellation < 1e-8
-    assert away.cancellation > 0.1
+STEEL = Contact(0.3, overlap_ratio=2.5e-4)
+
+
+@pytest.mark.parametrize(
+    ("xi", "amplitude", "hidden"),
+    [
+        (1.44, 0.95, False),  # the resonance is at 1.5035
+        (1.5035, 0.95, False),
+        (2.2, 0.5, False),
+        (2.3, 0.3, False),  # the antiresonance is at 2.325
+        (2.3, 0.5, True),
+        (2.325, 0.1, True),
+    ],
+)
+def test_the_second_harmonic_is_hidden_where_the_fourth_order_is_larger_than_it(
+    xi: float, amplitude: float, hidden: bool
+) -> None:
+    wave = Wave.of_mode("TR", xi, amplitude, STEEL)
+    assert drive_cancels(wave) == hidden
+    early = np.linspace(0, 40, 41)
+    # By the exact lattice: what second order leaves out of p, beside second order
+    exact, second = (THEORIES[name](wave, early)[0] for name in ("exact-lattice", "second-order"))
+    assert (np.linalg.norm(exact - second) > np.linalg.norm(second)) == hidden
 
 
 Shown = Callable[[float], tuple[Record, compare.Comparison, compare.Comparison]]

@@ -15,7 +15,7 @@ from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.network import Material, Network
 from granular_analysis.theory.network_ledger import energy, momentum
 from granular_analysis.theory.network_motion import integrate, scales
-from granular_analysis.theory.network_state import contacts, forces, present, searched_again, settled, start
+from granular_analysis.theory.network_state import contacts, forces, loaded, present, searched_again, settled, start
 from granular_analysis.theory.wave import Wave
 from granular_lmp.crystal.sphere import Sphere
 from tests.conftest import members
@@ -242,6 +242,12 @@ def test_a_held_sphere_keeps_its_velocity_and_throws_a_free_one_at_twice_that():
     assert run.displacement[0, 0] == pytest.approx([20.0, 0.0], rel=1e-12)
 
 
+@pytest.mark.parametrize("overlap", [-1e-12, 0.0, 1e-12])
+def test_errors_are_relative_to_the_depth_of_an_impact_whatever_rounding_makes_of_a_touch(overlap):
+    network = hertz([[0, 0], [2000 - overlap, 0]])
+    assert scales(network, start(network, 0.0, [[1.0, 0], [0, 0]])) == pytest.approx((1.0, 1.0), rel=1e-2)
+
+
 def test_a_contact_that_opens_forgets_its_slip():
     radius = 1000.0
     network = hertz([[0, 0], [2 * radius, 0], [2 * radius + 1500, 0]], held=np.array([True, False, False]))
@@ -387,6 +393,24 @@ def test_the_ledger_closes_with_the_work_of_the_shear_law_alone(law, adhesion, m
 
 
 # --- the integrator ---------------------------------------------------------------------------------------------------
+
+
+def test_the_motion_in_other_units_is_the_same_to_the_last_bit():
+    mass, length, time = 2.0**40, 2.0**20, 2.0**30  # even powers of two round no number and no root
+    (here, begun), times = cluster(), np.linspace(0.0, 2e-8, 5)
+    stress, tension = mass / length / time**2, mass / time**2
+    materials = tuple(
+        Material(each.youngs_modulus * stress, each.poisson_ratio, each.work_of_adhesion * tension)
+        for each in here.materials
+    )
+    density = here.density * mass / length**3
+    there = replace(here, position=here.position * length, radius=here.radius * length, density=density)
+    there = replace(there, materials=materials)
+    units = np.array([length, length, 1, length / time, length / time, 1 / time])[:, None]
+    moved = loaded(there, begun.motion * units)
+    one, other = integrate(here, begun, times), integrate(there, moved, times * time)
+    assert (one.steps, one.evaluations) == (other.steps, other.evaluations)
+    assert np.array_equal(other.motion, one.motion * units)
 
 
 @verifies(

@@ -11,6 +11,7 @@ error of the time step, of second order but for the incremental law and dashpots
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from granular_analysis.plotting import parser, save, start
 from granular_analysis.theory.catalogue import OBLIQUE, missing
 from granular_analysis.theory.choice import holding, traits_of, trajectory, wave_of
 from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.wave import Wave, generated, nonlinearity
 from granular_lmp.runs.record import Record
 
@@ -57,11 +59,13 @@ def strength(p: NDArray[np.float64], wave: Wave) -> float:
 
 def amplitudes(records: Sequence[Record]) -> tuple[list[float], list[float]]:
     """Wave numbers and amplitudes of the generated wave in |ε| D0, of the runs where it can be measured."""
-    waves = [wave_of(record) for record in records]
-    found = [measured_amplitude(record, wave)[0] for record, wave in zip(records, waves, strict=True)]
-    there = [(wave, value) for wave, value in zip(waves, found, strict=True) if value is not None]
-    scale = [abs(nonlinearity(wave.contact, wave.amplitude)) for wave, _ in there]
-    return [w.mode.wavenumber for w, _ in there], [abs(v) / s for (_, v), s in zip(there, scale, strict=True)]
+    found = []
+    for record in records:
+        with suppress(TheoryError):
+            wave = wave_of(record)
+            size = measured_amplitude(record, wave)[0] / nonlinearity(wave.contact, wave.amplitude)
+            found.append((wave.mode.wavenumber, abs(size)))
+    return [xi for xi, _ in found], [size for _, size in found]
 
 
 def curve(wave: Wave) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -24,6 +24,7 @@ from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")
 Errors = Mapping[str, float | None]
+_AS_LARGE = 0.9  # share of the largest error: "all of it" is the time step but for rounding, which chooses no star
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Source:
     to_halve : str
         How to halve it.
     dominates : tuple of str
-        The signals of which it is the largest error.
+        The signals of which it is the largest error, or nearly.
     """
 
     name: str
@@ -93,7 +94,7 @@ def error_budget(record: Record, wave: Wave, measured: Errors, exact: Trajectory
         replace(
             line,
             dominates=tuple(
-                name for name in COMPONENTS if getattr(line, name) and getattr(line, name) == largest[name]
+                name for name in COMPONENTS if (getattr(line, name) or 0.0) >= _AS_LARGE * largest[name] > 0
             ),
         )
         for line in table

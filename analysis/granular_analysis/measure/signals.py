@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis.measure.norms import relative_error
-from granular_analysis.theory.choice import drive_cancels, holding
+from granular_analysis.theory.catalogue import missing
+from granular_analysis.theory.choice import drive_cancels, holding, second_order_until, traits
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.timestep import stepped_second_harmonic
 from granular_analysis.theory.wave import Wave, second_harmonic
 from granular_lmp.runs.record import Record
@@ -74,18 +76,23 @@ class Shapes(NamedTuple):
     stepped: Floats | None
 
 
-def shapes_of(record: Record, wave: Wave) -> Shapes | None:
-    """Return the shapes of a run by theory; None where no amplitude is measured (`measured_amplitude`)."""
+def shapes_of(record: Record, wave: Wave) -> Shapes:
+    """Return the shapes of a run by theory; TheoryError where no amplitude is measured (`measured_amplitude`)."""
     predicted, time, tau = predicted_amplitude(wave), record.scene.time, record.tau
     if predicted is None:
-        return None
+        lacks = missing("second-order", traits(wave))
+        why = f"second order leaves out {', '.join(lacks)}" if lacks else "in this direction it is three waves"
+        raise TheoryError(why)
     second, _, _ = second_harmonic(wave, tau)
-    if drive_cancels(wave) or np.max(np.abs(second), initial=0.0) < SILENT:
-        return None
+    if np.max(np.abs(second), initial=0.0) < SILENT:
+        raise TheoryError(f"it is below {SILENT:g} D0 and rounding")
+    if drive_cancels(wave):
+        most = second_order_until(wave.mode, wave.contact)
+        raise TheoryError(f"p is more of fourth order than of second; wave.amplitude must be below {most:.2g}")
     own = wave.mode.frequency
     exact = _columns(wave, second, own, tau)
-    if len(tau) < FEWEST * exact.shape[1]:
-        return None
+    if len(tau) < (fewest := FEWEST * exact.shape[1]):
+        raise TheoryError(f"a fit needs {fewest} records, and there are {len(tau)}")
     if time.tolerance is not None:
         return Shapes(predicted, exact, None)
     turning = 2 * np.arcsin(own * time.step / 2) / time.step
@@ -110,7 +117,7 @@ def amplitude_by(shapes: Shapes, record: Record) -> tuple[float, float]:
     return factor * shapes.predicted, float(np.hypot(step, spread)) * shapes.predicted
 
 
-def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tuple[None, None]:
+def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float]:
     """Amplitude of the generated second harmonic in a run, in D0, and its error: of the fit and of the time step.
 
     Least squares of p(τ) on the time functions that theory knows: cos Ωτ and sin Ωτ of the fundamental (L only) and the
@@ -119,11 +126,10 @@ def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tupl
     that the time step of the run makes of these: the error is its standard error, and the distance of both amplitudes.
     Of a run to a tolerance, whose record is extrapolated, that distance is the share that the estimate of p says.
 
-    Gives (None, None) where the second harmonic is not what p consists of: at the antiresonance, and where it is below
+    Raises TheoryError where the second harmonic is not what p consists of: at the antiresonance, and where it is below
     rounding; where there is no theory of it; and for fewer than `FEWEST` records a factor.
     """
-    shapes = shapes_of(record, wave)
-    return (None, None) if shapes is None else amplitude_by(shapes, record)
+    return amplitude_by(shapes_of(record, wave), record)
 
 
 def _factor(matrix: Floats, signal: Floats) -> tuple[float, float]:

@@ -102,7 +102,7 @@ def first_snapshot(record: Record) -> FirstSnapshot:
     """
     scene, path = record.scene, _snapshots(record)
     on, declared = switched(record), record.scene.effects
-    scales = scales_of(record, path)
+    scales = scales_of(record)
     damped = on.get("damping", True)
     network, state = read_network(
         path,
@@ -128,20 +128,21 @@ def first_snapshot(record: Record) -> FirstSnapshot:
     return FirstSnapshot(network, state, recorded - 1, scales, scene.direction)
 
 
-def scales_of(record: Record, path: Path) -> Scales:
+def scales_of(record: Record) -> Scales:
     """Return the scales of a record and the SI units, in the units of a run's deck.
 
-    The deck of spheres that just touch has the units R, m and t0: its spheres have the radius 1.
+    The deck of spheres that just touch has units of its own: R, m and t0.
     """
     scene, sphere = record.scene, record.scene.sphere
-    strike = scene.loose
-    length, time = scale_of_strike(scene) if strike else (scene.displacement_amplitude, sphere.time_scale)
-    _, units = next(unit for unit in UNITS if sphere.radius < unit[0])
-    if abs(_median_radius(path) - 1) < abs(_median_radius(path) - sphere.radius / units[1]):
-        units = sphere.density * 4 / 3 * np.pi * sphere.radius**3, sphere.radius, time
-    kilogram, metre, second = units
-    stiffness = 0.0 if strike else sphere.normal_stiffness / (kilogram / second**2)
-    return Scales(length / metre, time / second, stiffness, sphere.radius / metre, *units)
+    if scene.loose:
+        length, time = scale_of_strike(scene)
+        kilogram, metre, second = sphere.density * 4 / 3 * np.pi * sphere.radius**3, sphere.radius, time
+        stiffness = 0.0
+    else:
+        length, time = scene.displacement_amplitude, sphere.time_scale
+        _, (kilogram, metre, second) = next(unit for unit in UNITS if sphere.radius < unit[0])
+        stiffness = sphere.normal_stiffness / (kilogram / second**2)
+    return Scales(length / metre, time / second, stiffness, sphere.radius / metre, kilogram, metre, second)
 
 
 def _snapshots(record: Record) -> Path:
@@ -172,14 +173,6 @@ def _opened(path: Path) -> Iterator[TextIO]:
 def _columns(path: Path) -> list[str]:
     with _opened(path) as stream:
         return _head(stream)[8][2:]
-
-
-def _median_radius(path: Path) -> float:
-    """Return the median radius of the spheres of a dump, in its units."""
-    with _opened(path) as stream:
-        head = _head(stream)
-        at, count = head[8][2:].index("radius"), int(head[3][0])
-        return float(np.median([float(stream.readline().split()[at]) for _ in range(count)]))
 
 
 def _centre_of(folder: Path) -> Path:

@@ -15,9 +15,8 @@ stands in `granular_analysis.theory.catalogue`, and nothing else is held. Three 
 order η, the overlap ratio. What is no running plane wave in a perfect lattice whose contacts
 stick and stay closed is in none of them; `granular_analysis.measure.reference` then takes the network of the spheres.
 
-`best` takes the hierarchy where its own last orders say that it has converged, and at the antiresonance, where nothing
-else gives p; else three-mode, which holds for long times near the resonance, or the exact lattice where three-mode
-leaves out what the scene has.
+`best` takes the hierarchy where its own last orders say that it has converged; else three-mode, which holds for long
+times near the resonance, or the exact lattice where three-mode leaves out what the scene has, and at the antiresonance.
 """
 
 from collections.abc import Callable
@@ -28,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis import second_harmonic as closed
-from granular_analysis.second_harmonic import ALONG_Y, ModeName
+from granular_analysis.second_harmonic import ALONG_Y, Mode, ModeName
 from granular_analysis.theory import catalogue
 from granular_analysis.theory.bloch import mode
 from granular_analysis.theory.contact import LAWS, Contact
@@ -202,6 +201,7 @@ SILENT = 1e-9  # D0 per D0: rounding of what a symmetry makes zero stays below, 
 # The two last orders of the hierarchy may have this share of any component: the error is then smaller still
 CONVERGED = 0.02
 LONGEST = 400.0  # τ; orders grow with time, and the hierarchy is not tried beyond
+PERIODS = 4  # in which free and forced waves beat, and phases have hardly drifted
 
 
 def best(wave: Wave, tau: Floats) -> str:
@@ -212,9 +212,12 @@ def best(wave: Wave, tau: Floats) -> str:
     allowed = holding(wave)
     if not allowed:
         raise TheoryError(f"no theory of a plane wave holds {', '.join(beyond(wave))}")
-    if drive_cancels(wave) or (tau[-1] <= LONGEST and last_orders(wave, tau) < CONVERGED):
+    cancels = drive_cancels(wave)
+    share = last_orders(wave, tau) if tau[-1] <= LONGEST else np.inf
+    # Where p begins with the fourth order, what follows the last orders is as much less than they as they are than it
+    if share ** (2 if cancels else 1) < CONVERGED:
         return "hierarchy"
-    return "three-mode" if "three-mode" in allowed else "exact-lattice"
+    return "three-mode" if "three-mode" in allowed and not cancels else "exact-lattice"
 
 
 def last_orders(wave: Wave, tau: Floats) -> float:
@@ -231,10 +234,21 @@ def last_orders(wave: Wave, tau: Floats) -> float:
 
 
 def drive_cancels(wave: Wave) -> bool:
-    """Return True if the second harmonic of a TR wave is below the next order: its antiresonance, at this amplitude.
+    """Return True if p of a wave along y is less of second order than of fourth, as at the antiresonance.
 
-    Translation and rotation drive it with opposite signs there (`Wave.cancellation`). What is left is to be compared
-    with the next order, which is smaller by a². From a = 1 on contacts open, and no order means anything. In other
-    directions the second harmonic has three components, which do not vanish together.
+    Translation and rotation drive the second harmonic with opposite signs there. In other directions it has three
+    components, which do not vanish together.
     """
-    return wave.mode.along_y and wave.mode.name == "TR" and wave.amplitude < 1 and wave.cancellation < wave.amplitude**2
+    return wave.mode.along_y and wave.amplitude > second_order_until(wave.mode, wave.contact)
+
+
+@lru_cache(maxsize=64)
+def second_order_until(mode: Mode, contact: Contact) -> float:
+    """Return the amplitude D0/Δ0 at which p is as much of fourth order as of second, over the first periods.
+
+    Later the fourth order grows by the drift of phases, which leaves the second harmonic as large as it is.
+    """
+    early = np.linspace(0, PERIODS * 2 * np.pi / mode.frequency, 61)
+    orders = hierarchy_orders(mode, contact, early, order=4, rtol=1e-6)
+    second, fourth = (float(np.linalg.norm(orders[power - 1][:, 0])) for power in (2, 4))
+    return float(np.sqrt(second / fourth)) if fourth else np.inf

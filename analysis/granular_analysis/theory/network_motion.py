@@ -39,6 +39,8 @@ __all__ = ["integrate"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
+_FIRST = 0.3  # step, of the longest: rules for a first step by the slopes alone depend on the units
+
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
@@ -98,8 +100,8 @@ def scales(network: Network, state: State) -> tuple[float, float]:
     """Return the length and the speed that errors are relative to.
 
     They are the largest displacement (or Rθ) and speed (or Rω) of the state, or what one makes of the other, or the
-    forces of both, at the fastest rate √(k/m) of a contact. Spheres that do not press on each other yet have the depth
-    of a Hertz collision, (mv²/A)^{2/5}.
+    forces of both, at the fastest rate √(k/m) of a contact. The length is at most what a Hertz contact makes of them,
+    the depth (mv²/A)^{2/5} of a collision, or (ma/A)^{2/3} under a force: spheres that touch by rounding have no rate.
 
     Raises ValueError for a state at rest without forces, in which nothing will move.
     """
@@ -117,13 +119,12 @@ def scales(network: Network, state: State) -> tuple[float, float]:
         )
         length, acceleration = max(length, reached * each.moves), max(acceleration, reached * (not each.moves))
     rate = float(np.sqrt(np.max(stiffness * (inverse_mass[pairs.first] + inverse_mass[pairs.second]), initial=0.0)))
-    if rate > 0:
-        length = max(length, speed / rate, acceleration / rate**2)
-        speed = max(speed, length * rate)
-    else:
-        every = np.arange(len(network.position))
-        repulsion = network.coefficients(every, every)[0]
-        length = max(length, float(np.max((network.mass * speed**2 / repulsion) ** 0.4)))
+    every = np.arange(len(network.position))
+    softest = float(np.max(network.mass / network.coefficients(every, every)[0]))
+    deepest = (softest * speed**2) ** 0.4, (softest * acceleration) ** (2 / 3)  # of contacts that just touch
+    length = max(length, min(deepest[0], speed / rate if rate else np.inf))
+    length = max(length, min(deepest[1], acceleration / rate**2 if rate else np.inf))
+    speed = max(speed, length * rate)
     if not (length > 0 and speed > 0):
         raise TheoryError("the network is at rest and no force acts: give it a displacement, a velocity or a spin")
     return length, speed
@@ -165,7 +166,7 @@ def integrate(
     if times[0] == 0:
         samples.append((state.motion[:, chosen], initial_energy, 0.0))
     time, work = 0.0, 0.0
-    step: float | None = None
+    step = _FIRST * longest_step
     steps = evaluations = 0
     while time < times[-1]:
         if rates.start is not state:

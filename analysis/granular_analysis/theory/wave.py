@@ -117,16 +117,6 @@ class Wave:
         """Return w̃ of the longitudinal waves at 2k, rad per τ."""
         return float(self.doubled.targets.frequencies[self.longitudinal])
 
-    @cached_property
-    def cancellation(self) -> float:
-        """Return |Σ G|/Σ|G| of the drives G of L by translation, by rotation, and by both; 0 where p vanishes."""
-        moved = np.arange(6) < 3
-        one, other = (self.linear._replace(shape=np.where(kept, self.linear.shape, 0)) for kept in (moved, ~moved))
-        pairs = ((one, one), (one, other), (other, one), (other, other))
-        drives = [Mixed(self.crystal, *pair).steady[self.longitudinal] for pair in pairs]
-        size = sum(map(abs, [drives[0], drives[1] + drives[2], drives[3]]))
-        return float(abs(sum(drives)) / size) if size else 0.0
-
 
 def residual(mode: Mode, contact: Contact) -> float:
     """Return |D W − Ω² M W|/|D| of a mode W = (u, v, f), 0 for a mode of the contact's lattice.

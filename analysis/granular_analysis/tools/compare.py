@@ -88,7 +88,7 @@ class Comparison:
         the run has, and for waves that do not run along y.
     measured, fit_error : float or None
         The same from the run by least squares, and its error by the time step and the fit, which knows nothing of what
-        theory leaves out; None where the second harmonic is below the next order or below rounding, or not predicted.
+        theory leaves out; None where a note says why.
     notes : list of str
         Why the comparison does not mean what it seems to.
     budget : list of Source
@@ -169,7 +169,7 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
     """
     wave = None if signals_of(record) != COMPONENTS else wave_of(record)
     reference = Reference.named(theory, record, wave) if theory else Reference.of(record, wave)
-    measured, fit_error = (None, None) if wave is None else measured_amplitude(record, wave)
+    measured, fit_error, said = _second_harmonic(record, wave)
     return Comparison(
         folder=None if record.folder is None else str(record.folder),
         name=record.scene.name,
@@ -182,11 +182,21 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
         predicted=predicted_amplitude(wave) if wave else None,
         measured=measured,
         fit_error=fit_error,
-        notes=notes(record, wave, reference),
+        notes=notes(record, wave, reference) + said,
         signals=reference.signals,
         record=record,
         wave=wave,
     )
+
+
+def _second_harmonic(record: Record, wave: Wave | None) -> tuple[float | None, float | None, list[str]]:
+    """Return amplitude and error of the second harmonic in a run, and a note that says why if it is not measured."""
+    if wave is None or not holding(wave):  # of the latter another note speaks
+        return None, None, []
+    try:
+        return *measured_amplitude(record, wave), []
+    except TheoryError as error:
+        return None, None, [f"no second harmonic is measured: {error}"]
 
 
 def notes(record: Record, wave: Wave | None, reference: Reference) -> list[str]:
