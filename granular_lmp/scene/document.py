@@ -12,6 +12,7 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.scene.files import file_text, toml_tables
 from granular_lmp.scene.records import DeclaredKey, declared_keys, plain, record, said, toml_lines
 from granular_lmp.scene.schema import (
+    Rule,
     Rules,
     checked_description,
     checked_name,
@@ -283,10 +284,13 @@ def _lists(value: Any) -> Any:
 
 def note(key: str, document: type[Document], *, bare: bool = False) -> str:
     """Return the comment behind a key in a kind of scene file, mostly a unit, for a dotted key."""
+    return rule_of(key, document, bare=bare).note
+
+
+def rule_of(key: str, document: type[Document], *, bare: bool = False) -> Rule:
+    """Return the rule of a dotted key in a kind of scene file; KeyError if there is none."""
     if key == "wave.wavevector":
-        return "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
+        return Rule(float, "rad per lattice constant", "[kx, ky], in place of wavenumber and direction")
     table, *_, name = key.split(".")  # "source.1.frequency" is that of the first [[source]]
     kind = {**document.sections, **document.repeated}[table]
-    return next(
-        each.rule.note for each in declared_keys(kind, document.rules.get(table), bare=bare) if each.name == name
-    )
+    return {each.name: each.rule for each in declared_keys(kind, document.rules.get(table), bare=bare)}[name]
