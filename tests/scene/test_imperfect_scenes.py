@@ -144,6 +144,24 @@ def test_two_materials_are_written_out_pair_by_pair() -> None:
     assert density[0, 0] / density[-1, 0] == pytest.approx(7850 / 2200, rel=1e-15)  # the units of the deck
 
 
+@pytest.mark.parametrize("kind", ["perfect", "spread", "steel", "loose"])
+def test_atoms_carry_their_masses_and_a_tag_for_their_material(kind: str) -> None:
+    steel = {"inclusion": [{"spheres": [[3, 4], [5, 5]], **STEEL}]}
+    scene = {
+        "perfect": SHEET,
+        "spread": SHEET.with_values(SPREAD),
+        "steel": SHEET.with_values(steel),
+        "loose": Scene.load("dimer_chain"),
+    }[kind]
+    deck = build(scene)
+    atoms, data = deck.packing, deck.data  # what LAMMPS reads
+    mass = np.pi / 6 * data.density * data.diameter**3 / deck.scene.units.number(scene.material.mass, mass=1)
+    np.testing.assert_allclose(atoms.get_masses(), mass, rtol=1e-13)
+    assert np.ptp(mass) == 0 if kind == "perfect" else np.ptp(mass) > 0.1
+    at_steel = (np.isin(atoms.arrays["row"] * 8 + atoms.arrays["column"], [28, 45])) & (kind == "steel")
+    np.testing.assert_array_equal(atoms.get_tags(), at_steel)
+
+
 def test_the_deck_says_what_is_not_perfect() -> None:
     head = build(SHEET.with_values(SPREAD)).input_text.partition("\n")[0]
     assert head.endswith("; not perfect: radius 5e-05, density 0.1, vacancies 0.02, seed 3")
