@@ -5,12 +5,13 @@ from dataclasses import replace
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import Mode, Physics, bloch_mode
+from granular_lmp.scene import derived
 from granular_lmp.scene.scene import Scene
 
 
 def physics_of(scene: Scene) -> Physics:
     """Return the degrees of freedom of a scene's lattice; those that are still "auto" are there."""
-    return scene.physics
+    return derived.physics_of(scene.effects, scene.space)
 
 
 def unit_contacts(scene: Scene) -> Contacts:

@@ -97,7 +97,7 @@ def base(scene: Scene) -> Scene:
         return build(scene).problem.scene
     if not scene.starts_along_y:
         raise SceneError(
-            f"wave: {scene.wave_words}: must be a running plane wave along y; rows and columns of others are no knobs"
+            f"wave: {scene.words}: must be a running plane wave along y; rows and columns of others are no knobs"
         )
     if scene.time.tolerance is not None:
         scene = with_step(scene, finest_step(scene))

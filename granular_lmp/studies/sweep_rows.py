@@ -55,7 +55,7 @@ def said_of(column: str, scene: Scene) -> dict[str, str]:
         said["units"] = known[column]
     else:
         try:
-            rule = rule_of(key, type(scene), bare=scene.bare_in(key.partition(".")[0]))
+            rule = rule_of(key, scene)
             said |= {"units": rule.unit, "comment": rule.meaning}
         except KeyError:  # a read-out of a monitor
             said["units"] = "D0"
@@ -101,9 +101,8 @@ def refuse_other_point(folder: Path, scene: Scene | None = None) -> None:
         return
     names = names_of(scene)
     if folder.name not in names:
-        words = scene.words if scene.wave is None else scene.wave_label
         raise RunFolderError(
-            f"{folder}: holds the run of another scene ({words}), that of {RUNS}/{names[0]}; "
+            f"{folder}: holds the run of another scene ({scene.label}), that of {RUNS}/{names[0]}; "
             "move it there, or away, and start the sweep again"
         )
 

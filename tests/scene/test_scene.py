@@ -316,7 +316,7 @@ def test_a_wave_that_runs_down_is_said_to() -> None:
     down = PAPER.with_values({"packing.ends": "periodic", "packing.rows": 20, "wave.direction": -90.0})
     (remark,) = down.remarks()
     assert "2 pi 3/20" in remark
-    assert "along -y" in down.wave_words
+    assert "along -y" in down.words
     assert "along -y" in repr(down)
     assert down.vector.per_row < 0
 
