@@ -40,7 +40,7 @@ from granular_lmp.runs.moved import at_the_instant, moved_spheres
 from granular_lmp.runs.scales import force_of, length_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.snapshots import dimensionless, finest, step_of
-from granular_lmp.runs.tables import Many
+from granular_lmp.runs.tables import Many, places_of
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.monitors import Monitor, row_step
 from granular_lmp.scene.places import spheres_at
@@ -337,7 +337,7 @@ class MonitorRecord:
         Of motion a line for each time and sphere: tau, row, column, u, v, phi, and the rates u_t, v_t, phi_t. Of
         contacts one for each time and contact: tau, row and column of both spheres, normal, shear, overlap, and rolling
         where contacts resist it; beside walls also partner, "sphere" or "wall zlo", whose row and column are −1. Of
-        flux one for each time and row: tau, row, flux.
+        flux one for each time and row: tau, row, flux. In a crystal of several layers the layer stands beside column.
         """
         return self._many.columns()
 
@@ -368,13 +368,8 @@ class MonitorRecord:
         if self.monitor.what == "flux":
             return Many(self.scene, self.tau, "row", {"row": self.rows}, {"flux": self.flux})
         if self.monitor.what == "contacts":
-            contacts, arrays = self.contacts, self.crystal.arrays
-            ends = {"i": contacts.i, "j": contacts.j}
-            which: dict[str, NDArray[Any]] = {
-                f"{name}_{end}": np.where(index < 0, -1, arrays[name][index])
-                for end, index in ends.items()
-                for name in ("row", "column")
-            }
+            contacts = self.contacts
+            which = places_of(self.crystal, contacts.i, "_i") | places_of(self.crystal, contacts.j, "_j")
             if self.walls:
                 which["partner"] = np.array([f"wall {face}" if face else "sphere" for face in contacts.wall])
             rolls = ("rolling",) if self.scene.effects.rolling is True else ()
@@ -384,7 +379,7 @@ class MonitorRecord:
             return Many(self.scene, self.tau, "contact", which, values)
         moving = components(self.displacement, self.rotation)
         moving |= rates(self.velocity, self.spin)
-        return Many(self.scene, self.tau, "sphere", {"row": self.row, "column": self.column}, moving)
+        return Many(self.scene, self.tau, "sphere", places_of(self.crystal, self.spheres), moving)
 
     def __repr__(self) -> str:
         return f"<MonitorRecord {self.monitor.name}: {self.monitor.what}, {self.monitor.places}, {self.folder}>"

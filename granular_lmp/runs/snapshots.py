@@ -33,7 +33,7 @@ from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.moved import Moved, at_the_instant, moved_spheres
 from granular_lmp.runs.scales import length_of
 from granular_lmp.runs.seal import refuse_changed_record
-from granular_lmp.runs.tables import Many
+from granular_lmp.runs.tables import Many, places_of
 from granular_lmp.scene.at_rest import crystal_of, sphere_count
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.scene import Scene
@@ -265,7 +265,7 @@ class Snapshots(HasCard):
     @property
     def _many(self) -> Many:
         displacement, velocity, rotation, spin = self.stacks("displacement", "velocity", "rotation", "spin")
-        places = {name: self.crystal.arrays[name] for name in ("row", "column")}
+        places = places_of(self.crystal, np.arange(len(self.crystal)))
         moving = components(displacement, rotation) | rates(velocity, spin)
         return Many(self.scene, self.tau, "sphere", places, moving)
 

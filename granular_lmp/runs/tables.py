@@ -2,8 +2,8 @@
 
 Of the centre sphere a line for each time: tau, p, q, phi. Of recorded spheres a line for each time and sphere, time by
 time: tau, row, column, u, v, their rates u_t and v_t, and where spheres turn phi_t = R ω; the names are those of a
-monitor and of snapshots, and in space there are w, and phix, phiy, phiz. With ``output.forces`` fx and fy follow, in
-space fz.
+monitor and of snapshots, and in space there are w, and phix, phiy, phiz, and of several layers the layer. With
+``output.forces`` fx and fy follow, in space fz.
 """
 
 import csv
@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import ase
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,9 +97,9 @@ def columns(record: Any) -> Columns:
     """Return columns of one length by name, dimensionless."""
     if "displacement" not in record.signals:
         return {"tau": record.tau} | dict(record.signals)
-    row, column = record.row, record.column
-    found = {"tau": np.repeat(record.tau, len(row))}
-    found |= {name: np.tile(places, len(record.tau)) for name, places in (("row", row), ("column", column))}
+    found = {"tau": np.repeat(record.tau, len(record.spheres))}
+    places = places_of(record.problem.crystal, record.spheres)
+    found |= {name: np.tile(numbers, len(record.tau)) for name, numbers in places.items()}
     names, signals = MOTION[record.scene.space], record.signals
     moves, turns = names[: record.scene.space], names[record.scene.space :]
     parts = [(moves, record.displacement), ([f"{name}_t" for name in moves], record.velocity)]
@@ -109,6 +110,15 @@ def columns(record: Any) -> Columns:
         for each, values in parts
         for axis, name in enumerate(each)
     }
+
+
+def places_of(crystal: ase.Atoms, spheres: NDArray[np.int64], end: str = "") -> Columns:
+    """Return row and column of spheres, and in a crystal of layers the layer; −1 each of a sphere that is −1.
+
+    `end` stands behind the names.
+    """
+    names = (name for name in ("row", "column", "layer") if name in crystal.arrays)
+    return {f"{name}{end}": np.where(spheres < 0, -1, crystal.arrays[name][spheres]) for name in names}
 
 
 def si(record: Any) -> Columns:
@@ -181,7 +191,7 @@ def to_xarray(record: Any) -> Any:
 
     Its attributes are the scales that turn it into SI units, how the run ended, and the scene as TOML: ``D0_m``,
     ``t0_s``, ``R_m`` of the centre sphere; ``l_m`` of loose recorded spheres or ``Delta0_m`` of those at rest under
-    load, ``t0_s``, ``R_m``, and the coordinates ``row`` and ``column``.
+    load, ``t0_s``, ``R_m``, and the coordinates ``row`` and ``column``, of several layers ``layer``.
     """
     scene, signals = record.scene, record.signals
     variables = {
@@ -190,7 +200,8 @@ def to_xarray(record: Any) -> Any:
     }
     which: dict[str, Any] = {}
     if "displacement" in signals:
-        which = {"row": ("sphere", record.row), "column": ("sphere", record.column), "axis": [*"xyz"[: scene.space]]}
+        which = {name: ("sphere", each) for name, each in places_of(record.problem.crystal, record.spheres).items()}
+        which["axis"] = [*"xyz"[: scene.space]]
     return _dataset(scene, variables, record.tau, which, {"status": str(record.info.get("status", ""))})
 
 
