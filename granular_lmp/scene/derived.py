@@ -235,11 +235,6 @@ class Derived(Document):
         return words.imperfections(self.disorder, self.inclusion)
 
     @property
-    def left_out(self) -> str:
-        """Imperfections that are not in the crystal in whose mode the wave starts, in words."""
-        return words.imperfections(self.disorder, () if self.wave_lattice.densities else self.inclusion)
-
-    @property
     def layered(self) -> bool:
         """True if the spheres of a row are equal and none is at a side: a plane wave along y moves them alike.
 
@@ -248,28 +243,6 @@ class Derived(Document):
         layers_alike = not (self.shape.along_z and any(each.layers for each in self.inclusion))
         alike = not self._random and all(each.whole_rows for each in self.inclusion) and layers_alike
         return not self.lattice.sheet or self.shape.along_x and alike
-
-    @property
-    def plane_along_y(self) -> bool:
-        """True if the wave is the paper's, a running plane wave along y in a perfect lattice."""
-        paper = self.space == 2 and self.lattice.column_period == 1
-        return paper and self.perfect and self.starts_along_y and self.shape.infinite
-
-    @property
-    def starts_along_y(self) -> bool:
-        """True if the wave starts as a running plane wave along y."""
-        running = self.form == "running" and not self.envelope.finite
-        running = running and not self.struck and not self.source
-        return running and self.vector.axis == "y" and self.vector.per_row > 0
-
-    @property
-    def uniform_rows(self) -> bool:
-        """True if all spheres of a row move alike, so that the fewest columns stand for any number."""
-        if self.wave is None:
-            return False
-        whole = all(each.rows for each in (*self.source, *self.striker, *self.start.at()))
-        whole = whole and not self.start.noise
-        return self.layered and self.vector.axis == "y" and self.envelope.width == 0 and whole
 
     @property
     def along(self) -> str:

@@ -16,6 +16,7 @@ from granular_lmp.errors import CrystalError, RunFolderError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.scene import at_rest
 from granular_lmp.scene.at_rest import crystal_of
+from granular_lmp.scene.linear import plane_along_y, uniform_rows
 from tests.conftest import PAPER, members
 from tests.hard import guard_study
 
@@ -120,8 +121,8 @@ def test_spheres_without_a_neighbour_are_left_out_and_said() -> None:
 def test_layers_leave_the_rows_alike_and_need_no_columns() -> None:
     layers = SHEET.with_values({"packing.columns": "auto", "inclusion": [{"rows": [0, 5], **STEEL}]})
     assert layers.shape.columns == 3
-    assert layers.uniform_rows
-    assert not layers.plane_along_y
+    assert uniform_rows(layers)
+    assert not plane_along_y(layers)
 
 
 # --- the crystal and its deck ----------------------------------------------------------------------------------------
