@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import GranularError, SceneError
-from granular_lmp.scene.linear import mode_of
+from granular_lmp.scene.linear import mode_of, plane_along_y
 from granular_lmp.scene.resolution import farthest_rounding, position_rounding
 from granular_lmp.scene.scene import Scene
 
@@ -37,7 +37,7 @@ def judged(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> list[str
 
     A mirror symmetry makes q and φ of that wave zero, and at small amplitudes their rounding exceeds the threshold.
     """
-    mirrored = scene.plane_along_y and scene.wave.mode == "L"
+    mirrored = plane_along_y(scene) and scene.wave.mode == "L"
     return [name for name in moving(signals) if name == "p" or not mirrored]
 
 
@@ -47,7 +47,7 @@ def linear_signals(scene: Scene) -> dict[str, NDArray[np.float64]]:
     A signal that vanishes in linear theory is left out, because only a run shows its size. The dictionary is empty for
     all other waves, whose amplitude at the centre sphere depends on place and time.
     """
-    if not scene.plane_along_y:
+    if not plane_along_y(scene):
         return {}
     mode, wave = mode_of(scene), np.exp(2j * np.pi * np.arange(16) / 16)
     shares = {"p": mode.p, "q": mode.q, "phi": mode.f}
@@ -62,7 +62,7 @@ def rounding(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> dict[s
     with the number of steps, which the law leaves out. Signals that vanish by symmetry are left out.
     """
     far, near = farthest_rounding(scene), position_rounding(scene, scene.shape.columns)
-    if not scene.plane_along_y:  # no signal lies along the rows
+    if not plane_along_y(scene):  # no signal lies along the rows
         near = far = max(far, near)
     sizes = {name: float(np.sqrt(np.mean(signals[name] ** 2))) for name in judged(scene, signals)}
     return {name: (far if name == "p" else near) / size for name, size in sizes.items()}
@@ -103,7 +103,7 @@ def below_rounding(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> 
     The rounding is `noise_floor` or `grain`, whichever is larger. The list is empty for L, whose p is the wave itself,
     and for waves that are not plane and along y, for which the laws do not hold.
     """
-    if not scene.plane_along_y or "p" in linear_signals(scene) or "p" not in moving(signals):
+    if not plane_along_y(scene) or "p" in linear_signals(scene) or "p" not in moving(signals):
         return []
     size, least = float(np.sqrt(np.mean(signals["p"] ** 2))), max(noise_floor(scene), grain(scene))
     if size >= 3 * least:
@@ -157,7 +157,7 @@ def _spacing(scene: Scene) -> float:
     row = scene.lattice.row_distance(units.number(scene.sphere.lattice_constant, length=1))
     n = np.arange(scene.shape.rows) - scene.shape.centre_row
     square = float(np.mean(np.spacing(np.abs(row * n[np.abs(n) <= reach])) ** 2))
-    if not scene.plane_along_y:  # what is recorded moves along the rows too
+    if not plane_along_y(scene):  # what is recorded moves along the rows too
         x = np.arange(scene.shape.columns) - scene.shape.columns / 2
         square += float(np.mean(np.spacing(np.abs(row * x[np.abs(x) <= reach])) ** 2))
     return float(np.sqrt(square) / units.number(scene.displacement_amplitude, length=1))

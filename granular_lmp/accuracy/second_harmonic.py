@@ -23,6 +23,7 @@ from granular_lmp.accuracy.oscillator import Oscillator, late_shear, oscillator_
 from granular_lmp.frozen import dataclass
 from granular_lmp.runs.readouts import fitted
 from granular_lmp.runs.record import Record
+from granular_lmp.scene.linear import plane_along_y
 from granular_lmp.scene.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -60,7 +61,7 @@ def second_harmonic(record: Record) -> SecondHarmonic | None:
     """
     scene, tau = record.scene, record.tau
     moved = any(getattr(scene.effects, name) is True for name in _MOVED)
-    if not scene.plane_along_y or moved or not len(tau) or tau[-1] > scene.echo_time:
+    if not plane_along_y(scene) or moved or not len(tau) or tau[-1] > scene.echo_time:
         return None
     exact = oscillator_of(scene)
     seen = scene.time.sample * max(exact.free, 2 * exact.wave) < pi

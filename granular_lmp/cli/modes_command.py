@@ -97,7 +97,7 @@ def _modes_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     if options.json:
         say_json(
             {"wavenumber": vector.wavenumber, "direction": vector.direction, "t0_s": t0}
-            | ({"left_out": scene.left_out} if scene.left_out else {})
+            | ({"left_out": left_out} if (left_out := _left_out(scene)) else {})
             | (as_json(bands, t0) if bands else {})
             | {"modes": {row["mode"]: {key: row[key] for key in row if key != "mode"} for row in table}}
         )
@@ -180,6 +180,13 @@ def _of_crystal(scene: "Scene", vector: "WaveVector", k: "NDArray[np.float64]") 
     return rows
 
 
+def _left_out(scene: "Scene") -> str:
+    """Return the imperfections that are not in the crystal of the modes, in words."""
+    from granular_lmp.scene.words import imperfections
+
+    return imperfections(scene.disorder, () if scene.wave_lattice.densities else scene.inclusion)
+
+
 def _say_modes(scene: "Scene", table: Table) -> None:
     """Print the modes at the scene's wave vector."""
     shapes = "shapes with p2 + q2 + f2 = 1"
@@ -192,9 +199,9 @@ def _say_modes(scene: "Scene", table: Table) -> None:
     if scene.wave is not None:
         where = f"xi = {scene.wavenumber!r} rad per row" + ("" if scene.along == "y" else f" along {scene.along}")
     say(f"{where}; t0 = {scene.sphere.time_scale:.6g} s; {shapes}")
-    if scene.left_out:
+    if left_out := _left_out(scene):
         start = "" if scene.wave is None else ", as which the wave starts"
-        say(f"of the perfect lattice{start}; left out: {scene.left_out}")
+        say(f"of the perfect lattice{start}; left out: {left_out}")
     columns = [key for key, value in table[0].items() if isinstance(value, float) and "frequency" not in key]
     width = 10 if by_share else 12
     head = "".join(f"{column:>{width}}" for column in columns)

@@ -166,7 +166,7 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
     yield "duration", f"{scene.time.duration * scale.time:.4g} s"
     if scene.loose:
         yield "step", f"{_collision(problem):.3g} to the shortest collision"
-    if scene.bare and (taken := _defaults(problem.declared)):
+    if scene.wave is None and (taken := _defaults(problem.declared)):
         said = ", ".join(f"{key} = {json.dumps(value)}" for key, value in taken.items())
         yield "default", f"{said}: as there is no [wave]"
     yield "effects", ", ".join(name for name, on in problem.on.items() if on) or "none"
@@ -179,19 +179,15 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
 
 def _defaults(scene: "Scene") -> dict[str, object]:
     """Return key → default for keys that a scene leaves out, and whose default depends on whether it has a wave."""
-    from granular_lmp.scene.records import declared_keys
+    from granular_lmp.scene.json_schema import keys
 
-    found: dict[str, object] = {}
-    for table, kind in scene.sections.items():
-        if scene.bare_in(table) != scene.bare:
-            continue  # as beside a wave
-        other = declared_keys(kind, scene.rules.get(table), bare=not scene.bare_in(table))
-        others = {each.name: each.default for each in other}
-        for each in scene.keys_of(table):
-            key = f"{table}.{each.name}"
-            if each.default != others.get(each.name, each.default) and scene.value(key) == each.default:
-                found[key] = each.default
-    return found
+    others = {f"{each.section}.{each.name}": each.default for each in keys(bare=scene.wave is not None)}
+    own = {f"{table}.{each.name}": each.default for table in scene.layout.sections for each in scene.keys_of(table)}
+    return {
+        key: default
+        for key, default in own.items()
+        if default != others.get(key, default) and scene.value(key) == default
+    }
 
 
 def _of_rest(problem: "Problem") -> "Iterator[tuple[str, str]]":

@@ -9,6 +9,7 @@ from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.freedoms import about, axes, turns
 from granular_lmp.effects.guard import Prepared
 from granular_lmp.scene.absorption import quiet_end_of, quiet_side
+from granular_lmp.scene.linear import uniform_rows
 from granular_lmp.scene.scene import Scene
 
 
@@ -49,7 +50,7 @@ def called_for(case: Case) -> Finding:
     end = quiet_end_of(case.scene)
     if end is None:
         return Finding(False, 0.0, "no rows absorb the wave")
-    oblique = "; of waves along y, while oblique ones are not judged" if not case.scene.uniform_rows else ""
+    oblique = "; of waves along y, while oblique ones are not judged" if not uniform_rows(case.scene) else ""
     return Finding(True, end.reflection, f"{{}} of the amplitude comes back from {end.rows} rows at an end{oblique}")
 
 

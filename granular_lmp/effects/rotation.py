@@ -7,7 +7,7 @@ from granular_lmp.effects.case import NOTHING, Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.freedoms import about, turns
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
-from granular_lmp.scene.linear import wave_contacts
+from granular_lmp.scene.linear import uniform_rows, wave_contacts
 
 
 def preload(problem: Prepared) -> list[str]:
@@ -74,7 +74,7 @@ def called_for(case: Case) -> Finding:
         return Finding(True, share, reason + ", but at the sides of a beam spheres turn")
     if case.scene.wave.mode == "RT":  # at K along x the wave turns no sphere, but the branch exists only with rotation
         return Finding(True, share, reason)
-    mirrored = case.mode.name == "L" and case.scene.uniform_rows  # Rows that lie across the wave keep its mirror
+    mirrored = case.mode.name == "L" and uniform_rows(case.scene)  # Rows that lie across the wave keep its mirror
     undisturbed = case.scene.perfect and case.scene.shape.along_y
     if share <= NOTHING and not (mirrored or undisturbed):
         ends = "held rows" if case.scene.shape.infinite else "ends"

@@ -13,7 +13,7 @@ import numpy as np
 from granular_lmp.crystal.modes import bears_compression, contact_stretches
 from granular_lmp.effects.case import NOTHING, Case, Finding
 from granular_lmp.effects.effect import Effect
-from granular_lmp.scene.linear import wave_contacts
+from granular_lmp.scene.linear import uniform_rows, wave_contacts
 from granular_lmp.scene.scene import Scene
 
 
@@ -29,7 +29,7 @@ def called_for(case: Case) -> Finding:
     largest = float(np.max(np.abs(shear)))
     if case.every_mode:
         return Finding(True, largest, f"contacts are sheared by {{}} D0, and {case.every_mode}")
-    if largest <= NOTHING and not case.scene.uniform_rows:
+    if largest <= NOTHING and not uniform_rows(case.scene):
         return Finding(
             True,
             largest,

@@ -7,6 +7,7 @@ from granular_lmp.crystal.lattices import centre, offsets, places
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
+from granular_lmp.scene.linear import uniform_rows
 from granular_lmp.scene.scene import Scene
 
 
@@ -76,7 +77,7 @@ def called_for(case: Case) -> Finding:
         return Finding(False, columns, "a chain has {} column")
     if "sides" in case.scene.shape.faces:
         return Finding(True, columns, f"{{}} columns are between sides that are {case.scene.shape.sides}")
-    if case.scene.uniform_rows:
+    if uniform_rows(case.scene):
         return Finding(
             False,
             columns,
@@ -92,7 +93,7 @@ def loss(case: Case) -> str:
 def declared(scene: Scene) -> bool:
     if _is_pressed_chain(scene):
         return False
-    return scene.shape.columns > scene.lattice.fewest_columns or not scene.uniform_rows
+    return scene.shape.columns > scene.lattice.fewest_columns or not uniform_rows(scene)
 
 
 WIDTH = Effect(

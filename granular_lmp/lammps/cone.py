@@ -21,6 +21,7 @@ from granular_lmp.effects.guard import watches_part
 from granular_lmp.effects.openings import by_pairs
 from granular_lmp.problem import Problem
 from granular_lmp.scene.at_rest import swiftness
+from granular_lmp.scene.linear import uniform_rows
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import quiet_rows
 
@@ -117,7 +118,7 @@ def _far(problem: Problem) -> list[str]:
 
 def _by_rows(scene: Scene) -> bool:
     """Return whether spheres leave by whole rows."""
-    return scene.uniform_rows or bool(scene.monitor)
+    return uniform_rows(scene) or bool(scene.monitor)
 
 
 def _recorded(problem: Problem) -> tuple[float, float]:

@@ -3,9 +3,10 @@
 The atom style is ``sphere``. Spheres whose angle is tracked are ``hybrid sphere dipole`` in the plane, and in space
 ``bpm/sphere``, which has a quaternion.
 
-ASE has no sphere style. The writer gives each number in the shortest form that reads back to the same double; the
-reader also takes files of LAMMPS's ``write_data``. An extra section ``wave`` holds the initial fields of each sphere
-(``fix property/atom``).
+The title of the section ``Atoms`` names the style with its sub-styles, by which OVITO knows the columns. ASE and
+MDAnalysis have no style with diameters; they read snapshots. The writer gives each number in the shortest form that
+reads back to the same double; the reader also takes files of LAMMPS's ``write_data``. An extra section ``wave`` holds
+the initial fields of each sphere (``fix property/atom``).
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import dataclass
 
-# Columns of the section Atoms by atom style, of whose words LAMMPS writes the first behind the title
+# Columns of the section Atoms by atom style; behind the title LAMMPS writes the first word of the style
 ATOM_COLUMNS = {
     "sphere": "id type diameter density x y z",
     "hybrid sphere dipole": "id type x y z diameter density q mux muy muz",
@@ -77,7 +78,7 @@ class DataFile:
         columns |= dict(zip("xyz", self.position.T, strict=True))
         own = [columns[name] for name in ATOM_COLUMNS[self.style].split() if name in columns]
         yield f"{title}\n\n{len(self.kind)} atoms\n{self.types} atom types\n\n{faces}\n\n"
-        yield f"Atoms # {self.style.split()[0]} ({ATOM_COLUMNS[self.style]})\n\n"
+        yield f"# {ATOM_COLUMNS[self.style]}\nAtoms # {self.style}\n\n"
         yield from _lines(own, tail=" 0 1 0 0\n" if self.style.endswith("dipole") else "\n")
         for name, section in (("wave", self.wave), ("state", self.state)):
             if section.size:
@@ -166,10 +167,13 @@ def _by_number(section: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _style(title: str) -> str:
-    """Return the atom style of a title: by the columns behind it, or of LAMMPS's own files the first that fits."""
-    first, named = title.split()[2], title.partition("(")[2].rstrip(")")
-    fits = [style for style in ATOM_COLUMNS if style.split()[0] == first]
-    return next((style for style in fits if ATOM_COLUMNS[style] == named), fits[0])
+    """Return the atom style of a title, in LAMMPS's own files the first that fits.
+
+    Before version 0.3 columns stood behind its first word.
+    """
+    named, _, columns = title.partition("#")[2].strip(" )").partition(" (")
+    fits = [style for style in ATOM_COLUMNS if style.split()[0] == named.split()[0]]
+    return next((style for style in fits if named == style or columns == ATOM_COLUMNS[style]), fits[0])
 
 
 def _sections(text: str) -> tuple[list[str], dict[str, list[str]]]:

@@ -145,8 +145,7 @@ class Deck(HasCard):
 
     def __repr__(self) -> str:
         edited = ", edited" if self.edits() else ""
-        words = self.scene.words if self.scene.wave is None else self.scene.wave_label
-        return f"<Deck {self.scene.name}: {words}, {len(self.packing)} spheres{edited}>"
+        return f"<Deck {self.scene.name}: {self.scene.label}, {len(self.packing)} spheres{edited}>"
 
     def write(self, folder: str | Path, *, force: bool = False) -> None:
         """Write the three files into `folder`, which is created.

@@ -20,7 +20,7 @@ def title(scene: Scene) -> str:
         return f"{scene.name}: {scene.words}"
     shape = scene.shape
     differing = f"; not perfect: {scene.imperfections}" if scene.imperfections else ""
-    return f"{scene.name}: {scene.wave_words}, {shape.words}, {shape.cut}{differing}"
+    return f"{scene.name}: {scene.words}, {shape.words}, {shape.cut}{differing}"
 
 
 def data_title(problem: Problem) -> str:

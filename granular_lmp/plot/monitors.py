@@ -9,6 +9,7 @@ from granular_lmp.errors import ViewError
 from granular_lmp.plot.colours import unit_of
 from granular_lmp.plot.signals import LEGEND, Picture
 from granular_lmp.runs.monitors import MonitorRecord
+from granular_lmp.runs.tables import places_of
 
 MOST_LINES = 8  # If there are more, their mean is drawn between the least and the largest of them
 # Symbol of each signal, and its unit beside a wave and without one
@@ -43,7 +44,7 @@ def monitor_figure(monitor: MonitorRecord) -> Picture:
         raise ViewError(f"monitor {monitor.monitor.name}: recorded nothing but zeros; there is nothing to draw")
     figure = Picture(figsize=(7.0, 1.2 + 1.4 * len(drawn)), layout="constrained")
     panels = figure.subplots(len(drawn), squeeze=False, sharex=True)[:, 0]
-    labels = _labels(monitor, columns)
+    labels = _labels(monitor)
     for panel, (name, values) in zip(panels, drawn.items(), strict=True):
         symbol, *units = known[name]
         _draw(panel, times, values, labels)
@@ -57,18 +58,20 @@ def monitor_figure(monitor: MonitorRecord) -> Picture:
     return figure
 
 
-def _labels(monitor: MonitorRecord, columns: dict[str, NDArray[np.float64]]) -> list[str]:
-    """Return the places of the lines: [row, column] of spheres, of both of a contact, or a row."""
-    count = len(columns["tau"]) // max(len(monitor.tau), 1)
-    row, column = ([name for name in columns if name.startswith(word)] for word in ("row", "column"))
-    if not column:
-        return [f"row {number}" for number in columns["row"][:count]]
-    pairs = zip(row, column, strict=True)
-    ends = [zip(columns[r][:count], columns[c][:count], strict=True) for r, c in pairs]
-    between = [[f"[{r}, {c}]" for r, c in places] for places in zip(*ends, strict=True)]
-    for places, partner in zip(between, columns.get("partner", []), strict=False):
-        places[1:] = places[1:] if partner == "sphere" else [partner]
-    return [" – ".join(places) for places in between]
+def _labels(monitor: MonitorRecord) -> list[str]:
+    """Return the places of the lines: [row, column] of spheres, or with the layer, of both of a contact, or a row."""
+
+    def at(spheres: NDArray[np.int64]) -> list[str]:
+        columns = places_of(monitor.crystal, spheres).values()
+        return [str([*place]) for place in zip(*(each.tolist() for each in columns), strict=True)]
+
+    if monitor.monitor.what == "flux":
+        return [f"row {number}" for number in monitor.rows]
+    if monitor.monitor.what == "motion":
+        return at(monitor.spheres)
+    contacts = monitor.contacts
+    others = [f"wall {face}" if face else place for face, place in zip(contacts.wall, at(contacts.j), strict=True)]
+    return [" – ".join(pair) for pair in zip(at(contacts.i), others, strict=True)]
 
 
 def _draw(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64], labels: list[str]) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.rounding import moving
 from granular_lmp.crystal.modes import branches
 from granular_lmp.errors import RunFolderError, ViewError, one_line
+from granular_lmp.scene import words
 from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
 from granular_lmp.scene.scene import Scene
 
@@ -79,11 +80,13 @@ def title(scene: Scene) -> str:
     wave, name = scene.wave, scene.name.replace("_", " ")
     if scene.form == "none":
         unit = "" if wave is None else rf", $D_0$ = {wave.amplitude:g} $\Delta_0$"
-        return f"{name}: {scene.moved_words.removeprefix('which ')}{unit}"
+        cause = words.moved(scene.striker, scene.start, scene.source).removeprefix("which ")
+        return f"{name}: {cause}{unit}"
+    shaken = words.shaken(scene.source, scene.striker, scene.start, wave)
     kind = "" if scene.envelope.kind == "wave" else f" {scene.envelope.kind}"
     along = "" if scene.along == "y" else f" along {scene.along}"
     return (
-        rf"{name}: {scene.shaken}{wave.words}{kind or ' wave'}, $\xi$ = {scene.wavenumber:.4g} rad per row{along}, "
+        rf"{name}: {shaken}{wave.words}{kind or ' wave'}, $\xi$ = {scene.wavenumber:.4g} rad per row{along}, "
         rf"$D_0$ = {wave.amplitude:g} $\Delta_0$"
     )
 

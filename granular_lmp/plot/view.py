@@ -206,7 +206,7 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
             bars = np.array([row[f"{column}_error"] for row in rows], dtype=float)
             axes.errorbar(places, np.array(heights, dtype=float), bars, fmt="none", ecolor="0.6", capsize=2)
     # What follows a semicolon is advice to who writes the scene
-    comment = note(key, type(sweep.scene), bare=sweep.scene.bare_in(key.partition(".")[0])).partition("; ")[0]
+    comment = note(key, sweep.scene).partition("; ")[0]
     unit = comment.partition(", ")[0] if read_off else comment
     said = _LABELS.get(column, f"{column} ($D_0$)" if read_off else column)
     axes.set(xlabel=_in_words(key) + (f" ({unit.replace('xi', 'ξ')})" if unit else ""), ylabel=said)

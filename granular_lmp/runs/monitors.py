@@ -15,7 +15,7 @@ row itself acts half above and half below. Between LAMMPS's steps velocity and f
 contacts see the velocity of half a step ago, so a dashpot's power is off by first order in the step.
 
 OVITO reads ``monitor.NAME.bin`` as a binary LAMMPS dump with the columns of a snapshot, and ``monitor.NAME.contacts``
-as a ``dump local``; ``pandas.DataFrame(monitor.columns())`` is a table of either.
+as a ``dump local``.
 """
 
 from dataclasses import fields
@@ -40,6 +40,7 @@ from granular_lmp.runs.moved import at_the_instant, moved_spheres
 from granular_lmp.runs.scales import force_of, length_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.snapshots import dimensionless, finest, step_of
+from granular_lmp.runs.tables import Many, places_of
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.monitors import Monitor, row_step
 from granular_lmp.scene.places import spheres_at
@@ -338,33 +339,49 @@ class MonitorRecord:
         Of motion a line for each time and sphere: tau, row, column, u, v, phi, and the rates u_t, v_t, phi_t. Of
         contacts one for each time and contact: tau, row and column of both spheres, normal, shear, overlap, and rolling
         where contacts resist it; beside walls also partner, "sphere" or "wall zlo", whose row and column are −1. Of
-        flux one for each time and row: tau, row, flux.
+        flux one for each time and row: tau, row, flux. In a crystal of several layers the layer stands beside column.
         """
+        return self._many.columns()
+
+    def to_pandas(self) -> Any:
+        """Return `columns` as a ``pandas.DataFrame``.
+
+        Raises
+        ------
+        PackageMissingError
+            If pandas is not installed.
+        """
+        return self._many.to_pandas()
+
+    def to_xarray(self) -> Any:
+        """Return `columns` as an ``xarray.Dataset`` over tau and "sphere", "contact" or "row", with units.
+
+        Its attributes hold the scales that turn it into SI units, and ``scene``, the scene as TOML.
+
+        Raises
+        ------
+        PackageMissingError
+            If xarray is not installed.
+        """
+        return self._many.to_xarray()
+
+    @property
+    def _many(self) -> Many:
         if self.monitor.what == "flux":
-            return self._long({"row": self.rows}, {"flux": self.flux})
+            return Many(self.scene, self.tau, "row", {"row": self.rows}, {"flux": self.flux})
         if self.monitor.what == "contacts":
-            contacts, arrays = self.contacts, self.crystal.arrays
-            ends = {"i": contacts.i, "j": contacts.j}
-            which: dict[str, NDArray[Any]] = {
-                f"{name}_{end}": np.where(index < 0, -1, arrays[name][index])
-                for end, index in ends.items()
-                for name in ("row", "column")
-            }
+            contacts = self.contacts
+            which = places_of(self.crystal, contacts.i, "_i") | places_of(self.crystal, contacts.j, "_j")
             if self.walls:
                 which["partner"] = np.array([f"wall {face}" if face else "sphere" for face in contacts.wall])
             rolls = ("rolling",) if self.scene.effects.rolling is True else ()
             values: dict[str, Floats] = {}
             for name in ("normal", "shear", "overlap", *rolls):
                 values |= by_axis(name, getattr(contacts, name))
-            return self._long(which, values)
+            return Many(self.scene, self.tau, "contact", which, values)
         moving = components(self.displacement, self.rotation)
         moving |= rates(self.velocity, self.spin)
-        return self._long({"row": self.row, "column": self.column}, moving)
-
-    def _long(self, which: dict[str, NDArray[Any]], values: dict[str, Floats]) -> dict[str, NDArray[Any]]:
-        times, count = len(self.tau), len(next(iter(which.values())))
-        named: dict[str, NDArray[Any]] = {name: np.tile(numbers, times) for name, numbers in which.items()}
-        return {"tau": np.repeat(self.tau, count)} | named | {name: each.ravel() for name, each in values.items()}
+        return Many(self.scene, self.tau, "sphere", places_of(self.crystal, self.spheres), moving)
 
     def __repr__(self) -> str:
         return f"<MonitorRecord {self.monitor.name}: {self.monitor.what}, {self.monitor.places}, {self.folder}>"

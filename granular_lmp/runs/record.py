@@ -442,8 +442,7 @@ class Record(HasCard):
 
     def __repr__(self) -> str:
         end = f"tau 0..{self.tau[-1]:g}" if len(self.tau) else "empty"
-        words = self.scene.words if self.scene.wave is None else self.scene.wave_label
-        return f"<Record {self.scene.name}: {words}, {end}>"
+        return f"<Record {self.scene.name}: {self.scene.label}, {end}>"
 
 
 def load(folder: str | Path, *, unfinished: bool = False) -> Record:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from math import ceil
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import ase
 import numpy as np
@@ -28,10 +28,12 @@ from granular_lmp.lammps.outputs import (
     read_snapshot,
     whole_snapshots,
 )
+from granular_lmp.runs.components import components, rates
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.moved import Moved, at_the_instant, moved_spheres
 from granular_lmp.runs.scales import length_of
 from granular_lmp.runs.seal import refuse_changed_record
+from granular_lmp.runs.tables import Many, places_of
 from granular_lmp.scene.at_rest import crystal_of, sphere_count
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.scene import Scene
@@ -239,6 +241,35 @@ class Snapshots(HasCard):
         """Return several attributes, each as of `stack`, from one reading of the file, which takes most of the time."""
         read = [[getattr(each, name) for name in names] for each in map(self.__getitem__, range(len(self)))]
         return [np.array([values[k] for values in read]) for k in range(len(names))]
+
+    def to_pandas(self) -> Any:
+        """Return a ``pandas.DataFrame`` with a line for each time and sphere, with the columns of a monitor of motion.
+
+        Raises
+        ------
+        PackageMissingError
+            If pandas is not installed.
+        """
+        return self._many.to_pandas()
+
+    def to_xarray(self) -> Any:
+        """Return an ``xarray.Dataset`` of displacements, rotations and their rates over tau and "sphere", with units.
+
+        Its attributes hold the scales that turn it into SI units, and ``scene``, the scene as TOML.
+
+        Raises
+        ------
+        PackageMissingError
+            If xarray is not installed.
+        """
+        return self._many.to_xarray()
+
+    @property
+    def _many(self) -> Many:
+        displacement, velocity, rotation, spin = self.stacks("displacement", "velocity", "rotation", "spin")
+        places = places_of(self.crystal, np.arange(len(self.crystal)))
+        moving = components(displacement, rotation) | rates(velocity, spin)
+        return Many(self.scene, self.tau, "sphere", places, moving)
 
     def __len__(self) -> int:
         return len(self.index)

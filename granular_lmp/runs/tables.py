@@ -2,7 +2,8 @@
 
 Of the centre sphere a line for each time: tau, p, q, phi. Of recorded spheres a line for each time and sphere, time by
 time: tau, row, column, u, v, their rates u_t and v_t, and where spheres turn phi_t = R ω; the names are those of a
-monitor, and in space there are w, and phix, phiy, phiz. With ``output.forces`` fx and fy follow, in space fz.
+monitor and of snapshots, and in space there are w, and phix, phiy, phiz, and of several layers the layer. With
+``output.forces`` fx and fy follow, in space fz.
 """
 
 import csv
@@ -10,13 +11,16 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import ase
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import PackageMissingError, RunFolderError, one_line
+from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.outputs import STATUS, csv_text, replace_text
 from granular_lmp.runs.components import MOTION
-from granular_lmp.runs.scales import length_of
+from granular_lmp.runs.scales import force_of, length_of
+from granular_lmp.scene.scene import Scene
 
 Columns = dict[str, NDArray[Any]]
 # Unit and meaning of each signal
@@ -32,15 +36,70 @@ _SAID = {
     "spin": ("{length}/t0", "rate of rotation of the recorded spheres, R omega"),
     "force": ("m {length}/t0^2", "force on the recorded spheres"),
 }
+# Unit and meaning of what is known of many spheres, contacts or rows; NAME_t is the rate of NAME
+_OF_MANY = {
+    **{name: ("{length}", f"displacement along {axis}") for name, axis in zip("uvw", "xyz", strict=True)},
+    **{f"phi{axis}": ("{length}/R rad", f"rotation about {axis or 'z'}, R theta") for axis in ("", *"xyz")},
+    "normal": ("{force}", "normal force of the contact, positive where it pushes"),
+    "shear": ("{force}", "shear force of the contact"),
+    "rolling": ("{force} R", "torque of the roll"),
+    "overlap": ("{overlap}", "overlap of the contact"),
+    "flux": ("{power}", "energy flux through the row, positive along +y"),
+}
+
+
+@dataclass(frozen=True)
+class Many:
+    """Numbers of many spheres, contacts or rows over time.
+
+    Attributes
+    ----------
+    scene : Scene
+        Gives the units.
+    tau : (T,) array
+    kind : str
+        What there are many of: "sphere", "contact" or "row".
+    which : dict of str to (N,) array
+        Tell them apart.
+    values : dict of str to (T, N) array
+    """
+
+    scene: Scene
+    tau: NDArray[np.float64]
+    kind: str
+    which: Columns
+    values: Columns
+
+    def columns(self) -> Columns:
+        """Return columns of one length, time by time."""
+        times, count = len(self.tau), len(next(iter(self.which.values())))
+        told = {name: np.tile(numbers, times) for name, numbers in self.which.items()}
+        return {"tau": np.repeat(self.tau, count)} | told | {name: each.ravel() for name, each in self.values.items()}
+
+    def to_pandas(self) -> Any:
+        """Return `columns` as a ``pandas.DataFrame``."""
+        return optional_package("pandas").DataFrame(self.columns())
+
+    def to_xarray(self) -> Any:
+        """Return an ``xarray.Dataset`` of the values over tau and `kind`, with units, as of a record."""
+        variables = {name: (("tau", self.kind), each, self._said(name)) for name, each in self.values.items()}
+        which = {name: (self.kind, each) for name, each in self.which.items()}
+        return _dataset(self.scene, variables, self.tau, which, {"force_N": force_of(self.scene)})
+
+    def _said(self, name: str) -> dict[str, str]:
+        rate = name.endswith("_t")
+        unit, meaning = _OF_MANY[name.partition("_")[0]]
+        axis = f" along {name[-1]}" if name[-2:] in ("_x", "_y", "_z") else ""
+        return _told(self.scene, f"{unit}/t0" if rate else unit, f"rate of {meaning}" if rate else f"{meaning}{axis}")
 
 
 def columns(record: Any) -> Columns:
     """Return columns of one length by name, dimensionless."""
     if "displacement" not in record.signals:
         return {"tau": record.tau} | dict(record.signals)
-    row, column = record.row, record.column
-    found = {"tau": np.repeat(record.tau, len(row))}
-    found |= {name: np.tile(places, len(record.tau)) for name, places in (("row", row), ("column", column))}
+    found = {"tau": np.repeat(record.tau, len(record.spheres))}
+    places = places_of(record.problem.crystal, record.spheres)
+    found |= {name: np.tile(numbers, len(record.tau)) for name, numbers in places.items()}
     names, signals = MOTION[record.scene.space], record.signals
     moves, turns = names[: record.scene.space], names[record.scene.space :]
     parts = [(moves, record.displacement), ([f"{name}_t" for name in moves], record.velocity)]
@@ -51,6 +110,15 @@ def columns(record: Any) -> Columns:
         for each, values in parts
         for axis, name in enumerate(each)
     }
+
+
+def places_of(crystal: ase.Atoms, spheres: NDArray[np.int64], end: str = "") -> Columns:
+    """Return row and column of spheres, and in a crystal of layers the layer; −1 each of a sphere that is −1.
+
+    `end` stands behind the names.
+    """
+    names = (name for name in ("row", "column", "layer") if name in crystal.arrays)
+    return {f"{name}{end}": np.where(spheres < 0, -1, crystal.arrays[name][spheres]) for name in names}
 
 
 def si(record: Any) -> Columns:
@@ -123,26 +191,46 @@ def to_xarray(record: Any) -> Any:
 
     Its attributes are the scales that turn it into SI units, how the run ended, and the scene as TOML: ``D0_m``,
     ``t0_s``, ``R_m`` of the centre sphere; ``l_m`` of loose recorded spheres or ``Delta0_m`` of those at rest under
-    load, ``t0_s``, ``R_m``, and the coordinates ``row`` and ``column``.
+    load, ``t0_s``, ``R_m``, and the coordinates ``row`` and ``column``, of several layers ``layer``.
     """
     scene, signals = record.scene, record.signals
-    length = "l" if scene.loose else "Delta0" if scene.wave is None else "D0"
-    said = {
-        name: {"units": unit.format(length=length), "long_name": meaning} for name, (unit, meaning) in _SAID.items()
-    }
     variables = {
-        name: (("tau", "sphere", "axis")[: values.ndim], values, said[name]) for name, values in signals.items()
+        name: (("tau", "sphere", "axis")[: values.ndim], values, _told(scene, *_SAID[name]))
+        for name, values in signals.items()
     }
-    coordinates: dict[str, Any] = {"tau": ("tau", record.tau, said["tau"])}
+    which: dict[str, Any] = {}
     if "displacement" in signals:
-        coordinates |= {
-            "row": ("sphere", record.row),
-            "column": ("sphere", record.column),
-            "axis": [*"xyz"[: scene.space]],
-        }
-    scales = {f"{length}_m": length_of(scene), "t0_s": scene.scale.time, "R_m": scene.sphere.radius}
-    origin = {"scene": scene.to_toml(), "status": str(record.info.get("status", ""))}
-    return optional_package("xarray").Dataset(variables, coordinates, scales | origin)
+        which = {name: ("sphere", each) for name, each in places_of(record.problem.crystal, record.spheres).items()}
+        which["axis"] = [*"xyz"[: scene.space]]
+    return _dataset(scene, variables, record.tau, which, {"status": str(record.info.get("status", ""))})
+
+
+def _length(scene: Scene) -> str:
+    """Return the name of the unit of displacements."""
+    return "l" if scene.loose else "Delta0" if scene.wave is None else "D0"
+
+
+def _told(scene: Scene, unit: str, meaning: str) -> dict[str, str]:
+    """Return the attributes of a variable."""
+    length = _length(scene)
+    names = {"overlap": "Delta0", "force": f"k1 {length}", "power": f"k1 {length}^2/t0"}
+    if scene.loose:
+        names = {"overlap": "l", "force": "m l/t0^2", "power": "m l^2/t0^3"}
+    return {"units": unit.format(length=length, **names), "long_name": meaning}
+
+
+def _dataset(
+    scene: Scene,
+    variables: dict[str, Any],
+    tau: NDArray[np.float64],
+    which: dict[str, Any],
+    attributes: dict[str, Any],
+) -> Any:
+    """Return an ``xarray.Dataset`` over tau with the scales of a scene, and the scene as TOML."""
+    scales = {f"{_length(scene)}_m": length_of(scene), "t0_s": scene.scale.time, "R_m": scene.sphere.radius}
+    coordinates = {"tau": ("tau", tau, _told(scene, *_SAID["tau"]))} | which
+    attributes = scales | {"scene": scene.to_toml()} | attributes
+    return optional_package("xarray").Dataset(variables, coordinates, attributes)
 
 
 def optional_package(name: str) -> Any:

@@ -38,7 +38,8 @@ class CrystalAtRest:
     ----------
     atoms : ase.Atoms
         Positions and radii in radii R of the declared sphere, with the arrays of `granular_lmp.crystal.lattices` and
-        of `granular_lmp.crystal.disorder`.
+        of `granular_lmp.crystal.disorder`. Masses are in units of that of the declared sphere. Spheres are of no
+        element; their tags are indices of `materials`.
     materials : tuple of Sphere
         By index of the array ``material``; the sphere of the lattice first.
     contacts : Contacts
@@ -51,6 +52,11 @@ class CrystalAtRest:
     materials: tuple[Sphere, ...]
     contacts: Contacts
     equilibrium: "Equilibrium | None" = None
+
+    def __post_init__(self) -> None:
+        arrays, density = self.atoms.arrays, self.materials[0].density
+        self.atoms.set_tags(arrays.get("material", 0))
+        self.atoms.set_masses(arrays["radius"] ** 3 * arrays.get("density", density) / density)
 
     def remarks(self) -> list[str]:
         """Return a sentence for spheres that were left out, touch no other at rest, or were pushed off their wall."""

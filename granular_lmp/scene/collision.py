@@ -19,7 +19,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.bodies import SPHERE_RULES
-from granular_lmp.scene.document import Document
+from granular_lmp.scene.document import Document, Layout
 from granular_lmp.scene.files import first_file
 from granular_lmp.scene.refusals import SKIN
 from granular_lmp.scene.schema import allowed_names, choice, count, number
@@ -80,9 +80,9 @@ class Collision(Document):
         longer small.
     """
 
-    sections = {"sphere": Sphere, "contact": Contact, "collision": Impact}
-    rules = {"sphere": SPHERE_RULES}
-    named = "the files of the run"
+    layout = Layout(
+        sections={"sphere": Sphere, "contact": Contact, "collision": Impact}, rules={"sphere": SPHERE_RULES}
+    )
 
     sphere: Sphere
     contact: Contact
@@ -136,7 +136,7 @@ class Collision(Document):
         return cls.read(found)
 
     @classmethod
-    def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the tables with a contact, and spheres without adhesion, where they are not declared."""
         given = {"contact": {}, **tables}
         if isinstance(given.get("sphere"), Mapping):

@@ -89,8 +89,7 @@ class Derived(Document):
         return Wall.rigid(self.sphere) if WALL in self.shape.faces.values() and not self.loose else None
 
     @property
-    def physics(self) -> Physics:
-        """Degrees of freedom of the lattice; those that are still "auto" are there."""
+    def _physics(self) -> Physics:
         return physics_of(self.effects, self.space)
 
     @property
@@ -218,7 +217,15 @@ class Derived(Document):
         """Values that run in place of declared ones, which a periodic cell or a sample rounds, by dotted key."""
         if self.wave is None:
             return remarks.used_step(self.time)
-        hertz = partial(hertz_of, self.vector, self.sphere, self.physics, self.wave.mode, self.wave_lattice, self.wall)
+        hertz = partial(
+            hertz_of,
+            self.vector,
+            self.sphere,
+            self._physics,
+            self.wave.mode,
+            self.wave_lattice,
+            self.wall,
+        )
         return remarks.used_vector(self.declared_vector, self.vector, hertz) | remarks.used_step(self.time)
 
     @property
@@ -240,11 +247,6 @@ class Derived(Document):
         return words.imperfections(self.disorder, self.inclusion)
 
     @property
-    def left_out(self) -> str:
-        """Imperfections that are not in the crystal in whose mode the wave starts, in words."""
-        return words.imperfections(self.disorder, () if self.wave_lattice.densities else self.inclusion)
-
-    @property
     def layered(self) -> bool:
         """True if the spheres of a row are equal and none is at a side: a plane wave along y moves them alike.
 
@@ -255,37 +257,17 @@ class Derived(Document):
         return not self.lattice.sheet or self.shape.along_x and alike
 
     @property
-    def plane_along_y(self) -> bool:
-        """True if the wave is the paper's, a running plane wave along y in a perfect lattice."""
-        paper = self.space == 2 and self.lattice.column_period == 1
-        return paper and self.perfect and self.starts_along_y and self.shape.infinite
-
-    @property
-    def starts_along_y(self) -> bool:
-        """True if the wave starts as a running plane wave along y."""
-        running = self.form == "running" and not self.envelope.finite
-        running = running and not self.struck and not self.source
-        return running and self.vector.axis == "y" and self.vector.per_row > 0
-
-    @property
-    def uniform_rows(self) -> bool:
-        """True if all spheres of a row move alike, so that the fewest columns stand for any number."""
-        if self.wave is None:
-            return False
-        whole = all(each.rows for each in (*self.source, *self.striker, *self.start.at()))
-        whole = whole and not self.start.noise
-        return self.layered and self.vector.axis == "y" and self.envelope.width == 0 and whole
-
-    @property
     def along(self) -> str:
         """Direction of the wave in words: "y", "x", "-y", or "49.1066 degrees"."""
         return {0.0: "x", 90.0: "y", -90.0: "-y", 180.0: "-x"}.get(self.direction, f"{self.direction:.6g} degrees")
 
     @property
-    def wave_label(self) -> str:
-        """Shortest name of the wave, for a repr: "TR xi=0.802 a=0.2"."""
+    def label(self) -> str:
+        """Shortest name of the scene, for a repr: "TR xi=0.802 a=0.2"; without a wave `words`."""
+        if self.wave is None:
+            return self.words
         along = "" if self.along == "y" else f" along {self.along}"
-        return f"{self.shaken}{self.wave.words} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
+        return f"{self._shaken}{self.wave.words} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
 
     @property
     def struck(self) -> bool:
@@ -298,20 +280,20 @@ class Derived(Document):
         return stretch(self.striker, self.start, self.sphere) if self.struck else 0.0
 
     @property
-    def moved(self) -> float:
+    def _moved(self) -> float:
         """Bound of the stretch and slip that strikers, a state and sources make, Δ0."""
         return self.strike + max((each.largest for each in self.drives), default=0.0) * self.amplitude
 
     @property
-    def shaken(self) -> str:
+    def _shaken(self) -> str:
         """Count of sources and strikers, before the wave that is their unit or beside them; "" without any."""
         return words.shaken(self.source, self.striker, self.start, self.wave)
 
     @property
-    def wave_words(self) -> str:
+    def _wave_words(self) -> str:
         """Name of the wave for titles: "TR wave along y, xi = 0.802 rad per row, D0 = 0.2 Delta0"."""
         return (
-            f"{self.shaken}{self.wave.words} {self.envelope.kind} along {self.along}, "
+            f"{self._shaken}{self.wave.words} {self.envelope.kind} along {self.along}, "
             f"xi = {self.wavenumber!r} rad per row, D0 = {self.wave.amplitude!r} Delta0"
         )
 
@@ -319,14 +301,9 @@ class Derived(Document):
     def words(self) -> str:
         """Return the scene in words, for titles: its wave, or size and strikers."""
         if self.wave is not None:
-            return self.wave_words
+            return self._wave_words
         held = words.held_by(self.sphere, self.disorder.radius if self.loose and self.lattice.sheet else 0.0)
         return words.of_strikes(self.shape, held, self.striker, self.start, self.source)
-
-    @property
-    def moved_words(self) -> str:
-        """Cause of the motion in a scene without a wave, in words: "struck at 1 m/s"."""
-        return words.moved(self.striker, self.start, self.source)
 
     def remarks(self) -> list[str]:
         """Return a sentence for each change that made the scene fit, on disorder, and if another law is nearer."""
@@ -337,7 +314,7 @@ class Derived(Document):
             return physics + remarks.on_step(self.time)
         said = remarks.on_packing(self.packing, self.shape) + remarks.on_vector(self.wave, self.shape, self.vector)
         if self.wave.frequency is not None:
-            found = wavenumbers_of(self.wave, self.sphere, self.physics, self.wave_lattice, self.wall)
+            found = wavenumbers_of(self.wave, self.sphere, self._physics, self.wave_lattice, self.wall)
             said = remarks.on_frequency(self.wave, found) + said
         said += physics + remarks_on_space(self.lattice, self.substrate, self.space)
         return said + remarks.on_step(self.time)

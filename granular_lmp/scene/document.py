@@ -12,6 +12,7 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.scene.files import file_text, toml_tables
 from granular_lmp.scene.records import DeclaredKey, declared_keys, plain, record, said, toml_lines
 from granular_lmp.scene.schema import (
+    Rule,
     Rules,
     checked_description,
     checked_name,
@@ -26,14 +27,11 @@ from granular_lmp.scene.schema import (
 
 
 @dataclass(frozen=True)
-class Document:
-    """A name, a description and sections, each a record whose fields carry their rules.
+class Layout:
+    """What a kind of document holds.
 
     Attributes
     ----------
-    name : str
-    description : str
-        One line for a list of documents; it changes nothing of a run.
     sections : mapping of str to type
         TOML table → the type of its record, in the order of the file.
     rules : mapping
@@ -49,25 +47,37 @@ class Document:
     exclusive : mapping
         Dotted key → keys that it replaces: a document never holds both, and `with_values` of the key removes them.
     lacking : str
-        Section without which the document is `bare`: keys may then have other rules and defaults, or not be there.
+        Section without which the document is bare: keys may then have other rules and defaults, or not be there.
     marks : tuple of str
         Tables of which a bare document has at least one.
-    named : str
-        The files that are called after the name, for error messages.
+    """
+
+    sections: Mapping[str, type]
+    rules: Mapping[str, Rules] = field(default_factory=dict)
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    repeated: Mapping[str, type] = field(default_factory=dict)
+    optional: tuple[str, ...] = ()
+    absent: tuple[str, ...] = ()
+    exclusive: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    lacking: str = ""
+    marks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Document:
+    """A name, a description and sections, each a record whose fields carry their rules.
+
+    Attributes
+    ----------
+    name : str
+    description : str
+        One line for a list of documents; it changes nothing of a run.
+    layout : Layout
     """
 
     name: str
     description: str = field(default="", kw_only=True)
-    sections: ClassVar[Mapping[str, type]]
-    rules: ClassVar[Mapping[str, Rules]] = {}
-    attributes: ClassVar[Mapping[str, str]] = {}
-    repeated: ClassVar[Mapping[str, type]] = {}
-    optional: ClassVar[tuple[str, ...]] = ()
-    absent: ClassVar[tuple[str, ...]] = ()
-    exclusive: ClassVar[Mapping[str, tuple[str, ...]]] = {}
-    lacking: ClassVar[str] = ""
-    marks: ClassVar[tuple[str, ...]] = ()
-    named: ClassVar[str]
+    layout: ClassVar[Layout]
 
     @classmethod
     def read(cls, file: Path) -> Self:
@@ -85,99 +95,100 @@ class Document:
         Files that it names are relative to `folder`, by default the current one.
         """
         tables = toml_tables(text)
-        return cls.from_dict(cls.located(tables, folder) if folder else tables, default)
+        return cls.from_dict(cls._located(tables, folder) if folder else tables, default)
 
     @classmethod
-    def located(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+    def _located(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
         """Return the tables with the names of files, which are relative to `folder`, relative to the current one."""
         return tables
 
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any], default: str | None = None) -> Self:
         """Return the document of nested mappings, as `to_dict` gives them; every key and value is checked."""
-        tables = plain_value(tables)
-        refuse_unknown(tables, ("name", "description", *cls.sections, *cls.repeated), "")
-        name = checked_name(tables, default or cls.__name__.lower(), cls.named)
-        tables = cls.completed(tables)
-        bare = cls.bare_tables(tables)
+        tables, layout = plain_value(tables), cls.layout
+        refuse_unknown(tables, ("name", "description", *layout.sections, *layout.repeated), "")
+        name = checked_name(tables, default or cls.__name__.lower(), "the files of the run")
+        tables = cls._completed(tables)
+        bare = cls._bare_tables(tables)
         records: dict[str, Any] = {
-            cls.attributes.get(key, key): record(kind, tables.get(key), key, cls.rules.get(key), bare=key in bare)
-            for key, kind in cls.sections.items()
-            if not (bare and key == cls.lacking) and not (key in cls.absent and key not in tables)
+            layout.attributes.get(key, key): record(kind, tables.get(key), key, layout.rules.get(key), bare=key in bare)
+            for key, kind in layout.sections.items()
+            if not (bare and key == layout.lacking) and not (key in layout.absent and key not in tables)
         }
-        records |= {key: cls._records(key, tables.get(key, ()), key in bare) for key in cls.repeated}
-        return cls.made({"name": name, "description": checked_description(tables)} | cls.solved(records))
+        records |= {key: cls._records(key, tables.get(key, ()), key in bare) for key in layout.repeated}
+        return cls._made({"name": name, "description": checked_description(tables)} | cls._solved(records))
 
     @classmethod
-    def made(cls, values: Mapping[str, Any]) -> Self:
+    def _made(cls, values: Mapping[str, Any]) -> Self:
         """Return the document of its fields."""
         return cls(**values)
 
     @classmethod
-    def is_bare(cls, tables: Mapping[str, Any]) -> bool:
+    def _is_bare(cls, tables: Mapping[str, Any]) -> bool:
         """Return whether tables are those of a bare document."""
-        return bool(cls.lacking) and cls.lacking not in tables and not tables.keys().isdisjoint(cls.marks)
+        lacking, marks = cls.layout.lacking, cls.layout.marks
+        return bool(lacking) and lacking not in tables and not tables.keys().isdisjoint(marks)
 
     @classmethod
-    def bare_tables(cls, tables: Mapping[str, Any]) -> Collection[str]:
+    def _bare_tables(cls, tables: Mapping[str, Any]) -> Collection[str]:
         """Return the names of the tables whose keys are declared as in a bare document; all of them in one."""
-        return (*cls.sections, *cls.repeated) if cls.is_bare(tables) else ()
+        return (*cls.layout.sections, *cls.layout.repeated) if cls._is_bare(tables) else ()
 
     @property
-    def bare(self) -> bool:
+    def _bare(self) -> bool:
         """True if the document lacks the section without which it is bare."""
-        return bool(self.lacking) and getattr(self, self.lacking) is None
+        return bool(self.layout.lacking) and getattr(self, self.layout.lacking) is None
 
-    def bare_in(self, table: str) -> bool:
-        """Return whether the keys of a table are declared as in a bare document; see `bare_tables`."""
-        return self.bare
+    def _bare_in(self, table: str) -> bool:
+        """Return whether the keys of a table are declared as in a bare document; see `_bare_tables`."""
+        return self._bare
 
     @classmethod
     def _records(cls, key: str, tables: Any, bare: bool) -> tuple[Any, ...]:
         """Return the records of an array of tables; errors count them from 1."""
         if not isinstance(tables, list | tuple):
             raise SceneError(f"{key} = {shown(tables)}: must be tables, each under a line [[{key}]]")
-        kind, rules = cls.repeated[key], cls.rules.get(key)
+        kind, rules = cls.layout.repeated[key], cls.layout.rules.get(key)
         return tuple(
             record(kind, table, f"{key}.{number}", rules, bare=bare) for number, table in enumerate(tables, start=1)
         )
 
     @classmethod
-    def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the tables with other ways to say something in the keys of the sections."""
         return tables
 
     @classmethod
-    def solved(cls, records: dict[str, Any]) -> dict[str, Any]:
+    def _solved(cls, records: dict[str, Any]) -> dict[str, Any]:
         """Return the records with the values that follow from several of them."""
         return records
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain values with every default."""
-        held = {key: getattr(self, self.attributes.get(key, key)) for key in self.sections}
+        held = {key: getattr(self, self.layout.attributes.get(key, key)) for key in self.layout.sections}
         tables: dict[str, Any] = {
-            key: plain(value, self.rules.get(key), bare=self.bare_in(key))
+            key: plain(value, self.layout.rules.get(key), bare=self._bare_in(key))
             for key, value in held.items()
-            if value is not None and (key not in self.optional or value != type(value)())
+            if value is not None and (key not in self.layout.optional or value != type(value)())
         }
-        tables |= {key: self._written(key) for key in self.repeated if getattr(self, key)}
+        tables |= {key: self._written(key) for key in self.layout.repeated if getattr(self, key)}
         return {"name": self.name, "description": self.description} | tables
 
     def _written(self, key: str) -> list[dict[str, Any]]:
         """Return the values of an array of tables that differ from their defaults."""
-        bare = self.bare_in(key)
-        default = plain(self.repeated[key](), self.rules.get(key), bare=bare)
-        tables = (plain(each, self.rules.get(key), bare=bare) for each in getattr(self, key))
+        bare = self._bare_in(key)
+        default = plain(self.layout.repeated[key](), self.layout.rules.get(key), bare=bare)
+        tables = (plain(each, self.layout.rules.get(key), bare=bare) for each in getattr(self, key))
         return [{name: value for name, value in table.items() if value != default[name]} for table in tables]
 
     def keys_of(self, section: str) -> Sequence[DeclaredKey]:
         """Return the keys of a section, with their defaults in this document."""
-        return declared_keys(self.sections[section], self.rules.get(section), bare=self.bare_in(section))
+        return declared_keys(self.layout.sections[section], self.layout.rules.get(section), bare=self._bare_in(section))
 
     def given(self) -> dict[str, Any]:
         """Return nested plain values without the defaults, which never change: what a file has to say."""
         tables = self.to_dict()
-        for key in self.sections:
+        for key in self.layout.sections:
             defaults, table = {each.name: each.default for each in self.keys_of(key)}, tables.pop(key, {})
             given = ((name, value) for name, value in table.items() if value is not defaults[name])
             said = {name: value for name, value in given if repr(value) != repr(defaults[name])}
@@ -196,13 +207,17 @@ class Document:
         return self._text(self.given())
 
     def _text(self, tables: Mapping[str, Any]) -> str:
-        lines = head_lines(self.name, self.description)
-        for key, kind in self.sections.items():
+        lines, layout = head_lines(self.name, self.description), self.layout
+        for key, kind in layout.sections.items():
             if key in tables:
-                lines += ["", f"[{key}]", *toml_lines(kind, tables[key], self.rules.get(key), bare=self.bare_in(key))]
-        for key, kind in self.repeated.items():
+                lines += [
+                    "",
+                    f"[{key}]",
+                    *toml_lines(kind, tables[key], layout.rules.get(key), bare=self._bare_in(key)),
+                ]
+        for key, kind in layout.repeated.items():
             for table in tables.get(key, ()):
-                lines += ["", f"[[{key}]]", *toml_lines(kind, table, self.rules.get(key), bare=self.bare_in(key))]
+                lines += ["", f"[[{key}]]", *toml_lines(kind, table, layout.rules.get(key), bare=self._bare_in(key))]
         return "\n".join(lines) + "\n"
 
     def with_values(self, changes: Mapping[str, Any]) -> Self:
@@ -220,7 +235,7 @@ class Document:
             inner = self._table(tables, key, table)
             if not isinstance(inner, dict):
                 break  # an earlier change replaced the table by a value, which is the error to report
-            for other in self.exclusive.get(key, ()):
+            for other in self.layout.exclusive.get(key, ()):
                 if other not in changes:
                     inner.pop(other.rpartition(".")[2], None)
             inner[name] = deepcopy(value)  # a later key may change a part of it
@@ -228,13 +243,14 @@ class Document:
 
     def _refuse_part(self, changes: Mapping[str, Any]) -> None:
         """Raise SceneError if changes of a bare document make a part of the section that it lacks."""
-        own = [key for key in changes if self.bare and key.partition(".")[0] == self.lacking]
+        lacking, exclusive = self.layout.lacking, self.layout.exclusive
+        own = [key for key in changes if self._bare and key.partition(".")[0] == lacking]
         if not own:
             return
-        replaced = {other for key in own for other in self.exclusive.get(key, ())}
-        needed = (f"{self.lacking}.{each.name}" for each in declared_keys(self.sections[self.lacking]) if each.required)
+        replaced = {other for key in own for other in exclusive.get(key, ())}
+        needed = (f"{lacking}.{each.name}" for each in declared_keys(self.layout.sections[lacking]) if each.required)
         if absent := [key for key in needed if key not in (*own, *replaced)]:
-            raise SceneError(f"{own[0]}: the scene has no [{self.lacking}]; {', '.join(absent)} must be given with it")
+            raise SceneError(f"{own[0]}: the scene has no [{lacking}]; {', '.join(absent)} must be given with it")
 
     def replace(self, **tables: Any) -> Self:
         """Return a copy with other tables, each a record, or a sequence of records: ``scene.replace(striker=())``.
@@ -247,10 +263,10 @@ class Document:
             If there is no such table, or a value is not allowed.
         """
         kept = {key: value for key, value in self.given().items() if key not in tables}
-        return self.from_dict(kept | self.told(tables))
+        return self.from_dict(kept | self._told(tables))
 
     @classmethod
-    def told(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
+    def _told(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
         """Return tables of records as nested plain values, without those that say nothing."""
         plain_tables = {key: said(table) for key, table in tables.items()}
         return {key: table for key, table in plain_tables.items() if table not in (None, {}, [])}
@@ -259,20 +275,20 @@ class Document:
         """Return the value of a dotted key, as `with_values` takes it; None if no field of the scene holds it."""
         table, _, name = key.rpartition(".")
         section, _, number = table.partition(".")
-        held = getattr(self, self.attributes.get(section, section), None)
+        held = getattr(self, self.layout.attributes.get(section, section), None)
         found = getattr(held[int(number) - 1] if number and held else held, name, None)
         return _lists(found)
 
     def _table(self, tables: dict[str, Any], key: str, table: str) -> Any:
         """Return the table of a dotted key: a section, or "inclusion.1" for the first of an array of tables."""
         name, _, number = table.partition(".")
-        if name in self.repeated and number:
+        if name in self.layout.repeated and number:
             there = tables.get(name, [])
             if not number.isdecimal() or not 1 <= int(number) <= len(there):
                 raise SceneError(f"{cut(key)}: the scene has {len(there)} [[{name}]], counted from 1")
             return there[int(number) - 1]
-        if table and table not in self.sections:
-            raise SceneError(unknown_key(key, table, self.sections))
+        if table and table not in self.layout.sections:
+            raise SceneError(unknown_key(key, table, self.layout.sections))
         return tables.setdefault(table, {}) if table else tables
 
 
@@ -281,12 +297,16 @@ def _lists(value: Any) -> Any:
     return [_lists(each) for each in value] if isinstance(value, tuple) else value
 
 
-def note(key: str, document: type[Document], *, bare: bool = False) -> str:
-    """Return the comment behind a key in a kind of scene file, mostly a unit, for a dotted key."""
+def note(key: str, document: Document | type[Document]) -> str:
+    """Return the comment behind a key in a document or a kind of them, mostly a unit, for a dotted key."""
+    return rule_of(key, document).note
+
+
+def rule_of(key: str, document: Document | type[Document]) -> Rule:
+    """Return the rule of a dotted key in a document or a kind of them; KeyError if there is none."""
     if key == "wave.wavevector":
-        return "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
+        return Rule(float, "rad per lattice constant", "[kx, ky], in place of wavenumber and direction")
     table, *_, name = key.split(".")  # "source.1.frequency" is that of the first [[source]]
-    kind = {**document.sections, **document.repeated}[table]
-    return next(
-        each.rule.note for each in declared_keys(kind, document.rules.get(table), bare=bare) if each.name == name
-    )
+    layout, bare = document.layout, isinstance(document, Document) and document._bare_in(table)
+    kind = {**layout.sections, **layout.repeated}[table]
+    return {each.name: each.rule for each in declared_keys(kind, layout.rules.get(table), bare=bare)}[name]

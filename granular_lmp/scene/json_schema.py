@@ -57,10 +57,10 @@ def keys(document: type[Document] = Scene, *, bare: bool = False, loose: bool = 
 
     `bare` is true for a scene without ``[wave]``, and then `loose` for one whose spheres are not at rest under load.
     """
-    absent = (document.lacking, *NEEDS_WAVE, *(NEEDS_REST if loose else ())) if bare else ()
-    for section, kind in {**document.sections, **document.repeated}.items():
+    absent = (document.layout.lacking, *NEEDS_WAVE, *(NEEDS_REST if loose else ())) if bare else ()
+    for section, kind in {**document.layout.sections, **document.layout.repeated}.items():
         own = bare and (loose or section in UNWAVED)
-        found = declared_keys(kind, document.rules.get(section), bare=own) if section not in absent else []
+        found = declared_keys(kind, document.layout.rules.get(section), bare=own) if section not in absent else []
         for each in (each for each in found if f"{section}.{each.name}" not in absent):
             required = each.default is MISSING or (
                 each.default not in _NOTHING and not _allowed(each.rule, each.default)
@@ -83,16 +83,20 @@ def json_schema(document: type[Document] = Scene) -> dict[str, Any]:
     holds those of a crystal at rest under load, "else" those of loose spheres.
     """
     head = {"$schema": DIALECT, "title": "A scene of granular-lmp"}
-    if not document.lacking:
+    if not document.layout.lacking:
         return head | _tables(document, bare=False)
     at_rest, loose = (_marked(_tables(document, bare=True, loose=loose), document) for loose in (False, True))
     without = {"if": _AT_REST, "then": at_rest, "else": loose}
-    return head | {"if": {"required": [document.lacking]}, "then": _tables(document, bare=False), "else": without}
+    return head | {
+        "if": {"required": [document.layout.lacking]},
+        "then": _tables(document, bare=False),
+        "else": without,
+    }
 
 
 def _marked(tables: dict[str, Any], document: type[Document]) -> dict[str, Any]:
     """Return the schema of a scene without a wave, which has one of the tables that move its spheres."""
-    return tables | {"anyOf": [{"required": [mark]} for mark in document.marks if mark in tables["properties"]]}
+    return tables | {"anyOf": [{"required": [mark]} for mark in document.layout.marks if mark in tables["properties"]]}
 
 
 def _having(table: str, **values: dict[str, Any]) -> dict[str, Any]:
@@ -111,6 +115,7 @@ _AT_REST = {
 
 
 def _tables(document: type[Document], *, bare: bool, loose: bool = True) -> dict[str, Any]:
+    layout = document.layout
     properties: dict[str, Any] = {
         "name": {"type": "string", "pattern": f"^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$"},
         "description": {"type": "string", "maxLength": LONGEST_DESCRIPTION},
@@ -130,14 +135,12 @@ def _tables(document: type[Document], *, bare: bool, loose: bool = True) -> dict
             no_wave = {"required": ["form"], "properties": {"form": {"const": "none"}}, "not": {"anyOf": which}}
             table["oneOf"] = [*which, no_wave]
         table |= {"required": needed[section]} if needed[section] else {}
-        array = {"type": "array", "items": table} | ({"minItems": 1} if bare and section in document.marks else {})
-        properties[section] = array if section in document.repeated else table
+        array = {"type": "array", "items": table} | ({"minItems": 1} if bare and section in layout.marks else {})
+        properties[section] = array if section in layout.repeated else table
     return {
         "type": "object",
         "properties": properties,
-        "required": [
-            section for section in document.sections if needed.get(section) and section not in document.absent
-        ],
+        "required": [section for section in layout.sections if needed.get(section) and section not in layout.absent],
         "additionalProperties": False,
     }
 
@@ -181,7 +184,7 @@ def reference(document: type[Document] = Scene, *, bare: bool = False) -> str:
     for key in keys(document, bare=bare):
         if key.section != section:
             section = key.section
-            title = f"[[{section}]]" if section in document.repeated else f"[{section}]"
+            title = f"[[{section}]]" if section in document.layout.repeated else f"[{section}]"
             lines += ["", f"## `{title}`", "", "| key | unit | default | allowed | meaning |"]
             lines.append("|---|---|---|---|---|")
         default = "must be given" if key.required else "–" if key.default in _NOTHING else f"`{toml(key.default)}`"

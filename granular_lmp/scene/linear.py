@@ -5,12 +5,35 @@ from dataclasses import replace
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import Mode, Physics, bloch_mode
+from granular_lmp.scene import derived
 from granular_lmp.scene.scene import Scene
 
 
 def physics_of(scene: Scene) -> Physics:
     """Return the degrees of freedom of a scene's lattice; those that are still "auto" are there."""
-    return scene.physics
+    return derived.physics_of(scene.effects, scene.space)
+
+
+def starts_along_y(scene: Scene) -> bool:
+    """Return whether the wave starts as a running plane wave along y."""
+    running = scene.form == "running" and not scene.envelope.finite
+    running = running and not scene.struck and not scene.source
+    return running and scene.vector.axis == "y" and scene.vector.per_row > 0
+
+
+def plane_along_y(scene: Scene) -> bool:
+    """Return whether the wave is the paper's, a running plane wave along y in a perfect lattice."""
+    paper = scene.space == 2 and scene.lattice.column_period == 1
+    return paper and scene.perfect and starts_along_y(scene) and scene.shape.infinite
+
+
+def uniform_rows(scene: Scene) -> bool:
+    """Return whether all spheres of a row move alike, so that the fewest columns stand for any number."""
+    if scene.wave is None:
+        return False
+    whole = all(each.rows for each in (*scene.source, *scene.striker, *scene.start.at()))
+    whole = whole and not scene.start.noise
+    return scene.layered and scene.vector.axis == "y" and scene.envelope.width == 0 and whole
 
 
 def unit_contacts(scene: Scene) -> Contacts:

@@ -112,7 +112,7 @@ def refuse_tables(tables: Mapping[str, Any], *, loose: bool) -> None:
 
 def require_wave(scene: Derived) -> None:
     """Raise a SceneError if a scene without ``[wave]`` is given to what needs one."""
-    if scene.bare:
+    if scene.wave is None:
         raise SceneError(
             "wave: missing table; this scene has sources, strikers or a [start] alone, which kick and scatter do not "
             "take"

@@ -36,6 +36,7 @@ from granular_lmp.scene.bodies import (
     Substrate,
 )
 from granular_lmp.scene.derived import Derived, at_rest, physics_of, wave_lattice_of, wavenumbers_of
+from granular_lmp.scene.document import Layout
 from granular_lmp.scene.files import assignment as assignment
 from granular_lmp.scene.files import first_file
 from granular_lmp.scene.frequency import with_placeholder, without_wavevector
@@ -105,39 +106,40 @@ class Scene(HasCard, Derived):
     True
     """
 
-    sections = {
-        "sphere": Sphere,
-        "packing": Packing,
-        "contact": Contact,
-        "substrate": Substrate,
-        "disorder": Disorder,
-        "wave": Wave,
-        "envelope": Envelope,
-        "time": Time,
-        "effects": Effects,
-        "output": Output,
-        "absorb": Absorb,
-        "start": Start,
-    }
-    repeated = {"inclusion": Inclusion, "pair": Pair, "source": Source, "monitor": Monitor, "striker": Striker}
-    optional = ("contact", "disorder", "absorb", "start")
-    absent = ("substrate",)
-    lacking = "wave"
-    marks = ("striker", "start", "source")
-    rules = {
-        "sphere": LATTICE_SPHERE_RULES,
-        "disorder": DISORDER_RULES,
-        "inclusion": INCLUSION_RULES,
-        "pair": PAIR_RULES,
-    }
-    attributes = {"sphere": "material"}
-    exclusive = {
-        **STEP_OR_TOLERANCE,
-        "wave.wavevector": ("wave.wavenumber", "wave.frequency", "wave.direction"),
-        "wave.wavenumber": ("wave.frequency",),
-        "wave.frequency": ("wave.wavenumber",),
-    }
-    named = "the files of the run"
+    layout = Layout(
+        sections={
+            "sphere": Sphere,
+            "packing": Packing,
+            "contact": Contact,
+            "substrate": Substrate,
+            "disorder": Disorder,
+            "wave": Wave,
+            "envelope": Envelope,
+            "time": Time,
+            "effects": Effects,
+            "output": Output,
+            "absorb": Absorb,
+            "start": Start,
+        },
+        repeated={"inclusion": Inclusion, "pair": Pair, "source": Source, "monitor": Monitor, "striker": Striker},
+        optional=("contact", "disorder", "absorb", "start"),
+        absent=("substrate",),
+        lacking="wave",
+        marks=("striker", "start", "source"),
+        rules={
+            "sphere": LATTICE_SPHERE_RULES,
+            "disorder": DISORDER_RULES,
+            "inclusion": INCLUSION_RULES,
+            "pair": PAIR_RULES,
+        },
+        attributes={"sphere": "material"},
+        exclusive={
+            **STEP_OR_TOLERANCE,
+            "wave.wavevector": ("wave.wavenumber", "wave.frequency", "wave.direction"),
+            "wave.wavenumber": ("wave.frequency",),
+            "wave.frequency": ("wave.wavenumber",),
+        },
+    )
 
     material: Sphere
     packing: Packing
@@ -185,13 +187,13 @@ class Scene(HasCard, Derived):
     ) -> None:
         tables = {key: table for key, table in locals().items() if key not in ("self", "material")}
         if material is None:
-            made = self.from_dict(self.told(tables))
+            made = self.from_dict(self._told(tables))
         else:  # all fields of a scene, some of them changed
-            made = self.made(tables | {"material": tables.pop("sphere") or material})
+            made = self._made(tables | {"material": tables.pop("sphere") or material})
         self.__dict__.update(made.__dict__)
 
     @classmethod
-    def made(cls, values: Mapping[str, Any]) -> Self:
+    def _made(cls, values: Mapping[str, Any]) -> Self:
         """Return the scene of its fields, whose combination is checked here."""
         scene = object.__new__(cls)
         scene.__dict__.update({item.name: _default(item) for item in fields(cls)} | dict(values))
@@ -233,32 +235,32 @@ class Scene(HasCard, Derived):
         return super().from_dict(tables, default)
 
     @classmethod
-    def located(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+    def _located(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
         """Return the tables with signals of sources and a state that are in files, relative to the current folder."""
         tables, sources = located_state(tables, folder), tables.get("source")
         return tables | {"source": [located(each, folder) for each in sources]} if isinstance(sources, list) else tables
 
     @classmethod
-    def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the tables with a wave vector as wave number and direction; refuse a step beside a tolerance."""
         refuse_step_beside_tolerance(tables)
         tables = validation.with_quiet_rows(tables)
-        if cls.is_bare(tables):
+        if cls._is_bare(tables):
             refuse_tables(tables, loose=is_loose(tables))
         return with_placeholder(without_wavevector(tables))
 
     @classmethod
-    def bare_tables(cls, tables: Mapping[str, Any]) -> Collection[str]:
+    def _bare_tables(cls, tables: Mapping[str, Any]) -> Collection[str]:
         """Return the tables whose keys are declared otherwise without a wave: all of loose spheres, else `UNWAVED`."""
-        every = super().bare_tables(tables)
+        every = super()._bare_tables(tables)
         return every if is_loose(tables) else [key for key in every if key in UNWAVED]
 
-    def bare_in(self, table: str) -> bool:
-        """Return whether the keys of a table are declared otherwise than beside a wave; see `bare_tables`."""
-        return self.bare and (self.loose or table in UNWAVED)
+    def _bare_in(self, table: str) -> bool:
+        """Return whether the keys of a table are declared otherwise than beside a wave; see `_bare_tables`."""
+        return self._bare and (self.loose or table in UNWAVED)
 
     @classmethod
-    def solved(cls, records: dict[str, Any]) -> dict[str, Any]:
+    def _solved(cls, records: dict[str, Any]) -> dict[str, Any]:
         """Return the records with the smallest wave number at which the wave has its frequency, if that is declared."""
         wave, material, effects = records.get("wave"), records["material"], records["effects"]
         if wave is None or wave.frequency is None:
@@ -283,17 +285,17 @@ class Scene(HasCard, Derived):
         if self.material.adhesion_law == Sphere.adhesion_law:
             tables["sphere"].pop("adhesion_law", None)
         tables["time"] = _without_replaced(tables["time"])
-        if self.bare:
+        if self._bare:
             output = {key: value for key, value in tables.pop("output").items() if value != getattr(Output(), key)}
             tables |= {"output": output} if output else {}
             return _without_keys(tables, NEEDS_WAVE | (NEEDS_REST if self.loose else {}))
         return tables | {"wave": _without_replaced(tables["wave"])}
 
     @classmethod
-    def told(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
+    def _told(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
         """Return tables of records as nested plain values; a tolerance or a frequency is told alone, as in a file."""
         pairs = {key: _without_replaced(said(tables[key])) for key in ("time", "wave") if is_dataclass(tables.get(key))}
-        return super().told({**tables, **pairs})
+        return super()._told({**tables, **pairs})
 
     def departures(self) -> dict[str, Any]:
         """Return every value that is not its key's default, by dotted key; keys without a default are always there.
@@ -306,18 +308,18 @@ class Scene(HasCard, Derived):
             if not is_dataclass(value):
                 found |= {section.name: value} if value != _default(section) else {}
                 continue
-            key = next((name for name, held in self.attributes.items() if held == section.name), section.name)
+            key = next((name for name, held in self.layout.attributes.items() if held == section.name), section.name)
             for item in fields(value):
                 if getattr(value, item.name) != _default(item):
                     found[f"{key}.{item.name}"] = getattr(value, item.name)
         return found
 
     def __repr__(self) -> str:
-        if self.bare:
+        if self._bare:
             return f"<Scene {self.name}: {self.words}, t0 = {self.scale.time:.3g} s>"
         shape = self.shape
         return (
-            f"<Scene {self.name}: {self.wave_label}, {shape.rows} x {shape.columns} spheres, {shape.cut}, "
+            f"<Scene {self.name}: {self.label}, {shape.rows} x {shape.columns} spheres, {shape.cut}, "
             f"tau 0..{self.time.duration:g}>"
         )
 
@@ -340,14 +342,14 @@ class Scene(HasCard, Derived):
         check_quiet(self.source, self.absorb)
         check_monitors(self.monitor, self.packing, shape)
         validation.check_faces(self.packing, shape, FREE if wave is None else AUTO)
-        validation.check_lattice(shape, self.packing, self.effects, self.sphere, bare=self.bare)
+        validation.check_lattice(shape, self.packing, self.effects, self.sphere, bare=self._bare)
         validation.check_straight(self.lattice, self.packing, words.across(wave, self.source, self.start))
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
         bodies = self.material, self.contact, self.substrate
         check_arrangement(self.lattice, self.space, self.packing, bodies, self.disorder, self.inclusion)
         validation.check_absorb(self.absorb, self.packing, self.quiet, self.form, self.envelope, shape, self.source)
         if wave is None:
-            validation.check_motion(self.sphere, shape, self.moved)
+            validation.check_motion(self.sphere, shape, self._moved)
         else:
             self._check_wave()
 

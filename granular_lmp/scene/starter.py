@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from granular_lmp.errors import RunFolderError, one_line
-from granular_lmp.scene.document import Document, note
+from granular_lmp.scene.document import note
+from granular_lmp.scene.scene import Scene
 
 _HEAD = """\
 # Run it:                        granular-lmp run {file}
@@ -27,25 +28,25 @@ _OF_STRIKE = {
 }
 
 
-def starter(scene: Document, file: str) -> str:
+def starter(scene: Scene, file: str) -> str:
     """Return the text of a scene file; keys that take the place of another one stand in it as comments."""
     section = ""
     lines = []
     for line in scene.to_toml(full=True).splitlines():
         section = line.strip("[]") if line.startswith("[") else section
         key = f"{section}.{line.partition(' =')[0]}"
-        others = [other for other, excluded in scene.exclusive.items() if excluded[0] == key]
+        others = [other for other, excluded in scene.layout.exclusive.items() if excluded[0] == key]
         lines += [line, *(_commented(other, scene) for other in others)]
-    said = _OF_STRIKE if scene.bare else _OF_WAVE
+    said = _OF_STRIKE if scene.wave is None else _OF_WAVE
     return _HEAD.format(file=file, **said) + "\n".join(lines) + "\n"
 
 
-def _commented(key: str, scene: Document) -> str:
+def _commented(key: str, scene: Scene) -> str:
     line = f"# {key.rpartition('.')[2]} = ..."
-    return f"{line:30} # {note(key, type(scene), bare=scene.bare_in(key.partition('.')[0]))}"
+    return f"{line:30} # {note(key, scene)}"
 
 
-def write_starter(path: str | Path, scene: Document) -> None:
+def write_starter(path: str | Path, scene: Scene) -> None:
     """Write a scene into a new file, under the name of the file.
 
     Raises

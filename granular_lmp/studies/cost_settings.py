@@ -16,6 +16,7 @@ from granular_lmp.errors import GranularError, LaunchError, SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.problem import prepare
 from granular_lmp.runs.options import core_count
+from granular_lmp.scene.linear import starts_along_y
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.output_variants import OUTPUTS
 from granular_lmp.studies.sweep_points import scene_hash
@@ -95,9 +96,9 @@ def base(scene: Scene) -> Scene:
     prepare(scene)
     if scene.wave is None:
         return build(scene).problem.scene
-    if not scene.starts_along_y:
+    if not starts_along_y(scene):
         raise SceneError(
-            f"wave: {scene.wave_words}: must be a running plane wave along y; rows and columns of others are no knobs"
+            f"wave: {scene.words}: must be a running plane wave along y; rows and columns of others are no knobs"
         )
     if scene.time.tolerance is not None:
         scene = with_step(scene, finest_step(scene))

@@ -15,16 +15,16 @@ from granular_lmp.crystal.lattices import PERIODIC
 from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.record import Record
 
-# Units of the impact in SI; the far sphere, its largest speed, in the unit v of the impact, and the time, in t0, at
-# which its speed first is half of that, linear between samples, unless it still rises at the end; energies at the end
-# over that of all spheres at the beginning: kinetic, of the recorded spheres, and with the contacts, where the record
-# holds what that takes; the largest overlap in diameters, as the guard measures it; with a tolerance the estimated
-# error of velocities
-COLUMNS = (
-    *("t0_s", "velocity_m_s"),
-    *("far_row", "far_column", "far_speed", "far_tau"),
-    *("kinetic_kept", "energy_kept", "largest_overlap", "velocity_error"),
-)
+# Columns and their units: units of the impact in SI; the far sphere, its largest speed, in the unit v of the impact,
+# and the time at which its speed first is half of that, linear between samples, unless it still rises at the end;
+# energies at the end over that of all spheres at the beginning: kinetic, of the recorded spheres, and with the
+# contacts, where the record holds what that takes; the largest overlap in diameters, as the guard measures it; with a
+# tolerance the estimated error of velocities
+COLUMNS = {
+    **{"t0_s": "s", "velocity_m_s": "m/s"},
+    **{"far_row": "", "far_column": "", "far_speed": "v", "far_tau": "t0"},
+    **{"kinetic_kept": "", "energy_kept": "", "largest_overlap": "2R", "velocity_error": "v"},
+}
 _ALIKE = 1e-9  # distances that differ by less are equal: their rounding chooses no sphere
 _STILL = 1e-12  # m v²: less at the beginning is rounding
 _RISING = 1e-3  # A rise by this share of the largest speed in the last sample: the wave has not passed

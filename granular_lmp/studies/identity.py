@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from granular_lmp.scene.document import Document
+from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
 # Keys that release 0.1.0 took up after its first sweeps, whose names do not hold them
@@ -30,13 +30,13 @@ _JOINED = frozenset(
 )
 
 
-def names_of(scene: Document) -> tuple[str, ...]:
+def names_of(scene: Scene) -> tuple[str, ...]:
     """Return the name of a scene's run, and the one that folders of earlier releases may have in its place.
 
     A name is 16 hexadecimal digits of the SHA-256 of the scene's sorted JSON, without its name and description. Every
     "auto" of the scene must be decided, as in a run folder.
     """
-    known = frozen("0.1.0", "ImpactScene" if scene.bare else "Scene").keys()
+    known = frozen("0.1.0", "ImpactScene" if scene.wave is None else "Scene").keys()
     return tuple(dict.fromkeys(_hash(scene, keys) for keys in (known, known - _JOINED)))
 
 
@@ -48,10 +48,10 @@ def frozen(age: str, kind: str) -> dict[str, Any]:
     return {f"{table}.{key}": default for table, keys in tables.items() for key, default in keys.items()}
 
 
-def _hash(scene: Document, keys: Collection[str]) -> str:
+def _hash(scene: Scene, keys: Collection[str]) -> str:
     tables: dict[str, Any] = scene.to_dict() | {"name": None}
     del tables["description"]
-    for table in scene.sections:
+    for table in scene.layout.sections:
         defaults = {each.name: each.default for each in scene.keys_of(table)}
         held = {
             key: value

@@ -44,6 +44,7 @@ from granular_lmp.studies.sweep_rows import (
     info_of,
     refuse_other_point,
     row_of,
+    said_of,
     summary_of,
     table_of,
 )
@@ -179,7 +180,9 @@ class Sweep(HasCard):
     def to_xarray(self) -> Any:
         """Return the table as an ``xarray.Dataset`` with a dimension for each swept key, in it each run once.
 
-        The coordinates are the values that ran, but for the columns "KEY_asked" of `axes`.
+        Names have "_" where the table has dots, so that ``data.wave_amplitude`` is one; ``units`` and ``long_name``,
+        the name in the table, are attributes. The coordinates are the values that ran, but for the columns "KEY_asked"
+        of `axes`.
 
         Raises
         ------
@@ -188,7 +191,12 @@ class Sweep(HasCard):
         """
         optional_package("xarray")
         table = self.to_pandas()
-        return table[~table[self.axes].astype(str).duplicated()].set_index(self.axes).to_xarray()
+        data = table[~table[self.axes].astype(str).duplicated()].set_index(self.axes).to_xarray()
+        for name in data.variables:
+            data[name].attrs = said_of(name, self.scene)
+        return data.rename({name: name.replace(".", "_") for name in data.variables}).assign_attrs(
+            scene=self.scene.to_toml()
+        )
 
     def __repr__(self) -> str:
         asked = " x ".join(f"{key} ({len(values)})" for key, values in self.over.items())

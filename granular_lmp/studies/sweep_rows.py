@@ -11,6 +11,7 @@ from granular_lmp.errors import GranularError, RunFolderError, SceneError
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.readouts import readout_columns
 from granular_lmp.runs.record import STATUS, Record, read_status
+from granular_lmp.scene.document import rule_of
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies import far_sphere
@@ -21,21 +22,44 @@ Point = dict[str, Any]
 
 RUNS = "runs"
 ASKED = "_asked"  # behind a swept key: the column of the values that were asked for, where others ran
-_FIRST = ("run", "status", "message", "seconds", "steps", "particles")
+# Columns and their units
+_FIRST = {"run": "", "status": "", "message": "", "seconds": "s", "steps": "", "particles": ""}
 # What a line of the table says of a wave beside the swept values: of run.json; the largest |p|, |q|, |phi| of the
-# record, in D0; the second harmonic as measured, with the error of the fit, in D0, and in metres; of the guards, the
-# smallest overlap in Delta0 and the largest shear over sliding force
-_OF_WAVE = (
-    *("contacts_per_sphere", "wavenumber_used", "direction_used", "frequency"),
-    *("frequency_Hz", "largest_p", "largest_q", "largest_phi"),
-    *("second_harmonic", "second_harmonic_error", "second_harmonic_m"),
-    *("smallest_overlap", "largest_slip"),
-)
+# record; the second harmonic as measured, with the error of the fit, and in metres
+_MEASURED = {
+    **{"frequency_Hz": "Hz", "largest_p": "D0", "largest_q": "D0", "largest_phi": "D0"},
+    **{"second_harmonic": "D0", "second_harmonic_error": "D0", "second_harmonic_m": "m"},
+}
+# Of the guards, the smallest overlap, and the largest shear over sliding force
+_OF_WAVE = {
+    **{"contacts_per_sphere": "", "wavenumber_used": "rad per row", "direction_used": "degrees", "frequency": "rad/t0"},
+    **_MEASURED,
+    **{"smallest_overlap": "Delta0", "largest_slip": ""},
+}
 
 
 def columns_of(scene: Scene) -> tuple[str, ...]:
     """Return the columns of a scene in the table; read-outs of its monitors follow."""
-    return (*_FIRST, *(far_sphere.COLUMNS if scene.wave is None else _OF_WAVE), "guards")
+    return (*_units_of(scene), "guards")
+
+
+def _units_of(scene: Scene) -> dict[str, str]:
+    return _FIRST | (far_sphere.COLUMNS if scene.wave is None else _OF_WAVE)
+
+
+def said_of(column: str, scene: Scene) -> dict[str, str]:
+    """Return the attributes of a column in a data set: its name in the table, its unit, and what a swept key means."""
+    known, key = _units_of(scene) | {"guards": ""}, column.removesuffix(ASKED)
+    said = {"long_name": column}
+    if column in known:
+        said["units"] = known[column]
+    else:
+        try:
+            rule = rule_of(key, scene)
+            said |= {"units": rule.unit, "comment": rule.meaning}
+        except KeyError:  # a read-out of a monitor
+            said["units"] = "D0"
+    return {name: value for name, value in said.items() if value}
 
 
 def info_of(folder: Path) -> dict[str, Any]:
@@ -77,9 +101,8 @@ def refuse_other_point(folder: Path, scene: Scene | None = None) -> None:
         return
     names = names_of(scene)
     if folder.name not in names:
-        words = scene.words if scene.wave is None else scene.wave_label
         raise RunFolderError(
-            f"{folder}: holds the run of another scene ({words}), that of {RUNS}/{names[0]}; "
+            f"{folder}: holds the run of another scene ({scene.label}), that of {RUNS}/{names[0]}; "
             "move it there, or away, and start the sweep again"
         )
 
@@ -129,12 +152,11 @@ def _of_wave(info: dict[str, Any], record: Record | None) -> Point:
 
 def _measured(record: Record | None) -> Point:
     """Return the numbers read off a record; None each where there is no record, or no second harmonic in it."""
-    names = _OF_WAVE[_OF_WAVE.index("frequency_Hz") : _OF_WAVE.index("smallest_overlap")]
     if record is None:
-        return dict.fromkeys(names)
+        return dict.fromkeys(_MEASURED)
     scene, found = record.scene, second_harmonic(record)
     hertz = mode_of(scene).frequency / scene.sphere.time_scale / (2 * pi)
     largest = [float(np.abs(values).max()) for values in (record.p, record.q, record.phi)]
     size = scene.displacement_amplitude
     harmonic = [None] * 3 if found is None else [found.amplitude, found.error, found.amplitude * size]
-    return dict(zip(names, [hertz, *largest, *harmonic], strict=True))
+    return dict(zip(_MEASURED, [hertz, *largest, *harmonic], strict=True))

@@ -1,5 +1,6 @@
 """Data files keep every digit, also through LAMMPS."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from granular_lmp import Scene, build
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps import datafile
-from granular_lmp.lammps.datafile import DataFile, read
+from granular_lmp.lammps.datafile import ATOM_COLUMNS, DataFile, read
 from tests.instance import silent_lammps
 
 
@@ -33,6 +34,19 @@ def test_reading_gives_back_every_bit(tmp_path: Path) -> None:
     spheres = awkward_spheres()
     (tmp_path / "data").write_text(spheres.text("title"))
     assert same(read(tmp_path / "data"), spheres)
+
+
+@pytest.mark.parametrize("style", list(ATOM_COLUMNS))
+def test_the_style_is_named_as_other_programs_look_for_it(tmp_path: Path, style: str) -> None:
+    """OVITO takes all words behind the title for the style and its sub-styles, and LAMMPS writes the first one."""
+    spheres, path = replace(awkward_spheres(), style=style), tmp_path / "data"
+    text = spheres.text("title")
+    columns = text.partition("Atoms #")[0].splitlines()[-1].removeprefix("#").split()
+    assert f"\nAtoms # {style}\n\n" in text
+    assert len(columns) == len(text.partition("Atoms #")[2].splitlines()[2].split())
+    for title in (f"Atoms # {style}", f"Atoms # {style.split()[0]} ({ATOM_COLUMNS[style]})"):  # of now, of before 0.3
+        path.write_text(text.replace(f"Atoms # {style}", title))
+        assert same(read(path), spheres)
 
 
 def test_a_lost_digit_is_seen(tmp_path: Path) -> None:

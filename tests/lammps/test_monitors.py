@@ -192,6 +192,25 @@ def test_ase_reads_the_binary_motion(record: Record) -> None:
     )
 
 
+def test_tables_hold_what_the_monitors_do_with_units(record: Record) -> None:
+    pytest.importorskip("xarray")
+    line, behind, beside = (record.monitor(name) for name in ("line", "behind", "beside"))
+    motion, flux, contacts = (each.to_xarray() for each in (line, behind, beside))
+    np.testing.assert_array_equal(motion.phi_t, line.spin)
+    np.testing.assert_array_equal(flux.flux.sel(row=9), behind.flux[:, 1])
+    np.testing.assert_array_equal(contacts.shear, beside.contacts.shear)
+    np.testing.assert_array_equal(contacts.row_j, line.crystal.arrays["row"][beside.contacts.j])
+    assert dict(contacts.sizes) == {"tau": len(beside.tau), "contact": len(beside.contacts.i)}
+    units = [motion.phi_t, flux.flux, contacts.shear, contacts.overlap]
+    assert [each.attrs["units"] for each in units] == ["D0/R rad/t0", "k1 D0^2/t0", "k1 D0", "Delta0"]
+    watt = flux.attrs["force_N"] * flux.attrs["D0_m"] / flux.attrs["t0_s"]
+    assert watt == pytest.approx(behind.watt, rel=1e-15)
+    for each in (line, behind, beside):
+        table = each.to_pandas()
+        for name, values in each.columns().items():
+            np.testing.assert_array_equal(table[name], values)
+
+
 def test_csv_in_si_units_is_what_pandas_reads(record: Record, tmp_path: Path) -> None:
     pandas = pytest.importorskip("pandas")
     assert record.folder is not None

@@ -250,6 +250,22 @@ def test_snapshots_and_monitors_hold_all_freedoms_and_are_exported(tmp_path: Pat
     assert "Orientation.W" in head
 
 
+def test_tables_tell_the_spheres_of_several_layers_apart(tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    watched = {"name": "line", "rows": [4, 4], "what": "contacts"}
+    changes = {"monitor": [watched], "time.duration": 1.0, "output.particles": 1.0}
+    record = run(Scene.load("fcc_transverse").with_values(changes), tmp_path / "run")
+    snapshots, contacts = record.snapshots().to_pandas(), record.monitor("line").to_pandas()
+    places = ["row", "column", "layer"]
+    assert len(snapshots[places].drop_duplicates()) == 72
+    assert len(snapshots[places[:2]].drop_duplicates()) == 24
+    arrays, (first, *_) = record.problem.crystal.arrays, record.monitor("line").contacts.pairs
+    one = contacts.iloc[0]
+    assert [[one[f"{name}_{end}"] for name in places] for end in "ij"] == [
+        [arrays[name][sphere] for name in places] for sphere in first[:2]
+    ]
+
+
 # ---------------------------------------------------------------- decks and guards
 
 

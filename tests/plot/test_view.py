@@ -384,7 +384,14 @@ def test_with_xarray_the_tables_hold_the_same_numbers(seen: Path, swept: Sweep) 
     assert record.to_xarray().p.sel(tau=2.0).item() == record.p[4]
     assert Scene.loads(record.to_xarray().attrs["scene"]) == record.scene
     assert swept.to_xarray()["largest_p"].shape == (3, 2)
-    np.testing.assert_array_equal(swept.to_xarray()["largest_p"].to_numpy().ravel(), swept.column("largest_p"))
+    data = swept.to_xarray()
+    np.testing.assert_array_equal(data["largest_p"].to_numpy().ravel(), swept.column("largest_p"))
+    assert data["largest_p"].attrs == {"long_name": "largest_p", "units": "D0"}
+    for key in swept.over:
+        assert data[key.replace(".", "_")].attrs["long_name"] == key
+    for name in data.variables:  # attributes of Python, and units of which none is empty
+        assert name.isidentifier()
+        assert data[name].attrs.get("units") != ""
 
 
 @pytest.mark.usefixtures("drawn_once")

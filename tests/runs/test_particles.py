@@ -55,6 +55,26 @@ def test_the_centre_sphere_is_the_same_in_both_dumps_to_the_last_bit(seen: Scene
     np.testing.assert_allclose(turned[:, centre], record.phi[::2], rtol=1e-14, atol=1e-18)
 
 
+def test_tables_hold_what_the_snapshots_do_with_units(seen: Scene, tmp_path: Path) -> None:
+    pytest.importorskip("xarray")
+    snapshots = run(seen, tmp_path / "run").snapshots()
+    data, table = snapshots.to_xarray(), snapshots.to_pandas()
+    assert dict(data.sizes) == {"tau": 3, "sphere": 24}
+    moved, spin = snapshots.stacks("displacement", "spin")
+    np.testing.assert_array_equal(data.u, moved[..., 0])
+    np.testing.assert_array_equal(data.phi_t, spin)
+    np.testing.assert_array_equal(data.row, snapshots.crystal.arrays["row"])
+    assert [data[name].attrs["units"] for name in ("tau", "v", "phi", "phi_t")] == [
+        "t0",
+        "D0",
+        "D0/R rad",
+        "D0/R rad/t0",
+    ]
+    assert data.attrs["D0_m"] == seen.displacement_amplitude
+    chosen = table[(table.tau == snapshots.tau[1]) & (table.row == 4)]
+    np.testing.assert_array_equal(chosen.v, data.v.isel(tau=1)[data.row == 4])
+
+
 def test_the_first_snapshot_is_the_wave_that_was_asked_for(seen: Scene, tmp_path: Path) -> None:
     run(seen, tmp_path / "run")
     deck = build(seen)

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -199,8 +200,8 @@ class YoungerEffects(Effects):
 @pytest.fixture
 def younger(monkeypatch: pytest.MonkeyPatch) -> None:
     """A package with two keys that the earlier release did not have."""
-    monkeypatch.setitem(Scene.sections, "packing", YoungerPacking)
-    monkeypatch.setitem(Scene.sections, "effects", YoungerEffects)
+    monkeypatch.setitem(Scene.layout.sections, "packing", YoungerPacking)
+    monkeypatch.setitem(Scene.layout.sections, "effects", YoungerEffects)
 
 
 @pytest.mark.usefixtures("younger")
@@ -223,7 +224,8 @@ def test_a_new_key_is_part_of_the_name_where_it_departs() -> None:
 def test_a_new_table_is_part_of_the_name_where_it_departs(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene.from_dict(NAMES["9e298ea678f7394c"])
     told = scene.to_dict()
-    monkeypatch.setattr(Scene, "sections", Scene.sections | {"substrate": YoungerPacking})
+    sections = Scene.layout.sections | {"substrate": YoungerPacking}
+    monkeypatch.setattr(Scene, "layout", replace(Scene.layout, sections=sections))
     for coats, same in ((1, True), (2, False)):
         table = {name: item.default for name, item in YoungerPacking.__dataclass_fields__.items()} | {"coats": coats}
         monkeypatch.setattr(Scene, "to_dict", lambda self, table=table: told | {"substrate": table})

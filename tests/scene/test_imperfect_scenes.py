@@ -16,6 +16,7 @@ from granular_lmp.errors import CrystalError, RunFolderError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.scene import at_rest
 from granular_lmp.scene.at_rest import crystal_of
+from granular_lmp.scene.linear import plane_along_y, uniform_rows
 from tests.conftest import PAPER, members
 from tests.hard import guard_study
 
@@ -151,8 +152,8 @@ def test_spheres_without_a_neighbour_are_left_out_and_said() -> None:
 def test_layers_leave_the_rows_alike_and_need_no_columns() -> None:
     layers = SHEET.with_values({"packing.columns": "auto", "inclusion": [{"rows": [0, 5], **STEEL}]})
     assert layers.shape.columns == 3
-    assert layers.uniform_rows
-    assert not layers.plane_along_y
+    assert uniform_rows(layers)
+    assert not plane_along_y(layers)
 
 
 # --- the crystal and its deck ----------------------------------------------------------------------------------------
@@ -173,6 +174,24 @@ def test_two_materials_are_written_out_pair_by_pair() -> None:
     kind, density = deck.data.kind.reshape(12, 8), deck.data.density.reshape(12, 8)
     assert (kind == [[3]] * 6 + [[1]] * 6).all()
     assert density[0, 0] / density[-1, 0] == pytest.approx(7850 / 2200, rel=1e-15)  # the units of the deck
+
+
+@pytest.mark.parametrize("kind", ["perfect", "spread", "steel", "loose"])
+def test_atoms_carry_their_masses_and_a_tag_for_their_material(kind: str) -> None:
+    steel = {"inclusion": [{"spheres": [[3, 4], [5, 5]], **STEEL}]}
+    scene = {
+        "perfect": SHEET,
+        "spread": SHEET.with_values(SPREAD),
+        "steel": SHEET.with_values(steel),
+        "loose": Scene.load("dimer_chain"),
+    }[kind]
+    deck = build(scene)
+    atoms, data = deck.packing, deck.data  # what LAMMPS reads
+    mass = np.pi / 6 * data.density * data.diameter**3 / deck.scene.units.number(scene.material.mass, mass=1)
+    np.testing.assert_allclose(atoms.get_masses(), mass, rtol=1e-13)
+    assert np.ptp(mass) == 0 if kind == "perfect" else np.ptp(mass) > 0.1
+    at_steel = (np.isin(atoms.arrays["row"] * 8 + atoms.arrays["column"], [28, 45])) & (kind == "steel")
+    np.testing.assert_array_equal(atoms.get_tags(), at_steel)
 
 
 def test_the_deck_says_what_is_not_perfect() -> None:

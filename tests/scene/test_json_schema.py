@@ -180,5 +180,5 @@ def test_each_end_of_an_interval_is_where_the_schema_says(key: Key) -> None:
 def test_the_reference_names_every_key() -> None:
     page = reference()
     for key in KEYS:
-        section = f"[[{key.section}]]" if key.section in Scene.repeated else f"[{key.section}]"
+        section = f"[[{key.section}]]" if key.section in Scene.layout.repeated else f"[{key.section}]"
         assert f"| `{key.name}` |" in page.partition(f"## `{section}`")[2]

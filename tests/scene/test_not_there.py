@@ -23,7 +23,7 @@ def test_the_page_holds_the_table_of_the_messages() -> None:
 
 
 def test_no_wish_is_a_key_of_a_scene() -> None:
-    there = {key.name for key in keys()} | set(Scene.sections) | {"name", "description"}
+    there = {key.name for key in keys()} | set(Scene.layout.sections) | {"name", "description"}
     assert not there & {word for _, word in WORDS}
 
 

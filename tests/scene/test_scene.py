@@ -21,6 +21,7 @@ from granular_lmp.crystal.modes import MODES, bloch_modes
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.linear import plane_along_y, uniform_rows
 from granular_lmp.scene.scene import Scene, assignment
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.scene.shipped import SHIPPED
@@ -264,11 +265,11 @@ def test_an_oblique_wave_gets_the_smallest_cell_that_carries_it_and_the_scene_sa
 @pytest.mark.parametrize("direction", ["y", 90.0])
 def test_a_wave_along_y_is_the_papers_however_it_is_written(direction: str | float) -> None:
     scene = PAPER.with_values({"wave.direction": direction})
-    assert scene.plane_along_y
-    assert scene.uniform_rows
+    assert plane_along_y(scene)
+    assert uniform_rows(scene)
     assert scene.vector == PAPER.vector
     for other in ({"wave.form": "standing"}, {"envelope.length": 9.0}, {"wave.direction": -90.0}):
-        assert not PAPER.with_values(other).plane_along_y
+        assert not plane_along_y(PAPER.with_values(other))
 
 
 def test_the_zone_ends_elsewhere_in_other_directions() -> None:
@@ -316,7 +317,7 @@ def test_a_wave_that_runs_down_is_said_to() -> None:
     down = PAPER.with_values({"packing.ends": "periodic", "packing.rows": 20, "wave.direction": -90.0})
     (remark,) = down.remarks()
     assert "2 pi 3/20" in remark
-    assert "along -y" in down.wave_words
+    assert "along -y" in down.words
     assert "along -y" in repr(down)
     assert down.vector.per_row < 0
 

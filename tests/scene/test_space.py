@@ -12,6 +12,7 @@ from granular_lmp.crystal.mode import PLANE
 from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.scene.initial_fields import initial_fields
+from granular_lmp.scene.linear import physics_of
 from granular_lmp.scene.scene import Scene
 
 SUBSTRATE = {"youngs_modulus": 73e9, "poisson_ratio": 0.17, "work_of_adhesion": 0.063}
@@ -34,7 +35,7 @@ def test_a_scene_is_in_space_where_something_is_out_of_the_plane() -> None:
     assert FREE.space == 2
     for scene in (LAYER, FREE.with_values({"packing.space": 3}), FREE.with_values({"packing.lattice": "fcc"})):
         assert scene.space == 3
-        assert scene.physics.space
+        assert physics_of(scene).space
     assert Scene.loads(LAYER.to_toml()) == LAYER
 
 

@@ -60,8 +60,8 @@ def test_pandas_has_a_line_a_value_and_xarray_a_place_a_wave(swept: Sweep) -> No
     pytest.importorskip("xarray")
     assert list(swept.to_pandas()[KEY]) == list(swept.column(KEY))
     data = swept.to_xarray()
-    assert dict(data.sizes) == {KEY: 2}
-    assert list(data[KEY].values) == [RAN, 2 * pi * 9 / 48]
+    assert dict(data.sizes) == {"wave_wavenumber": 2}
+    assert list(data.wave_wavenumber.values) == [RAN, 2 * pi * 9 / 48]
 
 
 def test_a_picture_has_a_mark_a_wave_where_it_ran(drawn_once: None, swept: Sweep, tmp_path: Path) -> None:
@@ -163,8 +163,9 @@ def test_where_two_keys_are_rounded_together_the_dimensions_are_what_was_asked_f
     done = sweep(scene, {"wave.direction": [30.0, 50.0], KEY: [1.0, 1.6]}, tmp_path / "sweep")
     assert done.axes == ["wave.direction_asked", f"{KEY}_asked"]
     data = done.to_xarray()
-    assert dict(data.sizes) == {"wave.direction_asked": 2, f"{KEY}_asked": 2}
-    assert data[KEY].values.ravel().tolist() == list(done.column(KEY))
+    assert dict(data.sizes) == {"wave_direction_asked": 2, "wave_wavenumber_asked": 2}
+    assert data.wave_direction_asked.attrs["units"] == "degrees"
+    assert data.wave_wavenumber.values.ravel().tolist() == list(done.column(KEY))
     curves = view.sweep_figure(done).axes[0].get_lines()
     assert [line.get_label() for line in curves] == ["wave number asked = 1.0", "wave number asked = 1.6"]
 

@@ -1,15 +1,19 @@
 """A layer of spheres on an elastic half-space, beside the limits that are known in closed form."""
 
 import csv
+import itertools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from granular_analysis.measure.points import Point
 from granular_analysis.theory.crystal import Crystal, Wall
 from granular_analysis.theory.lattices import LATTICES
 from granular_analysis.theory.network import Material
+from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.surface_wave import Coupled, HalfSpace
 from granular_analysis.tools import saw
 from granular_lmp import Scene
@@ -201,6 +205,63 @@ def test_every_direction_of_a_hexagonal_layer_has_the_same_slow_waves() -> None:
     film, numbers = Coupled(layer(), GLASS), np.array([2e-5])
     one, other = (film.guided(along(angle, numbers))[0] for angle in (0.3, 1.2))
     np.testing.assert_allclose(one, other, rtol=1e-6)
+
+
+def winding(film: Coupled, k: np.ndarray, low: complex, high: complex) -> int:
+    """Return how many zeros, less poles, the determinant has in a box of the complex plane, by its phase around it."""
+    corners = [low, complex(high.real, low.imag), high, complex(low.real, high.imag), low]
+    side = np.linspace(0, 1, 400, endpoint=False)
+    path = np.concatenate([a + (b - a) * side for a, b in itertools.pairwise(corners)] + [[low]])
+    phase = np.unwrap(np.angle(np.linalg.slogdet(film._at(k)(path).stiffness)[0]))
+    assert np.abs(np.diff(phase)).max() < 1.5  # the path is fine enough, and crosses no cut
+    return round((phase[-1] - phase[0]) / (2 * np.pi))
+
+
+@pytest.mark.parametrize("lattice", ["hexagonal", "honeycomb"])
+@pytest.mark.parametrize(
+    ("body", "share"),
+    [
+        ({}, 1e-3),
+        ({}, 0.43),
+        ({"thickness": 2e-7, "below": HalfSpace.of(70e9, 0.33, 2700.0)}, 1e-3),
+        ({"thickness": 2e-7, "below": HalfSpace.of(70e9, 0.33, 2700.0)}, 0.3),
+        ({"thickness": 1e-6}, 0.1),
+        ({"thickness": 1e-6}, 0.43),
+    ],
+)
+def test_each_wave_is_found_as_often_as_the_argument_principle_counts_it(
+    lattice: str, body: dict[str, Any], share: float
+) -> None:
+    """Branches begin in pairs, of which one pole after the other must be found; 17 degrees are no mirror."""
+    scene = Scene.load("monolayer_vertical").with_values({"packing.lattice": lattice, "packing.columns": 4})
+    film = saw.Film.of(Setting(scene), degrees=17.0, **body)
+    xi, own = share * film.crossing, film.own
+    k, top = xi * film.unit, 1.1 * film.coupled.crystal.frequencies(xi * film.unit).max()
+    if np.isinf(film.coupled.substrate.cutoff):
+        found = film.coupled.guided(k[None], top)[0].astype(complex)
+        low = 0.3 * own - 0.02j * own
+    else:
+        found = np.array([2 * np.pi * each.frequency_Hz - 1j * each.attenuation for each in film.leaking([xi])])
+        # The sheet of waves that leak begins at a hyperbola, Re ω² = (c_l k)²
+        fastest = max([film.solid, body.get("below", film.solid)], key=lambda each: each.longitudinal).longitudinal
+        low = 1.03 * np.hypot(fastest * np.linalg.norm(k), 0.15 * own) - 0.15j * own
+    apart = np.abs(found[:, None] - found) + top * np.eye(len(found))
+    assert apart.min() > 1e-10 * top  # those of a pair are 1e-9 apart at the smallest wave number
+    inside = (found.real > low.real) & (found.real < top) & (found.imag > low.imag)
+    assert inside.sum() == winding(film.coupled, k, low, top + 0.02j * own) >= 6
+
+
+def test_the_sagittal_and_the_horizontal_rocking_waves_leak_apart() -> None:
+    film = saw.Film.of(Setting(Scene.load("monolayer_vertical")))
+    for xi, attenuation in ((0.0718, 5.54e7), (0.1005, 7.42e7)):
+        rocking, other, *_ = sorted(film.leaking(np.array([xi])), key=lambda each: each.frequency_Hz)
+        assert rocking.across > 0.9
+        assert other.along > 0.9
+        assert other.attenuation == pytest.approx(attenuation, rel=1e-3)
+    # A measured one is the nearest of both, 121.32 and 124.02 MHz
+    points = [Point("frequency", each, 1e5, 2, branch="saw", wavenumber=0.1005) for each in (1.23e8, 1.22e8)]
+    found = film.met(points, np.tile(0.1005 * film.unit, (2, 1)))
+    np.testing.assert_allclose(found, [other.frequency_Hz, rocking.frequency_Hz], rtol=1e-9)
 
 
 def test_a_film_that_has_no_wall_is_refused() -> None:

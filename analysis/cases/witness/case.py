@@ -103,7 +103,7 @@ def draw(points: Sequence[Point], record: Record) -> Figure:
     scene = record.scene
     axes.set(xlabel="seconds", ylabel=r"root mean square error of all spheres ($D_0$)")
     axes.set_title(
-        f"{record.info['particles']} spheres, {scene.imperfections}\n{scene.wave_label}, "
+        f"{record.info['particles']} spheres, {scene.imperfections}\n{scene.label}, "
         rf"$\tau \leq {scene.time.duration:g}$; numbers: step or rtol",
         fontsize="medium",
     )

@@ -70,7 +70,7 @@ class Fit:
             raise ValueError(f"--free {key}: {self._undeclared(section, name)}")
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise ValueError(f"--free {key}: must be a number that the scene declares, not {value!r}")
-        if section in self.scene.sections:
+        if section in self.scene.layout.sections:
             rule = next(each.rule for each in self.scene.keys_of(section) if each.name == name)
             low, high = (rule.interval.low, rule.interval.high) if rule.interval else (-np.inf, np.inf)
         else:  # each number in an array of tables is positive
@@ -79,7 +79,7 @@ class Fit:
 
     def _undeclared(self, section: str, name: str) -> str:
         """Return what is wrong with a key that the scene does not declare: none of a scene, or without a value."""
-        known = {each: [own.name for own in self.scene.keys_of(each)] for each in self.scene.sections}
+        known = {each: [own.name for own in self.scene.keys_of(each)] for each in self.scene.layout.sections}
         if name in known.get(section, ()):
             return "has no value in the scene; give it one there, from which the search starts"
         every = [f"{table}.{own}" for table, names in known.items() for own in names]

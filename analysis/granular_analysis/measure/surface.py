@@ -15,7 +15,7 @@ from granular_analysis.measure.points import Point
 from granular_analysis.theory.bloch import frame
 from granular_analysis.theory.layered import Layered, Slab
 from granular_analysis.theory.scenes import Setting
-from granular_analysis.theory.surface_wave import Coupled, HalfSpace
+from granular_analysis.theory.surface_wave import Complexes, Coupled, HalfSpace
 
 Floats = NDArray[np.float64]
 BRANCH = "saw"  # a point of it is the nearest surface wave; saw1, saw2, ... are the guided ones from the lowest
@@ -25,6 +25,7 @@ STILL = 1e-6  # share of the vertical resonance; nothing holds spheres whose fre
 _ROUNDING = 1e-12  # share of a frequency; a decay that is no larger is none
 SLOWEST = 1e-3  # leaking waves begin at this share of the first wave number
 STEP = 0.05  # a leaking wave changes by at most this share of its frequency from one wave number to the next
+PACE = 1 / 40  # which is at most this share of the one where surface wave and vertical resonance meet
 
 
 class Wave(NamedTuple):
@@ -133,17 +134,32 @@ class Film(NamedTuple):
         return np.where(found > STILL * self.own, found, np.nan)
 
     def leaking(self, numbers: Floats) -> Iterator[Wave]:
-        """Yield the leaking waves at wave numbers, followed from those of the rigid substrate at k = 0."""
-        begin = SLOWEST * numbers[0] * self.unit
-        for resonance in self.coupled.crystal.modes(begin).frequencies:
-            omega = self.coupled.leaking(begin, resonance)
-            for xi in numbers:
-                found = self.coupled.leaking(xi * self.unit, omega)
-                slow = found.real < self.coupled.substrate.cutoff * xi * np.linalg.norm(self.unit)
-                if not abs(found - omega) < STEP * abs(omega) or slow:
-                    break
-                omega = found
-                yield self.wave(float(xi), omega, "leaking")
+        """Yield the leaking waves at wave numbers, rad per row, ascending."""
+        between = self._steps(float(np.diff(numbers, prepend=0.0).max()))
+        path = np.interp(np.arange(1, between * len(numbers) + 1) / between, range(len(numbers) + 1), [0, *numbers])
+        for step, found in enumerate(self.followed(path[:, None] * self.unit), 1):
+            if step % between == 0:
+                xi = float(path[step - 1])
+                yield from (self.wave(xi, complex(omega), "leaking") for omega in found[np.isfinite(found)])
+
+    def followed(self, path: Floats) -> Iterator[Complexes]:
+        """Yield ω (..., F) of the leaking waves at each step of a path (S, ..., 2) of wave vectors away from k = 0.
+
+        They begin as the resonances of the rigid substrate next to k = 0; nan from where one leaks no longer.
+        """
+        found = self.resonances(SLOWEST * path[0])[1]
+        for vector in path:
+            last, found = found, self.coupled.leaking(vector, found)
+            slowest = self.coupled.substrate.cutoff * np.linalg.norm(vector, axis=-1)[..., None]
+            # nan is neither near nor fast
+            found = np.where((np.abs(found - last) < STEP * np.abs(last)) & (found.real >= slowest), found, np.nan)
+            yield found
+
+    def resonances(self, wavevector: Floats) -> tuple[Floats, Complexes]:
+        """Return ω (..., F) on the rigid substrate at wave vectors (..., 2) next to 0, and of the waves that leak."""
+        rigid = self.coupled.crystal.frequencies(wavevector)
+        held = np.where(rigid > STILL * self.own, rigid, np.nan)
+        return held, self.coupled.leaking(wavevector, held)
 
     def met(self, points: Sequence[Point], wavevectors: Floats) -> Floats:
         """Return the frequencies (N,), Hz, of the waves that points at wave vectors (N, 2), 1/m, are.
@@ -151,18 +167,36 @@ class Film(NamedTuple):
         Raises ValueError for a point whose wave is not there.
         """
         guided = self._guided(wavevectors, _ABOVE * 2 * np.pi * max(each.value for each in points))
-        return np.array([self._met(*each) for each in zip(points, wavevectors, guided, strict=True)]) / (2 * np.pi)
+        leaking = self._leaking(points, wavevectors)
+        found = [_met(*each) for each in zip(points, guided, leaking, strict=True)]
+        return np.array(found) / (2 * np.pi)
 
-    def _met(self, point: Point, wavevector: Floats, guided: Floats) -> float:
-        found, measured = guided[np.isfinite(guided)], 2 * np.pi * point.value
-        if number := numbered(point.branch):
-            found = found[number - 1 : number]
-        elif measured > self.coupled.substrate.cutoff * np.linalg.norm(wavevector):
-            found = np.append(found, self.coupled.leaking(wavevector, measured).real)
-            found = found[np.isfinite(found)]
-        if not len(found):
-            raise ValueError(f"line {point.line}: branch = {point.branch!r}: the layer has no such wave there")
-        return float(found[np.argmin(np.abs(found - measured))])
+    def _leaking(self, points: Sequence[Point], wavevectors: Floats) -> Floats:
+        """Return ω (N, F) of the leaking waves that points may be; nan for points that are slower, or numbered."""
+        size = np.linalg.norm(wavevectors, axis=1)
+        fast = 2 * np.pi * np.array([each.value for each in points]) > self.coupled.substrate.cutoff * size
+        fast &= np.array([not numbered(each.branch) for each in points])
+        if not fast.any():
+            return np.empty((len(points), 0))
+        steps = self._steps(float(size[fast].max() / np.linalg.norm(self.unit)))
+        *_, last = self.followed(np.arange(1, steps + 1)[:, None, None] / steps * wavevectors[fast])
+        found = np.full((len(points), last.shape[1]), np.nan)
+        found[fast] = last.real
+        return found
+
+    def _steps(self, xi: float) -> int:
+        """Return in how many steps leaking waves are followed over a range of wave numbers, rad per row."""
+        return max(1, int(np.ceil(xi / (PACE * self.crossing) - _ROUNDING)))
+
+
+def _met(point: Point, guided: Floats, leaking: Floats) -> float:
+    """Return ω of the wave that a point is, of those that are there."""
+    found = guided[np.isfinite(guided)]
+    number = numbered(point.branch)
+    found = found[number - 1 : number] if number else np.append(found, leaking[np.isfinite(leaking)])
+    if not len(found):
+        raise ValueError(f"line {point.line}: branch = {point.branch!r}: the layer has no such wave there")
+    return float(found[np.argmin(np.abs(found - 2 * np.pi * point.value))])
 
 
 def numbered(branch: str) -> int:

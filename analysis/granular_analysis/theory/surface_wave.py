@@ -38,6 +38,8 @@ _SLOWEST = 1e-9  # share of the fastest; a slower motion is one that nothing hol
 _STEPS = 60  # Newton's method takes no more
 _MET = 1e-12  # relative change of a frequency at which a root is found
 _NEAR = 1e-7  # relative step of a derivative
+_ASIDE = 1e-6j  # relative place beside a guess where the method begins, as the guess may be a known wave
+_LONGEST = 0.1  # a step is at most this share of a frequency
 
 
 class Reaction(NamedTuple):
@@ -123,6 +125,29 @@ def _zeros(falling: Callable[[Floats], Floats], low: Floats, high: Floats) -> Fl
         if np.all((np.abs(found - last) <= _MET * found) | (high - low <= _MET * high)):
             break
     return found
+
+
+def _root(at: Callable[[NDArray[Any]], Reaction], guess: Complexes, known: Complexes) -> Complexes:
+    """Return ω (...) at which the matrix is singular, next to guesses (...) and beside known ones (..., n); or nan.
+
+    It is Newton's method for the determinant over Π(ω − ω_n).
+    """
+    there = np.isfinite(guess)
+    omega, live = np.where(there, guess, 1.0) * (1 - _ASIDE), there
+    for _ in range(_STEPS):
+        if not live.any():
+            break
+        here, near = at(omega * np.reshape([1, 1 + _NEAR], (2, *[1] * omega.ndim))).stiffness
+        # The determinant f has f′/f = trace(K⁻¹K′); a wave that is found makes K singular
+        changed = np.linalg.solve(np.where(live[..., None, None], here, np.eye(here.shape[-1])), near - here)
+        slope = np.trace(changed, axis1=-2, axis2=-1) / (omega * _NEAR)
+        apart = np.where(np.isfinite(known), omega[..., None] - known, np.inf)
+        step = -1 / (slope - np.sum(1 / apart, axis=-1))
+        step *= np.minimum(1.0, _LONGEST * np.abs(omega / step))
+        there = there & (np.isfinite(step) | ~live)
+        omega = np.where(live & there, omega + step, omega)
+        live = live & there & ~(np.abs(step) < _MET * np.abs(omega))
+    return np.where(there & ~live, omega, np.nan)
 
 
 def complexes(wavenumber: ArrayLike, frequency: ArrayLike) -> tuple[Complexes, Complexes]:
@@ -229,20 +254,18 @@ class Coupled:
         high = np.broadcast_to(fastest[..., None], (*counts.shape, len(numbers)))
         return np.where(numbers < counts[..., None], _zeros(passed, _SLOWEST * high, high), np.nan)
 
-    def leaking(self, wavevector: ArrayLike, guess: complex) -> complex:
-        """Return ω of the wave next to a guess, Im ω < 0 if it leaks; nan if there is none.
+    def leaking(self, wavevector: ArrayLike, guess: ArrayLike) -> Complexes:
+        """Return ω (..., J) of the waves next to guesses (..., J), Im ω < 0 if they leak; nan where there is none.
 
-        wavevector : (2,) or (3,); guess : as a frequency on the rigid substrate
+        Guesses at one wave vector find different waves, or one wave as often as the matrix is singular there.
+
+        wavevector : (..., 2 or 3), or (2,) or (3,) for one guess (); guess : as frequencies on the rigid substrate
         """
-        at, omega = self._at(wavevector), complex(guess)
-        for _ in range(_STEPS):
-            here, near = at(omega * np.array([1.0, 1 + _NEAR])).stiffness
-            # Newton's step of a determinant f is −f/f′ = −1/trace(K⁻¹K′)
-            step = -1 / np.trace(np.linalg.solve(here, near - here)) * omega * _NEAR
-            omega += step * min(1.0, 0.1 * abs(omega) / abs(step))
-            if abs(step) < _MET * abs(omega):
-                return omega
-        return complex(np.nan)
+        guesses, at = np.atleast_1d(np.asarray(guess, dtype=complex)), self._at(wavevector)
+        found = np.full_like(guesses, np.nan)
+        for number in range(guesses.shape[-1]):
+            found[..., number] = _root(at, guesses[..., number], found[..., :number])
+        return found.reshape(np.shape(guess))
 
     def shape(self, wavevector: ArrayLike, frequency: complex) -> tuple[Complexes, Complexes]:
         """Return the motion of the spheres (B, 6) and of the surface (3,) in the wave of one frequency."""

@@ -295,8 +295,8 @@ def _values(record: Record) -> dict[str, Any]:
     Name and description, which change no run, are left out.
     """
     scene = record.scene
-    tables = {name: asdict(getattr(scene, name)) for name in scene.optional} | scene.to_dict()
-    for name in scene.repeated:
+    tables = {name: asdict(getattr(scene, name)) for name in scene.layout.optional} | scene.to_dict()
+    for name in scene.layout.repeated:
         tables |= {f"{name}.{number}": table for number, table in enumerate(tables.pop(name, []), start=1)}
     held = {table: values for table, values in tables.items() if isinstance(values, dict)}
     return {f"{table}.{key}": value for table, values in held.items() for key, value in values.items()}

@@ -60,12 +60,9 @@ def table(film: Film) -> str:
     crossing = film.guided(np.array([film.crossing]))
     if np.isinf(film.coupled.substrate.cutoff):  # no resonance leaks from a plate
         return "\n".join(lines + [_line(each) for each in [*film.guided(np.array([begin])), *crossing]])
-    seen: list[complex] = []
-    for resonance in film.coupled.crystal.modes(begin * film.unit).frequencies:
-        omega = film.coupled.leaking(begin * film.unit, resonance)
-        if not np.isnan(omega) and all(abs(omega - other) > 1e-6 * abs(omega) for other in seen):
-            seen.append(omega)
-            lines.append(_line(film.wave(begin, omega, "resonance"), f"{resonance / (2 * np.pi):13.6g}"))
+    for rigid, omega in zip(*film.resonances(begin * film.unit), strict=True):
+        if np.isfinite(omega):
+            lines.append(_line(film.wave(begin, complex(omega), "resonance"), f"{rigid / (2 * np.pi):13.6g}"))
     return "\n".join(lines + [_line(each) for each in crossing])
 
 
