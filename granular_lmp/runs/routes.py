@@ -156,7 +156,8 @@ def _checkpoint(instance: Any, *, watched: bool) -> list[str]:
     The run continues to a step at which guards look, as some fixes have numbers only there. What the kernel saw since
     the last line of the table becomes one more line.
     """
-    steps = -instance.extract_global("ntimestep") % int(instance.extract_variable("look"))
+    now, end = instance.extract_global("ntimestep"), int(instance.extract_variable("steps"))
+    steps = min(-now % int(instance.extract_variable("look")), end - now)
     on = ["timer timeout off", f"run {steps} pre no post no"] if steps or watched else []
     no_table = ["thermo_style custom step"]
     return [*(no_table if on and not watched else []), *on, *no_table, f"write_restart {CHECKPOINTS[0]}"]

@@ -22,11 +22,8 @@ from tests.instance import silent_lammps
 
 Floats = NDArray[np.float64]
 LAST = "run ${steps}\n"
-# In a small cell a guard that looks at every step costs ten times the forces; every contact is looked at here anyway
 PER_CONTACT = """
 thermo_style custom step
-unfix looks
-undump contacts
 undump centre
 compute shears   all pair/local dist p1 p2 dx dy cutoff radius
 compute pairs    all property/local patom1 patom2 cutoff radius

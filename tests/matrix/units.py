@@ -46,7 +46,7 @@ def rescaled(scene: Scene, mass: float, length: float, time: float) -> Scene:
         factor = prod(size**power for size, power in powers)
         return value * factor if isinstance(value, float) else value
 
-    for name, kind in {**scene.sections, **scene.repeated}.items():
+    for name, kind in {**scene.layout.sections, **scene.layout.repeated}.items():
         units = {
             key.name: key.rule.unit for key in declared_keys(kind, scene.rules.get(name), bare=scene.bare_in(name))
         }
@@ -56,7 +56,7 @@ def rescaled(scene: Scene, mass: float, length: float, time: float) -> Scene:
 
         if name in tables:
             held = tables[name]
-            tables[name] = [scaled(each) for each in held] if name in scene.repeated else scaled(held)
+            tables[name] = [scaled(each) for each in held] if name in scene.layout.repeated else scaled(held)
     return type(scene).from_dict(tables)
 
 
