@@ -15,13 +15,14 @@ from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, GranularError, LammpsError, LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, SCENE, STATUS
-from granular_lmp.runs import launch, routes
+from granular_lmp.runs import launch
 from granular_lmp.runs.continuation import whole_checkpoints
 from granular_lmp.runs.fields import FIELDS, refuse_malformed
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.status import seal_of
 from tests.conftest import PAPER, members
+from tests.pause import paused
 
 # 8 rows, as `small`, with a monitor; 12,000 steps, and few records, which each continuation reads again
 WAVE = PAPER.with_values(
@@ -54,20 +55,9 @@ OPENS = PAPER.with_values(
 SHORT = {"time.duration": 20.0}
 
 
-def stop(step: int, steps: int) -> None:
-    if steps / 3 < step < steps:
-        raise KeyboardInterrupt
-
-
-def begun(scene: Scene | ImpactScene, folder: Path) -> object:
-    return run(scene, folder, progress=stop)
-
-
 def stopped(scene: Scene | ImpactScene, folder: Path) -> Path:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(routes, "_POLL", 1e-3)
-        with pytest.raises(RunInterrupted):
-            begun(scene, folder)
+    with paused(folder), pytest.raises(RunInterrupted):
+        run(scene, folder)
     assert whole_checkpoints(folder)
     return folder
 
