@@ -1,4 +1,4 @@
-"""Runs that are stopped at a step, however fast the machine is: LAMMPS halts there and waits."""
+"""Runs that are stopped at a step, however fast the machine is: LAMMPS halts there and waits; and killed ones."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from granular_lmp.runs import routes
+from granular_lmp.runs.record import read_status, write_status
 
 _INPUT, _WAITS = "in.paused", "paused"  # the second is there while LAMMPS waits
 _LINES = """\
@@ -18,6 +19,12 @@ fix          paused all halt $(ceil(v_steps*{share!r})) v_paused > 0 error soft 
 shell        touch {waits}
 shell        while [ -e {waits} ]; do sleep 0.002; done
 """
+
+
+def as_if_killed(folder: Path) -> None:
+    """Let ``run.json`` say what it says of a run that was killed: nothing of how it ended, or of its files."""
+    left = read_status(folder) | {"status": "running"}
+    write_status(folder, {key: value for key, value in left.items() if key != "files"})
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from granular_lmp.lammps.outputs import CHECKPOINTS, STATUS
 from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.folder import refuse_links
 from granular_lmp.runs.formats import FORMAT, format_of
+from granular_lmp.runs.seal import refuse_changed
 from granular_lmp.runs.status import read_status
 
 _NOT_SAID = f"{STATUS} does not say how the run was started; repeat it with force=True"
@@ -27,8 +28,8 @@ def read_unfinished(folder: Path) -> dict[str, Any]:
     Raises
     ------
     RunFolderError
-        If it is finished, or failed by a guard, its scene changed, ``run.json`` does not say how it was started, or a
-        file of the run is a link.
+        If it is finished, or failed by a guard, its scene or another file changed, ``run.json`` does not say how it was
+        started, or a file of the run is a link.
     """
     info = read_status(folder)
     if info["status"] == "finished":
@@ -42,6 +43,7 @@ def read_unfinished(folder: Path) -> dict[str, Any]:
         raise RunFolderError(f"{folder}: {_NOT_SAID}")
     refuse_other_scene(folder, info)
     refuse_links(folder)
+    refuse_changed(folder, info)
     return info
 
 

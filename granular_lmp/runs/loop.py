@@ -5,6 +5,7 @@ progress, checkpoints, clock, status and seal.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from math import nan
 from pathlib import Path
@@ -93,7 +94,9 @@ def proceed(of: Callable[[Path, bool], Simulation], folder: Path, progress: Prog
         options = replace(options_of(folder, info), progress=progress)
         route = route_of(options)
         name = f"{simulation.input_name}.resume"
+        info.pop("files", None)  # they change from here on
         with writable(folder):
+            write_status(folder, info | {"status": "running", "message": "continued"})
             (folder / name).write_text(simulation.resume_text(last.name), encoding="utf-8")
             simulation.mend(folder)
             mend_log(folder / LOG)
@@ -161,6 +164,9 @@ def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any]
     stopped = isinstance(failure, (RunInterrupted, SystemExit))
     status = "finished" if failure is None else "interrupted" if stopped else "failed"
     info = info | {"status": status, "message": str(failure) if failure is not None else ""}
+    if failure is not None:
+        with suppress(OSError):
+            info |= {"files": files_of(folder, stopped=True)}
     with writable(folder):
         write_status(folder, info)
     if failure is not None:

@@ -52,14 +52,14 @@ def _status(folder: Path, changed: bool) -> dict[str, Any]:
         raise RunFolderError(f"{path}: {error}") from error
     sealed = info.pop(SEAL, None)
     if number > 1 and not changed and sealed != seal_of(info):
-        finished = info["status"] == "finished"  # others cannot be accepted
-        cure = how_to_accept(folder) if finished else "put it back, or run the scene again with force=True"
-        raise RunFolderError(f"{path}: was changed since the run wrote it; {cure}")
+        raise RunFolderError(f"{path}: was changed since the run wrote it; {how_to_accept(folder, info)}")
     return as_today(info)
 
 
-def how_to_accept(folder: Path) -> str:
-    """Return what to do about a file that is not as the run wrote it."""
+def how_to_accept(folder: Path, info: dict[str, Any]) -> str:
+    """Return what to do about a file that is not as the run wrote it; that of a run that did not finish stays so."""
+    if info["status"] != "finished":
+        return "put it back, or run the scene again with force=True"
     accept = f"granular-lmp accept {quote(str(folder))}"
     return f"put it back, run the scene again with force=True, or, if that is on purpose: {accept}"
 

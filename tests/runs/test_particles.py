@@ -16,6 +16,7 @@ from granular_lmp.runs.snapshots import Snapshots, Spheres
 from granular_lmp.scene.initial_fields import plane_wave
 from granular_lmp.studies.cost_settings import base
 from granular_lmp.units import units_for
+from tests.pause import as_if_killed
 from tests.stand_in import of_first_format
 
 
@@ -124,8 +125,9 @@ def test_a_stopped_run_resumes_to_the_same_snapshots(tmp_path: Path, stop: Calla
     stop(scene, tmp_path / "run")
     dump = tmp_path / "run" / "dump.particles"
     assert 1 <= len(Snapshots.load(tmp_path / "run")) < 31
+    as_if_killed(tmp_path / "run")
     with dump.open("a") as stream:
-        stream.write("ITEM: TIMESTEP\n")  # as a kill leaves it
+        stream.write("ITEM: TIMESTEP\n")
     launch.resume(tmp_path / "run")
     run(scene, tmp_path / "whole")
     assert len(Snapshots.load(tmp_path / "run")) == 31

@@ -22,7 +22,7 @@ from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.status import seal_of
 from tests.conftest import PAPER, members
-from tests.pause import paused
+from tests.pause import as_if_killed, paused
 
 # 8 rows, as `small`, with a monitor; 12,000 steps, and few records, which each continuation reads again
 WAVE = PAPER.with_values(
@@ -180,11 +180,26 @@ def test_no_more_ranks_are_started_than_there_are_cores(kind: str, cut: dict[str
 @pytest.mark.parametrize(("of", "other"), [("wave", "weaker"), ("impact", "faster")])
 def test_a_checkpoint_of_another_run_is_refused(of: str, other: str, cut: dict[str, Path], tmp_path: Path) -> None:
     folder = Path(shutil.copytree(cut[of], tmp_path / "run"))
+    as_if_killed(folder)
     for name in CHECKPOINTS:
         if (cut[other] / name).is_file():
             shutil.copy(cut[other] / name, folder / name)
     with pytest.raises(RunFolderError, match=r"checkpoint\.\w: is not of the scene of this run"):
         continued(folder)
+
+
+@pytest.mark.parametrize("name", [DUMP, LOG, "data.stopped", "monitor.line.bin", CHECKPOINTS[0]])
+def test_a_file_of_a_stopped_run_that_was_changed_is_refused(name: str, cut: dict[str, Path], tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(cut["wave"], tmp_path / "run"))
+    content = bytearray((folder / name).read_bytes())
+    content[len(content) // 2] ^= 1
+    (folder / name).write_bytes(content)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(RunFolderError, match=f"{name}: was changed since .*; put it back, or run the scene again with"):
+        resume(folder)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    shutil.copy(cut["wave"] / name, folder)
+    assert resume(folder).info["status"] == "finished"
 
 
 # --- links ---
