@@ -155,13 +155,15 @@ def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any]
         split("deck", {name: spent - before.get("phases", {}).get(name, 0.0) for name, spent in log.sections.items()})
         info = info | found | {"wall_seconds": wall_seconds(before, seconds)}
         if messages := triggered(info):
+            if isinstance(failure, RunInterrupted):  # nothing is left to continue
+                failure = RunInterrupted(f"{folder}: interrupted; {'; '.join(messages)}")
             failure = failure or EffectError(f"{folder}: {'; '.join(messages)}")
         if failure is None:
             info |= simulation.judged(record) | {"files": files_of(folder)}
     except BaseException as error:  # a full disk, or malformed files of LAMMPS
         failure = failure or error
     # SystemExit: a batch system's library ends the process, as at the end of its time
-    stopped = isinstance(failure, (RunInterrupted, SystemExit))
+    stopped = isinstance(failure, (RunInterrupted, SystemExit)) and not triggered(info)
     status = "finished" if failure is None else "interrupted" if stopped else "failed"
     info = info | {"status": status, "message": str(failure) if failure is not None else ""}
     if failure is not None:

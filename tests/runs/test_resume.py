@@ -255,6 +255,15 @@ def test_a_run_that_a_guard_failed_is_called_failed(often: dict[str, Any], tmp_p
         resume(tmp_path / "run")
 
 
+def test_a_run_that_a_guard_had_failed_when_it_was_interrupted_says_so(tmp_path: Path) -> None:
+    found = r"contact_opening triggered its guard at tau = 3\.45: .*; set effects\.contact_opening = true"
+    with paused(tmp_path / "run", 0.6), pytest.raises(RunInterrupted, match=f"run: interrupted; {found}"):
+        run(OPENS, tmp_path / "run")
+    assert read_status(tmp_path / "run")["status"] == "failed"
+    with pytest.raises(RunFolderError, match=f"the run failed; there is nothing to resume: {found}"):
+        resume(tmp_path / "run")
+
+
 def test_an_impact_that_a_guard_failed_is_called_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     # As in tests/studies/test_far_sphere.py: two spheres would overlap by 0.0497 of the diameter, a row of them is more
     scene = ImpactScene.from_dict(
