@@ -381,16 +381,20 @@ def main(argv: list[str] | None = None) -> int:
             comparisons.append(compare(record, options.theory))
         except TheoryError as error:
             raise SystemExit(f"{folder}: {error}") from error
-        if comparisons[-1].theory and not swept:
-            save(figure(record, comparisons[-1]), Path(folder) / "compare.png")
     if swept:
         print(swept_table(swept, comparisons))
-        if drawn := curves.figure(swept, records, [each.signals for each in comparisons], LABELS):
-            save(drawn, swept.folder / "compare.png")
     else:
         print("\n".join([table(comparisons), *difference_lines(records, comparisons)]))
     if options.json:
         write(Path(options.json), json.dumps([c.to_dict() for c in comparisons], indent=2) + "\n")
+    # Figures last: their folder may be on a disk that is full, or read-only
+    if swept:
+        if drawn := curves.figure(swept, records, [each.signals for each in comparisons], LABELS):
+            save(drawn, swept.folder / "compare.png")
+    else:
+        for folder, record, comparison in zip(folders, records, comparisons, strict=True):
+            if comparison.theory:
+                save(figure(record, comparison), Path(folder) / "compare.png")
     return 0
 
 

@@ -148,8 +148,8 @@ def _note(sentence: str) -> None:
 
 
 def _scatter(options: Options) -> int:
-    from granular_lmp.lammps.outputs import writable
     from granular_lmp.plot.scattering import scattering_figure
+    from granular_lmp.plot.signals import save
     from granular_lmp.studies.scatter import scatter
 
     scene = wave_scene_of(options)
@@ -157,8 +157,7 @@ def _scatter(options: Options) -> int:
     with interruptible() as bar:
         found = scatter(scene, folder, tones=options.tones, force=options.force, progress=bar, kernel=options.kernel)
     say(found.text())
-    with writable(found.folder):
-        scattering_figure(found).savefig(found.folder / "scatter.png", dpi=150)
+    save(scattering_figure(found), found.folder / "scatter.png")
     say(f"{folder}: scatter.csv, scatter.png")
     return 0
 

@@ -1,7 +1,7 @@
 """The seal of a run that ended: ``run.json`` lists each file that the run wrote, with its size and its digest.
 
 It also holds a digest of itself, and that of a run to a tolerance lists the ``run.json`` of each of its steps. A reader
-compares the files, those of snapshots and monitors, which may be large, when it reads them. What is not listed is the
+compares the files, large ones of snapshots and monitors when it reads them. What is not listed is the
 user's. A run that was stopped lists its checkpoints too; of one that was killed nothing is known. A folder of format 1
 lists nothing, and is read as it was (`granular_lmp.runs.formats`).
 """
@@ -18,6 +18,7 @@ from granular_lmp.runs.formats import format_of
 from granular_lmp.runs.status import how_to_accept, read_status, write_status
 
 _LARGE = (SNAPSHOTS, MONITOR.partition("{")[0])  # beginnings of the names of files that few readers need
+_QUICK = 1 << 25  # bytes of such a file that every reader compares, in some hundredths of a second
 
 
 def files_of(folder: Path, *, stopped: bool = False) -> dict[str, dict[str, Any]]:
@@ -40,15 +41,16 @@ def refuse_changed(folder: Path, info: dict[str, Any], *, lazily: bool = False) 
     info : dict
         ``run.json``.
     lazily : bool
-        Of snapshots and monitors, which may be large, compare the size only: `refuse_changed_record` does the rest.
+        Of large snapshots and monitors compare the size only: `refuse_changed_record` does the rest.
     """
     if format_of(info) == 1:
         return
     if info["status"] == "finished" and "files" not in info:
         cure = how_to_accept(folder, info)
         raise RunFolderError(f"{folder / STATUS}: files is missing, so that they may be any; {cure}")
-    for name in info.get("files", {}):
-        _refuse_other(folder, name, info, whole=not (lazily and name.startswith(_LARGE)))
+    for name, said in info.get("files", {}).items():
+        large = name.startswith(_LARGE) and said["bytes"] > _QUICK
+        _refuse_other(folder, name, info, whole=not (lazily and large))
 
 
 def refuse_changed_record(folder: Path, path: Path) -> None:
