@@ -30,6 +30,7 @@ from granular_lmp.lammps.installation import has_package  # noqa: E402
 from granular_lmp.lammps.kernel import library  # noqa: E402
 from granular_lmp.runs import routes  # noqa: E402
 from granular_lmp.studies import forecast  # noqa: E402
+from tests.pause import paused  # noqa: E402
 
 pytest_plugins = ["tests.durations", "tests.manual.recorder"]
 
@@ -189,20 +190,12 @@ def fast_looks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def stop(fast_looks: None) -> Callable[..., None]:
-    """Stops the run of a scene in a folder after a third of its steps: ``stop(scene, folder, ranks=2)``.
-
-    Progress is looked at each millisecond, as a fast machine runs the whole of a short scene in the usual tenth of a
-    second. After its last step a run is finished, and is not stopped.
-    """
-
-    def interrupt(step: int, steps: int) -> None:
-        if steps / 3 < step < steps:
-            raise KeyboardInterrupt
+def stop() -> Callable[..., None]:
+    """Stops the run of a scene in a folder after a third of its steps: ``stop(scene, folder, ranks=2)``."""
 
     def stopped(scene: Scene, folder: Path, **options: Any) -> None:
-        with pytest.raises(RunInterrupted):
-            run(scene, folder, progress=interrupt, **options)
+        with paused(folder), pytest.raises(RunInterrupted):
+            run(scene, folder, **options)
 
     return stopped
 

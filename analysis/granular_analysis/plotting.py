@@ -120,9 +120,9 @@ def save(figure: "Figure", path: str | Path) -> None:
     known = figure.canvas.get_supported_filetypes()
     if path.suffix[1:].lower() not in known:
         raise SystemExit(f"{path}: must end in one of {', '.join(sorted(known))}")
-    with _writable(path):
+    with _whole(path) as draft:
         try:
-            figure.savefig(path, dpi=150)
+            figure.savefig(draft, dpi=150)
         except RuntimeError as error:
             raise SystemExit(f"{path}: cannot be drawn: {' '.join(str(error).split())}") from error
 
@@ -135,14 +135,21 @@ def letter(panels: Iterable["Axes"]) -> None:
 
 def write(path: Path, text: str) -> None:
     """Write a text file; its folder is made. Raises SystemExit with one line when it cannot be written."""
-    with _writable(path):
-        path.write_text(text, encoding="utf-8")
+    with _whole(path) as draft:
+        draft.write_text(text, encoding="utf-8")
 
 
 @contextmanager
-def _writable(path: Path) -> Iterator[None]:
+def _whole(path: Path) -> Iterator[Path]:
+    """Yield the path of a draft, which becomes the file at the end; what is no file is written as it is."""
+    there = path.exists() and not path.is_file()
+    draft = path if there else path.with_name(f"{path.name}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        yield
+        yield draft
+        draft.replace(path)
     except OSError as error:
+        if not there:
+            with suppress(OSError):  # on a disk that is read-only, say
+                draft.unlink()
         raise SystemExit(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -28,6 +28,9 @@ ATOM_COLUMNS = {
     "hybrid bpm/sphere dipole": "id type x y z molecule diameter density q mux muy muz",
 }
 _PIECE = 1 << 15  # lines per piece of text, a few MB
+# Of the largest of a column: places at rest differ by less between processors. Fields of a wave have 13 decimals, of
+# which the last depends on the processor
+_SAME, _SAME_WAVE = 1e-12, 2e-13
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,32 @@ class DataFile:
     def text(self, title: str) -> str:
         """Return the whole file as one string."""
         return "".join(self.pieces(title))
+
+
+def differences(written: DataFile, data: DataFile) -> list[str]:
+    """Return what of a data file differs from the one that was written, "- ..." and "+ ..."; rounding does not count.
+
+    Of each quantity it is the first sphere that differs.
+    """
+    was, now = _shape_of(written), _shape_of(data)
+    if was != now:
+        return [f"- {was}", f"+ {now}"]
+    found = []
+    for name in ("box", "kind", "position", "diameter", "density", "wave", "state"):
+        ours, theirs = np.atleast_1d(getattr(written, name)), np.atleast_1d(getattr(data, name))
+        largest = np.abs(ours).max(axis=0, initial=0.0)
+        off = ~(np.abs(theirs - ours) <= (_SAME_WAVE if name == "wave" else _SAME * largest))
+        if off.any():
+            first = tuple(np.argwhere(off)[0].tolist())
+            where = "face" if name == "box" else "sphere"
+            said = f"{name} of {where} {first[0] + 1}"
+            found += [f"- {said}: {ours[first].item()!r}", f"+ {said}: {theirs[first].item()!r}"]
+    return found
+
+
+def _shape_of(data: DataFile) -> str:
+    fields = f"{data.wave.shape[1]} columns of wave, {data.state.shape[1]} of state"
+    return f"{len(data.kind)} spheres of {data.types} types, atom style {data.style}, {fields}"
 
 
 def _lines(columns: Sequence[NDArray[Any]], tail: str) -> Iterator[str]:

@@ -29,7 +29,7 @@ from granular_lmp.lammps import (
     variables,
 )
 from granular_lmp.lammps.blocks import Block, text_of
-from granular_lmp.lammps.datafile import DataFile
+from granular_lmp.lammps.datafile import DataFile, differences
 from granular_lmp.lammps.edits import differing_lines, places, with_lines
 from granular_lmp.lammps.outputs import SCENE, write_deck
 from granular_lmp.problem import Problem
@@ -74,7 +74,8 @@ class Deck(HasCard):
 
     Notes
     -----
-    To change the text use ``dataclasses.replace(deck, input_text=...)``; `granular_lmp.run` takes the edited deck.
+    To change it use ``dataclasses.replace(deck, input_text=...)``, or ``data=...``; `granular_lmp.run` takes the edited
+    deck.
 
     Examples
     --------
@@ -143,6 +144,11 @@ class Deck(HasCard):
         """Return the lines of ``in.NAME`` that differ from those that this package writes, "+ ..." or "- ..."."""
         return differing_lines(written_text(self.problem), self.input_text)
 
+    def all_edits(self) -> list[str]:
+        """Return `edits`, and the first value of each column of ``data.NAME`` that differs, as the run says them."""
+        data = differences(data_of(self.problem), self.data)
+        return self.edits() + [f"{line[:2]}{self.data_name}: {line[2:]}" for line in data]
+
     def __repr__(self) -> str:
         edited = ", edited" if self.edits() else ""
         return f"<Deck {self.scene.name}: {self.scene.label}, {len(self.packing)} spheres{edited}>"
@@ -176,8 +182,12 @@ def deck_of(problem: Problem) -> Deck:
     SceneError
         If the scene has a tolerance and no time step; `granular_lmp.accuracy.ladder.build` chooses one.
     """
-    made = replicated.suits(problem.scene)
-    return Deck(problem, written_text(problem), replicated.first_rows(problem) if made else spheres.data_of(problem))
+    return Deck(problem, written_text(problem), data_of(problem))
+
+
+def data_of(problem: Problem) -> DataFile:
+    """Return ``data.NAME`` of a problem as this package writes it."""
+    return replicated.first_rows(problem) if replicated.suits(problem.scene) else spheres.data_of(problem)
 
 
 def written_text(problem: Problem) -> str:

@@ -4,8 +4,9 @@ import csv
 import io
 import os
 import re
+import shutil
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import chain, islice
 from math import isfinite, nan
 from pathlib import Path
@@ -64,6 +65,29 @@ def writable(folder: Path) -> Iterator[None]:
         raise RunFolderError(f"{folder}: cannot be written: {one_line(error)}") from error
 
 
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Yield the path of a draft, which becomes the file at the end; after a failure no part and no new folder stays.
+
+    What is no file, ``/dev/stdout`` say, is written as it is. System errors are those of `writable`.
+    """
+    path = Path(os.path.realpath(path))
+    new = [each for each in path.parents if not each.exists()]
+    with writable(path):
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if path.exists() and not path.is_file():
+                yield path
+            else:
+                with _drafted(path, path.suffix) as draft:
+                    yield draft
+        except BaseException:
+            for each in new:
+                with suppress(OSError):
+                    each.rmdir()
+            raise
+
+
 def write_files(folder: Path, files: Mapping[str, Iterable[str]]) -> None:
     """Write files, name → text in pieces, into a folder that is there."""
     with writable(folder):
@@ -89,9 +113,8 @@ def write_deck(folder: str | Path, files: Mapping[str, Iterable[str]], *, force:
 
 def replace_text(path: Path, text: str) -> None:
     """Replace a file atomically, so that a reader or a crash finds the old or the new text, never a part."""
-    draft = _draft(path)
-    draft.write_text(text, encoding="utf-8")
-    os.replace(draft, path)
+    with _drafted(path) as draft:
+        draft.write_text(text, encoding="utf-8")
 
 
 def csv_text(columns: Iterable[str], lines: Iterable[Iterable[Any]]) -> str:
@@ -101,8 +124,17 @@ def csv_text(columns: Iterable[str], lines: Iterable[Iterable[Any]]) -> str:
     return stream.getvalue()
 
 
-def _draft(path: Path) -> Path:
-    return path.with_name(path.name + ".part")
+@contextmanager
+def _drafted(path: Path, suffix: str = "") -> Iterator[Path]:
+    """Yield the path of a draft, which becomes the file at the end, and is removed after a failure."""
+    draft = path.with_name(f"{path.name}.part{suffix}")
+    try:
+        yield draft
+        os.replace(draft, path)
+    except BaseException:
+        with suppress(OSError):  # on a disk that is read-only, say
+            (shutil.rmtree if draft.is_dir() else os.unlink)(draft)
+        raise
 
 
 Snapshot = tuple[int, list[str], NDArray[np.float64]]
@@ -318,12 +350,10 @@ def keep_latest(path: Path, snapshots: Iterable[SnapshotPlace]) -> None:
         kept.append(snapshot)
     if sum(each.end - each.begin for each in kept) == path.stat().st_size:
         return
-    draft = _draft(path)
-    with path.open("rb") as source, draft.open("wb") as target:
+    with _drafted(path) as draft, path.open("rb") as source, draft.open("wb") as target:
         for each in kept:
             source.seek(each.begin)
             target.write(source.read(each.end - each.begin))
-    os.replace(draft, path)
 
 
 def mend_log(path: str | Path) -> None:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.effects import selection
 from granular_lmp.effects.freedoms import style
-from granular_lmp.lammps import replicated, start
+from granular_lmp.lammps import bins, replicated, start
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.ends import boundary, box_of
 from granular_lmp.problem import Problem
@@ -50,18 +50,19 @@ def spheres(problem: Problem) -> list[str]:
 
 def _lattice(problem: Problem, wave_is: str, lines: list[str]) -> list[str]:
     flies = "  # m: the box follows spheres that fly away" if problem.scene.loose else ""
+    sort, neighbours = _bins(problem)
     return [
         *_titles(problem, wave_is),
         f"units        {problem.units.style}",
         f"dimension    {problem.scene.space}",
         f"boundary     {boundary(problem)}{flies}",
         f"atom_style   {style(problem)}",
-        f"atom_modify  map array{'' if problem.scene.loose else ' sort 1 0.0'}",
+        f"atom_modify  map array{sort}",
         "comm_modify  vel yes",
         *lines,
         *selection.lines("spheres", problem),
         f"group        mobile type {' '.join(str(2 * m + 1) for m in range(len(problem.materials)))}",
-        *_neighbours(problem),
+        *neighbours,
     ]
 
 
@@ -79,12 +80,16 @@ def _titles(problem: Problem, wave_is: str) -> list[str]:
 
 def restarted(problem: Problem, checkpoint: str) -> list[str]:
     """Return the lines that read the spheres of a checkpoint, which holds no ``comm_modify``."""
-    sort = [] if problem.scene.loose else ["atom_modify  sort 1 0.0"]
-    return [*sort, "comm_modify  vel yes", f"read_restart {checkpoint}", *_neighbours(problem)]
+    sort, neighbours = _bins(problem)
+    sorted_ = [f"atom_modify {sort}"] if sort else []
+    return [*sorted_, "comm_modify  vel yes", f"read_restart {checkpoint}", *neighbours]
 
 
-def _neighbours(problem: Problem) -> list[str]:
-    """Return the line of the neighbour lists; spheres that fly move faster than those that vibrate."""
+def _bins(problem: Problem) -> tuple[str, list[str]]:
+    """Return how spheres are sorted, and the lines of neighbour lists; spheres that fly outrun those that vibrate."""
     if problem.scene.loose:
-        return ["neighbor     0.2 bin", start.STEP]
-    return [f"neighbor     {problem.units.number(problem.scene.sphere.radius / 10, length=1)!r} bin"]
+        return "", ["neighbor     0.2 bin", start.STEP]
+    size = bins.size(problem)
+    skin = problem.units.number(problem.scene.sphere.radius / bins.SKIN, length=1)
+    clear = f"neigh_modify binsize {size!r}  # no sphere rests on the face of a bin"
+    return f" sort 1 {size!r}", [f"neighbor     {skin!r} bin", *([clear] if size else [])]

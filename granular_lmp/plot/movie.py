@@ -11,7 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from PIL import Image
 
-from granular_lmp.errors import RunFolderError, ViewError, one_line
+from granular_lmp.errors import ViewError
+from granular_lmp.lammps.outputs import whole
 from granular_lmp.plot.signals import Picture, resized
 
 FRAMES_PER_SECOND = 10
@@ -58,16 +59,14 @@ def write_movie(
         raise ViewError(f"fps = {fps!r}: must be above 0, and at most {FASTEST}")
     figure.set_dpi(resized(figure, size) if size else _WIDTH / max(figure.get_figwidth(), _NARROWEST))
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.suffix.lower() == ".gif":
-            _write_gif(figure, frames(), path, colours, fps)
-        else:
-            writer = FFMpegWriter(fps=fps)  # type: ignore[arg-type]  # ffmpeg takes fractions
-            with writer.saving(figure, str(path), dpi=figure.dpi):
-                for _ in frames():
-                    writer.grab_frame()
-    except OSError as error:
-        raise RunFolderError(f"{path}: cannot be written: {one_line(error)}") from error
+        with whole(path) as draft:
+            if path.suffix.lower() == ".gif":
+                _write_gif(figure, frames(), draft, colours, fps)
+            else:
+                writer = FFMpegWriter(fps=fps)  # type: ignore[arg-type]  # ffmpeg takes fractions
+                with writer.saving(figure, str(draft), dpi=figure.dpi):
+                    for _ in frames():
+                        writer.grab_frame()
     except CalledProcessError as error:
         raise ViewError(f"{path}: ffmpeg failed with exit status {error.returncode}") from error
 

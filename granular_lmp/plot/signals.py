@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.rounding import moving
 from granular_lmp.crystal.modes import branches
 from granular_lmp.errors import RunFolderError, ViewError, one_line
+from granular_lmp.lammps.outputs import whole
 from granular_lmp.scene import words
 from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
 from granular_lmp.scene.scene import Scene
@@ -187,10 +188,8 @@ def save(figure: Figure, path: str | Path, size: tuple[int, int] | None = None) 
     known = figure.canvas.get_supported_filetypes()
     if path.suffix[1:].lower() not in known:
         raise RunFolderError(f"{path}: must end in one of {', '.join(sorted(known))}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=resized(figure, size) if size else 150)
-    except OSError as error:
-        raise RunFolderError(f"{path}: cannot be written: {one_line(error)}") from error
-    except RuntimeError as error:
-        raise ViewError(f"{path}: cannot be drawn: {one_line(error)}") from error
+    with whole(path) as draft:
+        try:
+            figure.savefig(draft, dpi=resized(figure, size) if size else 150)
+        except RuntimeError as error:
+            raise ViewError(f"{path}: cannot be drawn: {one_line(error)}") from error

@@ -7,7 +7,7 @@ import numpy as np
 
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.errors import RunFolderError, ViewError
-from granular_lmp.lammps.outputs import SWEEP, writable
+from granular_lmp.lammps.outputs import SWEEP, whole
 from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.crystal import run_figure, run_movie
 from granular_lmp.plot.monitors import monitor_figure
@@ -135,9 +135,8 @@ def view(
         return [*lacks, f"{missing}; drawn are p, q and phi of the centre sphere"]
     if as_page:
         _refuse(folder, "a page, on which it is chosen", of_a_run | {"size": size})
-        with writable(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(page(snapshots), encoding="utf-8")
+        with whole(path) as draft:
+            draft.write_text(page(snapshots), encoding="utf-8")
         return lacks
     drawn: dict[str, Any] = {"colour": colour, "magnify": magnify, "rows": rows, "fronts": fronts, "side": side}
     if movie:

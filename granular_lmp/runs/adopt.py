@@ -18,7 +18,8 @@ import numpy as np
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects.case import Case
 from granular_lmp.errors import RunFolderError, SceneError, one_line
-from granular_lmp.lammps.deck import Deck, deck_of, written_text
+from granular_lmp.lammps.datafile import differences, read
+from granular_lmp.lammps.deck import Deck, data_of, deck_of, written_text
 from granular_lmp.lammps.guard_results import seen_every
 from granular_lmp.lammps.monitors import monitor_files
 from granular_lmp.lammps.outputs import LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
@@ -46,7 +47,9 @@ _KEYS = {
     "ramp": "envelope.ramp",
     "particles": "output.particles",
 }
+_FRICTION = "effects.friction"
 _GRID = re.compile(r"^ *(\d{1,6}) by (\d{1,6}) by (\d{1,6}) MPI processor grid$", re.MULTILINE)
+_DATA = re.compile(r"^read_data +([^\s$]+)", re.MULTILINE)
 _SAME = 1e-9  # relative, of a number that was written with 17 digits and read back
 _PLACED = 1e-6  # D0: LAMMPS puts a sphere to 1e-10 of where the wave has it; another amplitude is off by far more
 
@@ -102,7 +105,8 @@ def adopt(
         raise SceneError(f"time.tolerance = {declared.time.tolerance!r}: a deck has one time step; give time.timestep")
     values = said or {}
     problem = prepare(declared.with_values({**_overrides(declared, values), **(changes or {})}))
-    deck = _deck(source, declared, problem)
+    other = {key: value for key, value in (changes or {}).items() if key not in (*_KEYS.values(), _FRICTION)}
+    deck = _deck(source, prepare(declared.with_values(other)), problem, log)
     simulation = Simulation(deck)
     dump = source / values.get("dump", simulation.dump)
     if dump.parent != source:
@@ -113,7 +117,7 @@ def adopt(
         if not (source / name).is_file():
             raise RunFolderError(f"{source / name}: missing; the scene has the monitor that it is of")
     _refuse_other_beginning(source, dump.name, problem)
-    info = description(deck.problem, deck.edits(), "lmp", _ranks(log)) | {
+    info = description(deck.problem, deck.all_edits(), "lmp", _ranks(log)) | {
         "adopted": {"from": str(source), "variables": values}
     }
     found = read_log(source / LOG)
@@ -167,7 +171,7 @@ def _overrides(scene: Scene, said: Mapping[str, str]) -> dict[str, Any]:
     if friction is not None:
         expected = _friction(scene.with_values(changed))
         if not _same(friction, expected):
-            changed["effects.friction"] = friction
+            changed[_FRICTION] = friction
     return changed
 
 
@@ -230,11 +234,20 @@ def _of_strikes(record: Record, dump: Path, problem: Problem) -> None:
         )
 
 
-def _deck(source: Path, declared: Scene, problem: Problem) -> Deck:
-    """Return the deck of what was run: with its own text where that is not what this package writes of the scene."""
-    text = _text(source / f"in.{declared.name}")
+def _deck(source: Path, begun: Problem, problem: Problem, log: str) -> Deck:
+    """Return the deck of what was run, with its own text and spheres where the files are not those of the scene.
+
+    `begun` is the problem before -var, of which the files are.
+    """
     deck = deck_of(problem)
-    return deck if text == written_text(prepare(declared)) else replace(deck, input_text=text)
+    text = _text(source / f"in.{begun.scene.name}")
+    names = _DATA.findall(log) or [deck.data_name]
+    data = read(source / names[-1])
+    return replace(
+        deck,
+        input_text=deck.input_text if text == written_text(begun) else text,
+        data=deck.data if not differences(data_of(begun), data) else data,
+    )
 
 
 def _ranks(log: str) -> int:

@@ -14,6 +14,8 @@ from granular_lmp.lammps.outputs import CHECKPOINTS, STATUS
 from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.folder import refuse_links
 from granular_lmp.runs.formats import FORMAT, format_of
+from granular_lmp.runs.manifest import triggered
+from granular_lmp.runs.seal import refuse_changed
 from granular_lmp.runs.status import read_status
 
 _NOT_SAID = f"{STATUS} does not say how the run was started; repeat it with force=True"
@@ -27,21 +29,21 @@ def read_unfinished(folder: Path) -> dict[str, Any]:
     Raises
     ------
     RunFolderError
-        If it is finished, or failed by a guard, its scene changed, ``run.json`` does not say how it was started, or a
-        file of the run is a link.
+        If it is finished, or failed by a guard, its scene or another file changed, ``run.json`` does not say how it was
+        started, or a file of the run is a link.
     """
     info = read_status(folder)
     if info["status"] == "finished":
         raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
     if format_of(info) != FORMAT:
         raise RunFolderError(f"{folder}: was begun by an earlier release; run it again with force=True")
-    if any(guard["judges"] and not guard["quiet"] for guard in info.get("guards", {}).values()):
-        why = str(info.get("message", "")).removeprefix(f"{folder}: ")
-        raise RunFolderError(f"{folder}: the run failed; there is nothing to resume: {why}")
+    if failed := triggered(info):
+        raise RunFolderError(f"{folder}: the run failed; there is nothing to resume: {'; '.join(failed)}")
     if not {"launcher", "ranks"} <= set(info):
         raise RunFolderError(f"{folder}: {_NOT_SAID}")
     refuse_other_scene(folder, info)
     refuse_links(folder)
+    refuse_changed(folder, info)
     return info
 
 

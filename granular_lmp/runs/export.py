@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps.outputs import writable
+from granular_lmp.lammps.outputs import whole
 from granular_lmp.runs.components import NAMES, in_space
 from granular_lmp.runs.crate import write_crate
 from granular_lmp.runs.h5md import write_h5md
@@ -83,7 +83,7 @@ def _write_snapshots(record: Record, path: Path) -> None:
 
 
 FORMATS: dict[str, Callable[[Record, Path], None]] = {
-    ".csv": Record.write_si,
+    ".csv": lambda record, path: write_csv(record.si, path),
     ".nc": Record.to_netcdf,
     ".xyz": _write_snapshots,
     ".extxyz": _write_snapshots,
@@ -126,9 +126,8 @@ def export(record: Record, path: str | Path, monitor: str | None = None) -> None
     if write is None:
         of = "" if monitor is None else " for a monitor"
         raise RunFolderError(f"{path}: must end in one of {', '.join(formats)}{of}")
-    with writable(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write(record, path)
+    with whole(path) as draft:
+        write(record, draft)
 
 
 def _write_monitor(record: Record, path: Path, name: str) -> None:

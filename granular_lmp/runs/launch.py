@@ -38,7 +38,7 @@ def launch(what: Scene | Problem | Deck, folder: str | Path, options: Options, j
     with collected() as seconds:
         with phase("build"):
             problem = prepare(what) if isinstance(what, Scene) else what
-            deck, edits = (problem, problem.edits()) if isinstance(problem, Deck) else (deck_of(problem), [])
+            deck, edits = (problem, problem.all_edits()) if isinstance(problem, Deck) else (deck_of(problem), [])
         if options.kernel:
             library.refuse_other_contacts(deck.input_text)
         else:

@@ -5,6 +5,7 @@ progress, checkpoints, clock, status and seal.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from math import nan
 from pathlib import Path
@@ -32,7 +33,7 @@ from granular_lmp.runs.record import Record
 from granular_lmp.runs.routes import Job, Route, route_of
 from granular_lmp.runs.seal import files_of
 from granular_lmp.runs.simulation import Simulation
-from granular_lmp.runs.status import read_status, write_status
+from granular_lmp.runs.status import end_status, read_status, write_status
 
 
 def begin(simulation: Simulation, folder: Path, options: Options, seconds: Seconds) -> Record:
@@ -93,7 +94,9 @@ def proceed(of: Callable[[Path, bool], Simulation], folder: Path, progress: Prog
         options = replace(options_of(folder, info), progress=progress)
         route = route_of(options)
         name = f"{simulation.input_name}.resume"
+        info.pop("files", None)  # they change from here on
         with writable(folder):
+            write_status(folder, info | {"status": "running", "message": "continued"})
             (folder / name).write_text(simulation.resume_text(last.name), encoding="utf-8")
             simulation.mend(folder)
             mend_log(folder / LOG)
@@ -152,17 +155,21 @@ def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any]
         split("deck", {name: spent - before.get("phases", {}).get(name, 0.0) for name, spent in log.sections.items()})
         info = info | found | {"wall_seconds": wall_seconds(before, seconds)}
         if messages := triggered(info):
+            if isinstance(failure, RunInterrupted):  # nothing is left to continue
+                failure = RunInterrupted(f"{folder}: interrupted; {'; '.join(messages)}")
             failure = failure or EffectError(f"{folder}: {'; '.join(messages)}")
         if failure is None:
             info |= simulation.judged(record) | {"files": files_of(folder)}
     except BaseException as error:  # a full disk, or malformed files of LAMMPS
         failure = failure or error
     # SystemExit: a batch system's library ends the process, as at the end of its time
-    stopped = isinstance(failure, (RunInterrupted, SystemExit))
+    stopped = isinstance(failure, (RunInterrupted, SystemExit)) and not triggered(info)
     status = "finished" if failure is None else "interrupted" if stopped else "failed"
     info = info | {"status": status, "message": str(failure) if failure is not None else ""}
-    with writable(folder):
-        write_status(folder, info)
+    if failure is not None:
+        with suppress(OSError):
+            info |= {"files": files_of(folder, stopped=True)}
+    end_status(folder, info)
     if failure is not None:
         raise failure
     job.report_step(simulation.steps)

@@ -186,7 +186,7 @@ def triggered(info: dict[str, Any]) -> list[str]:
     return [
         f"{guard['effect']} triggered its guard at tau = {guard['passed_at']:.6g}: {name} = {_shown(guard['value'])}, "
         f"above {guard['limit']:.3g}: {guard['meaning']}; {guard['cure']}"
-        for name, guard in info["guards"].items()
+        for name, guard in info.get("guards", {}).items()
         if guard["judges"] and not guard["quiet"]
     ]
 

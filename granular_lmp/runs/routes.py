@@ -191,6 +191,7 @@ def _run_program(program: list[str], variables: dict[str, str], kernel: Path | N
             start_new_session=True,  # this process passes Ctrl-C of the terminal on
             pass_fds=[job.lock],
         ) as process,
+        _killed_with_this_process(process.pid),
     ):
         try:
             output = _output(process, job)
@@ -204,6 +205,22 @@ def _run_program(program: list[str], variables: dict[str, str], kernel: Path | N
         raise library.not_loaded(kernel)
     if process.returncode != 0:
         raise LammpsError(errors[0], _last_command(job.folder) or " ".join(command), log_tail(job.folder))
+
+
+@contextmanager
+def _killed_with_this_process(group: int) -> Iterator[None]:
+    """Kill a group of processes when this one ends in whatever way: a shell then reads the end of a pipe."""
+    end, ours = os.pipe()
+    watch = ["/bin/sh", "-c", 'read -r none; kill -KILL "-$0"', str(group)]
+    try:
+        with subprocess.Popen(watch, stdin=end, start_new_session=True, stderr=subprocess.DEVNULL) as watcher:
+            os.close(end)
+            try:
+                yield
+            finally:
+                watcher.kill()
+    finally:
+        os.close(ours)
 
 
 def _output(process: "subprocess.Popen[str]", job: Job) -> str:

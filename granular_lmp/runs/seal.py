@@ -1,8 +1,9 @@
-"""The seal of a finished run: ``run.json`` lists each file that the run wrote, with its size and its digest.
+"""The seal of a run that ended: ``run.json`` lists each file that the run wrote, with its size and its digest.
 
 It also holds a digest of itself, and that of a run to a tolerance lists the ``run.json`` of each of its steps. A reader
-compares the files, those of snapshots and monitors, which may be large, when it reads them. What is not listed is the
-user's. A folder of format 1 lists nothing, and is read as it was (`granular_lmp.runs.formats`).
+compares the files, large ones of snapshots and monitors when it reads them. What is not listed is the
+user's. A run that was stopped lists its checkpoints too; of one that was killed nothing is known. A folder of format 1
+lists nothing, and is read as it was (`granular_lmp.runs.formats`).
 """
 
 import hashlib
@@ -10,18 +11,20 @@ from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps.outputs import MONITOR, SNAPSHOTS, STATUS, writable
+from granular_lmp.lammps.outputs import CHECKPOINTS, MONITOR, SNAPSHOTS, STATUS, writable
 from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.folder import written_files
 from granular_lmp.runs.formats import format_of
 from granular_lmp.runs.status import how_to_accept, read_status, write_status
 
 _LARGE = (SNAPSHOTS, MONITOR.partition("{")[0])  # beginnings of the names of files that few readers need
+_QUICK = 1 << 25  # bytes of such a file that every reader compares, in some hundredths of a second
 
 
-def files_of(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return ``files`` of ``run.json``: of each file of a run its name, its size and its SHA-256."""
-    return {name: _entry(folder / name) for name in written_files(folder)}
+def files_of(folder: Path, *, stopped: bool = False) -> dict[str, dict[str, Any]]:
+    """Return ``files`` of ``run.json``: of each file of a run, which may be `stopped`, its name, size and SHA-256."""
+    checkpoints = [name for name in CHECKPOINTS if stopped and (folder / name).is_file()]
+    return {name: _entry(folder / name) for name in (*written_files(folder), *checkpoints)}
 
 
 def _entry(path: Path) -> dict[str, Any]:
@@ -30,7 +33,7 @@ def _entry(path: Path) -> dict[str, Any]:
 
 
 def refuse_changed(folder: Path, info: dict[str, Any], *, lazily: bool = False) -> None:
-    """Raise RunFolderError if a file that ``run.json`` of a finished run lists is not there as it was written.
+    """Raise RunFolderError if a file that ``run.json`` lists is not there as it was written; a finished run has to.
 
     Parameters
     ----------
@@ -38,37 +41,39 @@ def refuse_changed(folder: Path, info: dict[str, Any], *, lazily: bool = False) 
     info : dict
         ``run.json``.
     lazily : bool
-        Of snapshots and monitors, which may be large, compare the size only: `refuse_changed_record` does the rest.
+        Of large snapshots and monitors compare the size only: `refuse_changed_record` does the rest.
     """
-    if info["status"] != "finished" or format_of(info) == 1:
+    if format_of(info) == 1:
         return
-    if "files" not in info:
-        raise RunFolderError(f"{folder / STATUS}: files is missing, so that they may be any; {how_to_accept(folder)}")
-    for name, said in info["files"].items():
-        _refuse_other(folder, name, said, whole=not (lazily and name.startswith(_LARGE)))
+    if info["status"] == "finished" and "files" not in info:
+        cure = how_to_accept(folder, info)
+        raise RunFolderError(f"{folder / STATUS}: files is missing, so that they may be any; {cure}")
+    for name, said in info.get("files", {}).items():
+        large = name.startswith(_LARGE) and said["bytes"] > _QUICK
+        _refuse_other(folder, name, info, whole=not (lazily and large))
 
 
 def refuse_changed_record(folder: Path, path: Path) -> None:
     """Raise RunFolderError if a file in a run folder, or in that of one of its steps, is not as the run wrote it.
 
-    Nothing is known of the files of a run that is not finished, or of a folder without ``run.json``.
+    Nothing is known of the files of a run that is on its way or was killed, or of a folder without ``run.json``.
     """
     places = [(folder, path)] if path.parent == folder else [(folder, path.parent / STATUS), (path.parent, path)]
     for place, file in places:
         info: dict[str, Any] = read_status(place) if (place / STATUS).is_file() else {"status": "none"}
-        if info["status"] == "finished" and format_of(info) > 1:
+        if (info["status"] == "finished" and format_of(info) > 1) or "files" in info:
             name = file.relative_to(place).as_posix()
             if name not in info.get("files", {}):
-                raise RunFolderError(f"{file}: was not written by the run of its folder; {how_to_accept(place)}")
-            _refuse_other(place, name, info["files"][name], whole=True)
+                raise RunFolderError(f"{file}: was not written by the run of its folder; {how_to_accept(place, info)}")
+            _refuse_other(place, name, info, whole=True)
 
 
-def _refuse_other(folder: Path, name: str, said: dict[str, Any], *, whole: bool) -> None:
-    path = folder / name
+def _refuse_other(folder: Path, name: str, info: dict[str, Any], *, whole: bool) -> None:
+    path, said = folder / name, info["files"][name]
     if not path.is_file():
-        raise RunFolderError(f"{path}: is missing, and the run wrote it; {how_to_accept(folder)}")
+        raise RunFolderError(f"{path}: is missing, and the run wrote it; {how_to_accept(folder, info)}")
     if path.stat().st_size != said["bytes"] or (whole and _entry(path) != said):
-        raise RunFolderError(f"{path}: was changed since the run wrote it; {how_to_accept(folder)}")
+        raise RunFolderError(f"{path}: was changed since the run wrote it; {how_to_accept(folder, info)}")
 
 
 def accept(folder: str | Path) -> list[str]:

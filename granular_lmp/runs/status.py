@@ -2,18 +2,20 @@
 
 import hashlib
 import json
+from contextlib import suppress
 from pathlib import Path
 from shlex import quote
 from typing import Any
 
 from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.lammps.outputs import STATUS as STATUS
-from granular_lmp.lammps.outputs import replace_text
+from granular_lmp.lammps.outputs import replace_text, writable
 from granular_lmp.runs.fields import refuse_malformed
 from granular_lmp.runs.folder import is_held
 from granular_lmp.runs.formats import as_today, format_of
 
 SEAL = "sealed"  # entry of run.json: SHA-256 of all others
+_ROOM = 1024  # bytes behind run.json of a run on its way, for the message with which it may end
 
 
 def read_status(folder: str | Path, *, changed: bool = False) -> dict[str, Any]:
@@ -52,23 +54,51 @@ def _status(folder: Path, changed: bool) -> dict[str, Any]:
         raise RunFolderError(f"{path}: {error}") from error
     sealed = info.pop(SEAL, None)
     if number > 1 and not changed and sealed != seal_of(info):
-        finished = info["status"] == "finished"  # others cannot be accepted
-        cure = how_to_accept(folder) if finished else "put it back, or run the scene again with force=True"
-        raise RunFolderError(f"{path}: was changed since the run wrote it; {cure}")
+        raise RunFolderError(f"{path}: was changed since the run wrote it; {how_to_accept(folder, info)}")
     return as_today(info)
 
 
-def how_to_accept(folder: Path) -> str:
-    """Return what to do about a file that is not as the run wrote it."""
+def how_to_accept(folder: Path, info: dict[str, Any]) -> str:
+    """Return what to do about a file that is not as the run wrote it; that of a run that did not finish stays so."""
+    if info["status"] != "finished":
+        return "put it back, or run the scene again with force=True"
     accept = f"granular-lmp accept {quote(str(folder))}"
     return f"put it back, run the scene again with force=True, or, if that is on purpose: {accept}"
 
 
 def write_status(folder: str | Path, info: dict[str, Any]) -> None:
     """Write ``run.json``, and into it the digest of all that it says."""
+    running = info.get("status") == "running"  # it is written once more, where a full disk takes no more than this
+    replace_text(Path(folder) / STATUS, _text_of(info, None if running else 2) + " " * _ROOM * running)
+
+
+def end_status(folder: Path, info: dict[str, Any]) -> None:
+    """Write ``run.json`` of a run that has ended; on a full disk its status and message only, into the room left there.
+
+    Raises
+    ------
+    RunFolderError
+        If the disk is full, or the file cannot be written; a run that did not fail before is then a failed one.
+    """
+    try:
+        with writable(folder):
+            write_status(folder, info)
+    except RunFolderError as error:
+        path, finished = folder / STATUS, info["status"] == "finished"
+        with suppress(OSError, ValueError):
+            begun = {key: value for key, value in json.loads(path.read_text(encoding="utf-8")).items() if key != SEAL}
+            message = (str(error) if finished else info["message"])[: _ROOM // 4]  # at most 4 bytes a letter
+            text = _text_of(begun | {"status": "failed" if finished else info["status"], "message": message})
+            room = path.stat().st_size - len(text.encode())
+            if room >= 0:
+                with path.open("r+", encoding="utf-8") as stream:
+                    stream.write(text + " " * room)
+        raise
+
+
+def _text_of(info: dict[str, Any], indent: int | None = None) -> str:
     sealed = info | {SEAL: seal_of(info)}
-    indent = None if info.get("status") == "running" else 2  # that of a run on its way is written once more
-    replace_text(Path(folder) / STATUS, json.dumps(sealed, indent=indent, ensure_ascii=False, allow_nan=False) + "\n")
+    return json.dumps(sealed, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def seal_of(info: dict[str, Any]) -> str:

@@ -24,6 +24,7 @@ from granular_lmp.errors import RunFolderError, SceneError, ToleranceError
 from granular_lmp.problem import prepare
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies.sweep import sweep
+from tests.pause import as_if_killed
 
 CHAIN = ImpactScene.load("solitary_chain").with_values(
     {"packing.rows": 15, "packing.last": "free", "time.duration": 25.0, "time.sample": 1.0, "time.tolerance": 1e-3}
@@ -209,7 +210,7 @@ def test_a_run_that_was_stopped_in_its_first_checkpoint_begins_anew(tmp_path: Pa
     last = max((tmp_path / "run").glob("*_per_sample"), key=lambda path: int(path.name.split("_")[0]))
     (last / "checkpoint.a").write_bytes(b"cut off")
     for folder in (tmp_path / "run", last):
-        _edit(folder, {"status": "running"})
+        as_if_killed(folder)
     again = resume(tmp_path / "run")
     assert np.array_equal(again.velocity, whole.velocity)
     _edit(tmp_path / "run", {"status": "interrupted", "launcher": None})

@@ -1,6 +1,8 @@
 """Comparison of runs with theory: it sees what is wrong, picks its theory, and refuses what is no finished run."""
 
+import errno
 import json
+import os
 import re
 import subprocess
 import sys
@@ -8,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,6 +30,7 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies.sweep import sweep
 from tests.conftest import PAPER, members
+from tests.pause import as_if_killed
 
 
 def from_theory(scene: Scene, theory: str, tau: np.ndarray) -> Record:
@@ -343,6 +347,23 @@ def test_compare_prints_a_table_and_writes_json_and_a_figure(
     assert (folder / "compare.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.parametrize("trouble", [errno.EROFS, errno.ENOSPC])
+def test_compare_prints_its_numbers_where_the_figure_cannot_be_written(
+    trouble: int, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails(figure: Any, path: Path, **options: Any) -> None:
+        path.write_bytes(b"part")
+        raise OSError(trouble, os.strerror(trouble))
+
+    (folder / "compare.png").write_bytes(b"before")
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", fails)
+    with pytest.raises(SystemExit, match=rf"compare\.png: cannot be written: {os.strerror(trouble)}"):
+        compare.main([str(folder), "--theory", "second-order"])
+    assert "exact lattice" in capsys.readouterr().out
+    assert (folder / "compare.png").read_bytes() == b"before"
+    assert not list(folder.glob("*part*"))
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_compare_refuses_a_run_that_did_not_finish_unless_forced(folder: Path) -> None:
     write_status(folder, read_status(folder) | {"status": "failed", "message": "for the test"})
@@ -356,7 +377,8 @@ def test_compare_refuses_a_run_that_did_not_finish_unless_forced(folder: Path) -
 def test_a_run_that_was_stopped_before_its_second_record_is_refused_in_one_line(folder: Path) -> None:
     whole = (folder / "trajectory.csv").read_text().splitlines(keepends=True)
     for records in (0, 1):
-        write_status(folder, read_status(folder) | {"status": "interrupted", "samples": records})
+        write_status(folder, read_status(folder) | {"samples": records})
+        as_if_killed(folder)
         (folder / "trajectory.csv").write_text("".join(whole[: records + 1]))
         with pytest.raises(SystemExit, match=f"{records} records; there is nothing to compare"):
             compare.main([str(folder), "--force"])

@@ -32,6 +32,7 @@ from granular_lmp.runs.record import TRAJECTORY, read_status, write_status
 from granular_lmp.studies import sweep
 from tests.conftest import members
 from tests.instance import silent_lammps
+from tests.pause import as_if_killed
 from tests.stand_in import of_first_format
 
 Edit = tuple[str, str]
@@ -451,8 +452,8 @@ def stopped(folder: Path, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None
     with pytest.raises(LammpsError, match="1001 records instead of 2001"):
         run(scene, folder)
     monkeypatch.undo()
-    left = read_status(folder) | {"status": "running"}
-    write_status(folder, {key: value for key, value in left.items() if key != "edited"})
+    write_status(folder, {key: value for key, value in read_status(folder).items() if key != "edited"})
+    as_if_killed(folder)
 
 
 def test_a_checkpoint_that_was_cut_off_gives_way_to_the_one_before(

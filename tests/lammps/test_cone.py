@@ -19,6 +19,7 @@ from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import Record
 from tests.conftest import kernel_lacks, members
 from tests.instance import run_deck
+from tests.pause import as_if_killed
 
 # Of the largest displacement, or velocity: what docs/promises.md says
 CHANGE = 1e-9
@@ -147,6 +148,7 @@ def test_a_run_is_continued_while_spheres_leave(
 
 def test_a_run_that_began_with_other_guards_is_not_continued(stop: Callable[..., None], tmp_path: Path) -> None:
     stop(STRIP.with_values({"time.duration": 100.0, "output.checkpoint": 1e-4}), tmp_path / "cut")
+    as_if_killed(tmp_path / "cut")
     deck = tmp_path / "cut" / "in.tr_nonresonant"
     deck.write_text(deck.read_text().replace(" v_mu\n", " v_next v_mu\n"))
     with pytest.raises(RunFolderError, match="was begun by a version with other guards; run it again with force=True"):

@@ -1,6 +1,7 @@
 """Lines of one's own in a deck: where they go, and that a run of them says so."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,15 @@ def test_a_run_of_an_edited_deck_is_another_run_and_says_so(small: Scene, tmp_pa
         "its deck was edited, which no theory knows of; lines that differ: 1" in note for note in compare(pushed).notes
     )
     assert not any("edited" in note for note in compare(plain).notes)
+
+
+def test_a_run_of_other_spheres_says_so(small: Scene, tmp_path: Path) -> None:
+    deck = build(small)
+    record = run(replace(deck, data=replace(deck.data, density=2 * deck.data.density)), tmp_path / "heavier")
+    assert [line[:36] for line in record.info["edited"]] == [
+        "- data.small: density of sphere 1: 0",
+        "+ data.small: density of sphere 1: 0",
+    ]
 
 
 def test_an_edited_run_is_not_resumed_without_its_edits(small: Scene, tmp_path: Path) -> None:

@@ -400,6 +400,19 @@ def test_a_missing_or_failing_compiler_is_named(compiler: str, tmp_path: Path, m
     assert not list(tmp_path.rglob("*.so"))
 
 
+def test_a_full_disk_under_the_compiler_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiler = tmp_path / "compiler"
+    said = "ld: final link failed: No space left on device\\ncollect2: error: ld returned 1 exit status"
+    compiler.write_text(f"#!/bin/sh\nprintf '{said}' >&2\nexit 1\n")
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CXX", str(compiler))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    with pytest.raises(
+        RunFolderError, match=rf"{tmp_path}/granular-lmp/.*: cannot be written: No space left on device"
+    ):
+        library.build()
+
+
 def test_a_kernel_that_was_not_built_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     with pytest.raises(LammpsMissingError, match="build-kernel"):

@@ -24,12 +24,12 @@ from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.export import export
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.readouts import readout
-from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.scene.at_rest import echo_at
 from granular_lmp.scene.document import note
 from granular_lmp.studies.kick import run_kicked
 from tests.conftest import PAPER
 from tests.manual import Measure, Mutant, verifies
+from tests.pause import as_if_killed
 
 PUSH: dict[str, Any] = {"spheres": [[6, 3]], "force": "y", "signal": "burst", "cycles": 2.0, "frequency": 1.0}
 BEHIND: dict[str, Any] = {"name": "behind", "rows": [8, 9], "what": "flux"}
@@ -259,7 +259,7 @@ def test_contacts_that_a_killed_run_did_not_write_are_unknown(record: Record, tm
     shutil.copytree(record.folder, tmp_path / "run")
     path = tmp_path / "run" / "monitor.behind.contacts"
     path.write_bytes(path.read_bytes()[:-50])
-    write_status(tmp_path / "run", read_status(tmp_path / "run") | {"status": "interrupted"})
+    as_if_killed(tmp_path / "run")
     whole, cut = record.monitor("behind"), Record.load(tmp_path / "run", unfinished=True).monitor("behind")
     np.testing.assert_array_equal(cut.flux[:-1], whole.flux[:-1])
     assert np.isnan(cut.flux[-1]).all()
@@ -278,7 +278,8 @@ def test_a_run_that_was_stopped_continues_to_the_same_bytes(
     for launcher in ("module", "lmp"):
         run(scene, tmp_path / launcher, launcher=launcher)
     stop(scene, tmp_path / "stopped")
-    for path in (tmp_path / "stopped").glob("monitor.*"):  # as if it had been killed while it wrote
+    as_if_killed(tmp_path / "stopped")
+    for path in (tmp_path / "stopped").glob("monitor.*"):  # while it wrote
         with path.open("ab") as stream:
             stream.write(path.read_bytes()[:100])
     unfinished = Record.load(tmp_path / "stopped", unfinished=True)

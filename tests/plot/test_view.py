@@ -30,6 +30,7 @@ from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.document import note
 from granular_lmp.studies.sweep import Sweep, sweep
+from tests.pause import as_if_killed
 
 
 @pytest.fixture(scope="module")
@@ -400,6 +401,7 @@ def test_a_run_that_is_not_finished_is_drawn_with_a_note_and_an_empty_one_refuse
     write_status(tmp_path / "run", record.info | {"status": "interrupted", "message": "stopped"})
     notes = view.view(tmp_path / "run", tmp_path / "v.png")
     assert notes[0] == f"{tmp_path / 'run'}: not a finished run (status 'interrupted': stopped)"
+    as_if_killed(tmp_path / "run")
     (tmp_path / "run" / "trajectory.csv").write_text("tau,p,q,phi\n")
     with pytest.raises(ViewError, match="holds no record yet; there is nothing to draw"):
         view.view(tmp_path / "run", tmp_path / "v.png")

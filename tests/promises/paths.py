@@ -53,6 +53,8 @@ def kinds() -> dict[str, AnyScene]:
         "sources and monitors": _shaken(21, 9),
         "quiet ends": _shaken(61, 29, absorb={"rows": "auto", "reflection": 0.1}),
         "imperfect": PAPER.with_values({**CELL, "packing.columns": 8, **spread}),
+        "layer": Scene.load("monolayer_rocking").with_values({**CELL, "output.particles": 0.0}),
+        "fcc/hcp": Scene.load("hcp_c_axis").with_values({"time.duration": 12.0, "output.particles": 0.0}),
         "JKR": PAPER.with_values({**CELL, "sphere.adhesion_law": "jkr"}),
         "damped": PAPER.with_values({**CELL, "effects.damping": True, "effects.viscosity": 1e-9}),
         "impact": ImpactScene.load("point_impact").with_values({**struck, "monitor": list(watched)}),
@@ -82,20 +84,20 @@ class Path_:
     @property
     def starts_with_a_wave(self) -> bool:
         """True if a plane wave fills a perfect crystal at the beginning."""
-        return self.kind in ("running", "standing", "JKR", "damped")
+        return self.kind in ("running", "standing", "layer", "JKR", "damped")
 
     @property
     def order(self) -> int:
         """Order of the error in the time step."""
         return 1 if self.kind in ("quiet ends", "damped", "impact", "collision") else 2
 
-    def run(self, what: AnyScene | Deck, folder: Path, progress: Any = None) -> Path:
+    def run(self, what: AnyScene | Deck, folder: Path) -> Path:
         """Run a scene or a deck on this path, and return its run folder."""
         if self.name == "sweep":
             assert isinstance(what, AnyScene)
             table = sweep(what, {"time.sample": [what.time.sample]}, folder)
             return Path(folder) / table.rows[0]["run"]
-        options = Options(self.launcher, self.ranks, progress=progress, kernel=self.kernel)
+        options = Options(self.launcher, self.ranks, kernel=self.kernel)
         if self.name == "thread":
             return _beside_another(lambda place: run_one(what, place, options), folder)
         return run_one(what, folder, options)

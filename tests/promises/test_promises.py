@@ -18,6 +18,7 @@ from granular_lmp.problem import prepare
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import read_status
 from tests.conftest import members
+from tests.pause import paused
 from tests.promises.paths import PATHS, Path_, Signals, resume, signals
 from tests.promises.table import ELSEWHERE, PROMISES, covered, current
 
@@ -72,7 +73,9 @@ def errors(found: Signals, truth: Signals, impact: bool) -> dict[str, float]:
     if impact:
         return {name: float(np.abs(found[name] - truth[name]).max()) for name in truth}
     size = {name: float(np.linalg.norm(values)) for name, values in truth.items()}
-    return {name: float(np.linalg.norm(found[name] - truth[name])) / size[name] for name in truth if size[name] > 0}
+    # What a symmetry forbids is rounding: in space, of nine signals, up to 1e-11 of the largest
+    there = [name for name in truth if size[name] > 1e-10 * max(size.values())]
+    return {name: float(np.linalg.norm(found[name] - truth[name])) / size[name] for name in there}
 
 
 # --- numbers ---------------------------------------------------------------------------------------------------------
@@ -106,8 +109,9 @@ def test_numbers_are_what_the_dump_and_the_deck_say(path: Path_, runs: Runs) -> 
         np.testing.assert_allclose(table[name], expected / unit, rtol=1e-12)
         np.testing.assert_allclose(found[name], expected / unit, rtol=1e-12)
     if path.starts_with_a_wave:  # each row of the data file moves as its phase at the wave number of run.json
-        moves = wave_section(next(folder.glob("data.*")))
-        across, along = moves[:: path.scene().shape.columns, 1], np.arange(len(moves) // path.scene().shape.columns)
+        moves, rows = wave_section(next(folder.glob("data.*"))), path.scene().shape.rows
+        largest = 1 + int(np.abs(moves[:, 1:]).max(axis=0).argmax())
+        across, along = moves[:: len(moves) // rows, largest], np.arange(rows)
         angle = info["wavenumber_used"] * along
         basis = np.column_stack([np.cos(angle), np.sin(angle)])
         residue = across - basis @ np.linalg.lstsq(basis, across, rcond=None)[0]
@@ -158,31 +162,20 @@ def test_the_error_of_a_step_is_at_most_what_the_budget_says(path: Path_, runs: 
 # --- trust -----------------------------------------------------------------------------------------------------------
 
 
-# Durations of a run that is stopped, over that of its path: a tenth of a second, in which looks each millisecond fall
-LENGTHS = {"driven": 6, "sources and monitors": 10, "quiet ends": 6, "imperfect": 12, "impact": 10, "two ranks": 4}
-
-
 # A driven row stands in tests/validation/test_waves_in_lammps.py, a strike in a crystal that is not perfect in
 # test_strikes_at_rest.py, lmp in tests/hard/test_honesty.py, and its ranks in tests/runs/test_continued.py
 CONTINUED = "standing", "driven", "quiet ends", "imperfect", "JKR", "impact", "collision", "lmp", "two ranks", "thread"
 
 
 @on("same bytes after resume", *CONTINUED)
-def test_a_stopped_run_is_continued_to_the_same_bytes(path: Path_, tmp_path: Path, fast_looks: None) -> None:
+def test_a_stopped_run_is_continued_to_the_same_bytes(path: Path_, tmp_path: Path) -> None:
     scene = path.scene()
-    spheres = scene.shape.spheres
-    duration = LENGTHS.get(path.name, 25) * scene.time.duration
-    scene = scene.with_values({"time.duration": duration, "output.checkpoint": spheres * 100 / SPEED / 60 / path.ranks})
-    if scene.wave is not None:
-        scene = scene.with_values({"time.allow_echo": True})
-
-    def stop(step: int, steps: int) -> None:
-        if steps / 3 < step < steps:
-            raise KeyboardInterrupt
-
+    # Four times as long, as looks of guards are up to 200 steps apart, and checkpoints with them
+    longer = {"time.duration": 4 * scene.time.duration} | ({"time.allow_echo": True} if scene.wave else {})
+    scene = scene.with_values(longer | {"output.checkpoint": scene.shape.spheres * 100 / SPEED / 60 / path.ranks})
     whole = path.run(scene, tmp_path / "whole")
-    with pytest.raises(RunInterrupted):
-        path.run(scene, tmp_path / "cut", stop)
+    with paused(tmp_path / "cut", 0.5), pytest.raises(RunInterrupted):
+        path.run(scene, tmp_path / "cut")
     resume(tmp_path / "cut")
     dumps = sorted(each.name for each in whole.iterdir() if each.name.startswith(("dump.", "monitor")))
     assert dumps

@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from itertools import cycle
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError
+from granular_lmp.lammps.datafile import differences, read
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.lammps.variables import said_variables
 from granular_lmp.runs.adopt import adopt
@@ -205,6 +207,40 @@ def test_a_deck_with_lines_of_ones_own_says_so(left: Left, small: Scene, tmp_pat
     (folder / "in.small").write_text(text)
     assert adopt(folder, tmp_path / "adopted").info["edited"] == ["+ # mine"]
     assert (tmp_path / "adopted/in.small").read_text() == text
+
+
+@pytest.mark.parametrize("column", ["density", "position", "wave"])
+def test_a_data_file_that_is_not_that_of_the_scene_says_so(
+    column: str, left: Left, small: Scene, tmp_path: Path
+) -> None:
+    folder = left()
+    data = build(small).data
+    values = getattr(data, column).copy()
+    values.flat[5] += 1e-11 * abs(values).max()
+    changed = replace(data, **{column: values})
+    (folder / "data.small").write_text(changed.text("changed"))
+    adopted = adopt(folder, tmp_path / "adopted")
+    gone, new = adopted.info["edited"]
+    assert gone.startswith(f"- data.small: {column} of sphere ")
+    assert new.startswith(f"+ data.small: {column} of sphere ")
+    assert differences(changed, read(tmp_path / "adopted/data.small")) == []  # the folder holds what was run
+
+
+def test_spheres_that_the_scene_does_not_have_are_told(left: Left, small: Scene, tmp_path: Path) -> None:
+    folder = left()
+    data = build(small.with_values({"packing.rows": 16})).data
+    (folder / "data.mine").write_text(data.text("longer"))
+    log = folder / "log.lammps"
+    log.write_text(log.read_text().replace("read_data    data.small", "read_data    data.mine"))  # -var data
+    assert [line[:25] for line in adopt(folder, tmp_path / "adopted").info["edited"]] == [
+        "- data.small: 24 spheres ",
+        "+ data.small: 48 spheres ",
+    ]
+
+
+def test_a_scene_that_another_value_makes_is_not_that_of_the_deck(left: Left, tmp_path: Path) -> None:
+    adopted = adopt(left(), tmp_path / "adopted", changes={"sphere.density": 5000.0})
+    assert any("density of sphere 1" in line for line in adopted.info["edited"])
 
 
 def test_the_command_says_what_the_log_said(left: Left, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

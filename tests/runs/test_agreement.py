@@ -21,6 +21,7 @@ from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.record import TRAJECTORY, read_status, write_status
 from tests.conftest import PAPER
+from tests.pause import as_if_killed
 from tests.stand_in import of_first_format
 
 Change = Callable[[dict[str, Any]], None]
@@ -189,7 +190,8 @@ def test_the_trajectory_and_the_dump_of_another_run_are_refused(folder: Path, tm
 
 
 def test_of_a_run_that_was_stopped_what_both_files_hold_is_compared(folder: Path) -> None:
-    write_status(folder, read_status(folder) | {"status": "interrupted", "samples": 4})
+    write_status(folder, read_status(folder) | {"samples": 4})
+    as_if_killed(folder)
     lines = (folder / TRAJECTORY).read_text().splitlines(keepends=True)
     (folder / TRAJECTORY).write_text("".join(lines[:-1]))
     assert len(Record.load(folder, unfinished=True).tau) == 4

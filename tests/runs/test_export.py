@@ -1,7 +1,9 @@
 """A run for other programs, read back by the program that each format is for."""
 
 import csv
+import errno
 import json
+import os
 import re
 import shutil
 import sys
@@ -17,6 +19,7 @@ import pytest
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 from granular_lmp.errors import PackageMissingError, RunFolderError
+from granular_lmp.lammps.outputs import whole
 from granular_lmp.runs.export import export
 from granular_lmp.runs.front import Front
 from granular_lmp.runs.snapshots import Snapshots, Spheres
@@ -27,6 +30,31 @@ from tests.manual import Measure, Mutant, off, verifies
 def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
     scene = Scene.load("tr_periodic").with_values({"time.duration": 4.0, "output.particles": 2.0})
     return run(scene, tmp_path_factory.mktemp("export") / "run")
+
+
+def test_what_cannot_be_exported_leaves_no_file_and_no_new_folder(record: Record, tmp_path: Path) -> None:
+    for name, monitor in (("a.csv", "none"), ("a.zip/b.csv", None)):
+        (tmp_path / "a.zip").write_bytes(b"in the way")
+        with pytest.raises(RunFolderError):
+            export(record, tmp_path / "new" / "dir" / name if monitor else tmp_path / name, monitor)
+        assert [path.name for path in tmp_path.iterdir()] == ["a.zip"]
+
+
+@pytest.mark.parametrize("ending", ["png", "xyz", "zip"])
+def test_a_full_disk_leaves_the_file_of_before(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a.{ending}"
+    path.write_bytes(b"before")
+
+    def full() -> None:
+        with whole(path) as draft:
+            assert draft.suffix == path.suffix  # by which programs choose the format
+            draft.write_bytes(b"part")
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(RunFolderError, match=rf"a\.{ending}: cannot be written: No space left on device"):
+        full()
+    assert path.read_bytes() == b"before"
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
 
 
 @verifies(

@@ -1,5 +1,7 @@
 """Run folders: what they may be called, who holds them, and that nothing of an earlier run is left behind."""
 
+import errno
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -132,6 +134,25 @@ def test_the_longest_names_allowed_can_be_run(small: Scene, tmp_path: Path) -> N
     stop(longest, folder)
     to_tolerance(longest, folder)
     assert sweep(longest, {"wave.phase": [0.0]}, folder / "sweep").rows[0]["status"] == "finished"
+
+
+def test_a_disk_that_fills_up_leaves_a_run_that_says_so(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace, done = os.replace, []
+
+    def full(*paths: Path) -> None:
+        if done:  # after the first run.json
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        done.append(replace(*paths))
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(RunFolderError, match="cannot be written: No space left on device"):
+        run(small, tmp_path / "run")
+    info = read_status(tmp_path / "run")
+    assert info["status"] == "failed"
+    assert "No space left on device" in info["message"]
+    assert not list((tmp_path / "run").glob("*.part"))
 
 
 def test_a_run_that_was_killed_is_told_from_one_that_is_at_work(small: Scene, tmp_path: Path) -> None:

@@ -15,13 +15,14 @@ from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, GranularError, LammpsError, LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, SCENE, STATUS
-from granular_lmp.runs import launch, routes
+from granular_lmp.runs import launch
 from granular_lmp.runs.continuation import whole_checkpoints
 from granular_lmp.runs.fields import FIELDS, refuse_malformed
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.status import seal_of
 from tests.conftest import PAPER, members
+from tests.pause import as_if_killed, paused
 
 # 8 rows, as `small`, with a monitor; 12,000 steps, and few records, which each continuation reads again
 WAVE = PAPER.with_values(
@@ -54,20 +55,9 @@ OPENS = PAPER.with_values(
 SHORT = {"time.duration": 20.0}
 
 
-def stop(step: int, steps: int) -> None:
-    if steps / 3 < step < steps:
-        raise KeyboardInterrupt
-
-
-def begun(scene: Scene | ImpactScene, folder: Path) -> object:
-    return run(scene, folder, progress=stop)
-
-
 def stopped(scene: Scene | ImpactScene, folder: Path) -> Path:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(routes, "_POLL", 1e-3)
-        with pytest.raises(RunInterrupted):
-            begun(scene, folder)
+    with paused(folder), pytest.raises(RunInterrupted):
+        run(scene, folder)
     assert whole_checkpoints(folder)
     return folder
 
@@ -190,11 +180,26 @@ def test_no_more_ranks_are_started_than_there_are_cores(kind: str, cut: dict[str
 @pytest.mark.parametrize(("of", "other"), [("wave", "weaker"), ("impact", "faster")])
 def test_a_checkpoint_of_another_run_is_refused(of: str, other: str, cut: dict[str, Path], tmp_path: Path) -> None:
     folder = Path(shutil.copytree(cut[of], tmp_path / "run"))
+    as_if_killed(folder)
     for name in CHECKPOINTS:
         if (cut[other] / name).is_file():
             shutil.copy(cut[other] / name, folder / name)
     with pytest.raises(RunFolderError, match=r"checkpoint\.\w: is not of the scene of this run"):
         continued(folder)
+
+
+@pytest.mark.parametrize("name", [DUMP, LOG, "data.stopped", "monitor.line.bin", CHECKPOINTS[0]])
+def test_a_file_of_a_stopped_run_that_was_changed_is_refused(name: str, cut: dict[str, Path], tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(cut["wave"], tmp_path / "run"))
+    content = bytearray((folder / name).read_bytes())
+    content[len(content) // 2] ^= 1
+    (folder / name).write_bytes(content)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(RunFolderError, match=f"{name}: was changed since .*; put it back, or run the scene again with"):
+        resume(folder)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    shutil.copy(cut["wave"] / name, folder)
+    assert resume(folder).info["status"] == "finished"
 
 
 # --- links ---
@@ -247,6 +252,15 @@ def test_a_run_that_a_guard_failed_is_called_failed(often: dict[str, Any], tmp_p
         run(scene, tmp_path / "run")
     assert bool(whole_checkpoints(tmp_path / "run")) == bool(often)
     with pytest.raises(RunFolderError, match="run: the run failed; there is nothing to resume: .* triggered its guard"):
+        resume(tmp_path / "run")
+
+
+def test_a_run_that_a_guard_had_failed_when_it_was_interrupted_says_so(tmp_path: Path) -> None:
+    found = r"contact_opening triggered its guard at tau = 3\.45: .*; set effects\.contact_opening = true"
+    with paused(tmp_path / "run", 0.6), pytest.raises(RunInterrupted, match=f"run: interrupted; {found}"):
+        run(OPENS, tmp_path / "run")
+    assert read_status(tmp_path / "run")["status"] == "failed"
+    with pytest.raises(RunFolderError, match=f"the run failed; there is nothing to resume: {found}"):
         resume(tmp_path / "run")
 
 

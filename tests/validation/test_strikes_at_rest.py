@@ -1,6 +1,7 @@
 """Strikes alone in crystals at rest under load: scenes without [wave] whose spheres adhere or are pressed together."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 from granular_analysis.theory.scenes import CRYSTAL_KEYS, Setting
 from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, export, load, resume, run
-from granular_lmp.errors import ReadoutError, RunInterrupted, SceneError
+from granular_lmp.errors import ReadoutError, SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
 from granular_lmp.runs.readouts import drive_of
@@ -129,16 +130,10 @@ def test_routes_agree(watched: Record, launcher: Any, ranks: int, tmp_path: Path
     assert other.monitor("m").contacts.normal == pytest.approx(watched.monitor("m").contacts.normal, abs=1e-9)
 
 
-def test_a_stopped_run_is_continued_to_the_same_bytes(tmp_path: Path, fast_looks: None) -> None:
+def test_a_stopped_run_is_continued_to_the_same_bytes(tmp_path: Path, stop: Callable[..., None]) -> None:
     long = WATCHED.with_values({"time.duration": 60.0, "output.checkpoint": 117 * 200 / SPEED / 60})
-
-    def stop(step: int, steps: int) -> None:
-        if steps / 3 < step < steps:
-            raise KeyboardInterrupt
-
     whole = run(long, tmp_path / "whole")
-    with pytest.raises(RunInterrupted):
-        run(long, tmp_path / "cut", progress=stop)
+    stop(long, tmp_path / "cut")
     cut = resume(tmp_path / "cut")
     assert whole.folder is not None
     assert cut.folder is not None

@@ -12,6 +12,7 @@ not loaded: its code would run as that of the user, and a page that is missing e
 https://docs.lammps.org/plugin.html, https://docs.lammps.org/suffix.html
 """
 
+import errno
 import hashlib
 import importlib.util
 import os
@@ -28,7 +29,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from granular_lmp.errors import LammpsMissingError, LaunchError, one_line
+from granular_lmp.errors import LammpsMissingError, LaunchError, RunFolderError, one_line
 from granular_lmp.lammps.contact import LATE
 from granular_lmp.lammps.installation import environment_with, has_package, lammps_module
 from granular_lmp.lammps.outputs import writable
@@ -129,7 +130,11 @@ def build() -> Path:
             folder.mkdir(mode=0o755, parents=True, exist_ok=True)
     command: list[str | Path] = [compiler, *FLAGS, "-isystem", lammps, "-isystem", mpi, SOURCE, "-o", part]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", check=False, env=os.environ | {"LC_ALL": "C"}
+        )
+        if (full := os.strerror(errno.ENOSPC)) in done.stderr:
+            raise RunFolderError(f"{place.parent}, or {tempfile.gettempdir()}: cannot be written: {full}")
         if done.returncode != 0:
             said = [line for line in done.stderr.splitlines() if "error" in line] or [f"exit status {done.returncode}"]
             raise LammpsMissingError(f"{compiler} cannot compile {SOURCE}: {said[0]}")
