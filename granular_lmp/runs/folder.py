@@ -9,6 +9,7 @@ from pathlib import Path
 
 from granular_lmp.errors import RunFolderError, SceneError
 from granular_lmp.lammps.binary_dump import continuation
+from granular_lmp.lammps.installation import advice_to_ranks
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
     CONTACTS,
@@ -82,7 +83,7 @@ def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise RunFolderError(f"{folder}: another run is at work there") from error
+            raise RunFolderError(f"{folder}: another run is at work there{advice_to_ranks()}") from error
         yield lock
     finally:
         os.close(lock)

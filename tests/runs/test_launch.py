@@ -9,6 +9,7 @@ import threading
 import time
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -25,6 +26,7 @@ from granular_lmp.lammps.outputs import DUMP_COLUMNS, LOG, mend_dump, mend_log, 
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.fields import LAUNCHERS
+from granular_lmp.runs.folder import locked
 from granular_lmp.runs.options import Options, core_count
 from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER, members
@@ -385,8 +387,40 @@ def test_a_rank_alone_starts_without_a_network_or_a_tree_of_caches_and_leaves_th
 
     monkeypatch.setenv("UCX_TLS", "tcp")
     assert installation.environment(1)["UCX_TLS"] == "tcp"
-    monkeypatch.setenv("PMI_RANK", "3")  # started by mpiexec, one of several
-    assert installation.environment(1) == {**os.environ}
+
+
+def test_each_rank_of_a_script_under_mpiexec_is_a_run_of_its_own(small: Scene, tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(small.to_toml())
+    (tmp_path / "script.py").write_text(
+        "import os\nfrom granular_lmp import Scene, run\nrank = int(os.environ['PMI_RANK'])\n"
+        "scene = Scene.load('scene.toml').with_values({'wave.amplitude': 0.01 * (1 + rank)})\n"
+        "for launcher in ('module', 'lmp'):\n    run(scene, f'{launcher}{rank}', launcher=launcher)\n"
+    )
+    mpiexec = installation.lmp_command(2)[0]
+    subprocess.run([mpiexec, "-n", "2", sys.executable, "script.py"], cwd=tmp_path, check=True, timeout=120)
+    for rank in (0, 1):
+        alone = run(small.with_values({"wave.amplitude": 0.01 * (1 + rank)}), tmp_path / "alone", force=True)
+        for launcher in LAUNCHERS:
+            assert np.array_equal(Record.load(tmp_path / f"{launcher}{rank}").p, alone.p)
+
+
+def test_ranks_that_take_one_folder_are_told_that_each_is_a_run_of_its_own(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "run").mkdir()
+    monkeypatch.setenv("PMI_SIZE", "3")
+    for attempt in (run, partial(run, force=True)):
+        with locked(tmp_path / "run"), pytest.raises(RunFolderError, match=r"started on 3 ranks.*run has ranks=3"):
+            attempt(small, tmp_path / "run")
+
+
+@pytest.mark.parametrize("name", ["PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_SIZE", "HYDI_CONTROL_FD"])
+def test_a_run_does_not_join_the_ranks_of_a_process_manager(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(name, "3")
+    monkeypatch.setenv("HYDRA_LAUNCHER", "fork")  # a setting of the user
+    for ranks in (1, 2):
+        assert name not in installation.environment(ranks)
+        assert installation.environment(ranks)["HYDRA_LAUNCHER"] == "fork"
 
 
 def test_an_unknown_launcher_is_refused(small: Scene, tmp_path: Path) -> None:
