@@ -24,7 +24,7 @@ from string import Template
 from granular_analysis.cases.declared import Case, names
 from granular_analysis.plotting import start
 
-PROGRAMS = {"granular-lmp": ["-m", "granular_lmp"], "python": []}
+PROGRAMS = {"granular-lmp": ["-P", "-m", "granular_lmp"], "python": []}  # -P: nothing of the folder is imported
 CONTINUED = ("sweep", "cost")  # commands that keep what is finished in a folder; others begin again
 
 
