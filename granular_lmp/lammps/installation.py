@@ -6,6 +6,7 @@ library is loaded first.
 """
 
 import ctypes
+import locale
 import os
 import shutil
 import sys
@@ -145,6 +146,19 @@ def _set(variables: Mapping[str, str | None]) -> None:
             os.environ.pop(name, None)
         else:
             os.environ[name] = value
+
+
+def use_locale(handle: int | None = None) -> int | None:
+    """Give this thread the locale of a handle, by default "C", and return the handle of the one before.
+
+    LAMMPS reads and writes numbers as the locale says, and a program may have set one with a decimal comma.
+    """
+    system = ctypes.CDLL(None)
+    system.newlocale.restype = system.uselocale.restype = ctypes.c_void_p
+    system.newlocale.argtypes = [ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p]
+    system.uselocale.argtypes = [ctypes.c_void_p]
+    before: int | None = system.uselocale(handle or system.newlocale(1 << locale.LC_NUMERIC, b"C", None))
+    return before
 
 
 def lmp_command(ranks: int) -> list[str]:

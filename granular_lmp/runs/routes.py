@@ -21,7 +21,7 @@ from typing import Any
 
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError
 from granular_lmp.frozen import dataclass
-from granular_lmp.lammps.installation import environment, lammps_module, lmp_command
+from granular_lmp.lammps.installation import environment, lammps_module, lmp_command, use_locale
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, LOG
 from granular_lmp.runs.directory import working_in
@@ -110,14 +110,17 @@ def route_of(options: Options) -> Route:
 
 
 def _run_module(module: Any, kernel: Path | None, job: Job) -> None:
-    with _one_at_a_time, ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool, working_in(job.folder, pool):
+    with (
+        _one_at_a_time,
+        ThreadPoolExecutor(1, thread_name_prefix="lammps", initializer=use_locale) as pool,
+        working_in(job.folder, pool),
+    ):
         try:
             with phase("start"):
                 instance = pool.submit(library.start, module, kernel, job.switches, _this_rank()).result()
         except RuntimeError as refused:  # without a communicator the module would end in a segmentation fault
-            raise LammpsMissingError(
-                f"LAMMPS cannot be started beside this mpi4py: {_first_line(refused)}"
-            ) from refused
+            beside = " beside this mpi4py" if _this_rank() else ""
+            raise LammpsMissingError(f"LAMMPS cannot be started{beside}: {_first_line(refused)}") from refused
         work = pool.submit(instance.file, job.input_name)
         try:
             _watch(work, lambda: job.report_step(instance.extract_global("ntimestep")))

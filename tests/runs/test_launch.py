@@ -1,12 +1,15 @@
 """Runs: the routes agree, failures are one exception and leave a folder that says so, nothing is overwritten."""
 
 import json
+import locale
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
@@ -22,6 +25,7 @@ from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, Ru
 from granular_lmp.lammps import installation, outputs
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import DUMP_COLUMNS, LOG, mend_dump, mend_log, read_centre, read_dump, read_log
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch, routes
@@ -67,6 +71,7 @@ def test_an_mpi4py_of_another_mpi_is_one_error(small: Scene, tmp_path: Path, mon
         raise RuntimeError("Inconsistent MPI library in LAMMPS and mpi4py")
 
     monkeypatch.setattr(routes, "lammps_module", lambda: SimpleNamespace(lammps=refuse))
+    monkeypatch.setattr(routes, "_this_rank", lambda: "self")
     with pytest.raises(LammpsMissingError, match="beside this mpi4py: Inconsistent MPI library"):
         run(small, tmp_path / "run")
 
@@ -421,6 +426,27 @@ def test_a_run_does_not_join_the_ranks_of_a_process_manager(name: str, monkeypat
     for ranks in (1, 2):
         assert name not in installation.environment(ranks)
         assert installation.environment(ranks)["HYDRA_LAUNCHER"] == "fork"
+
+
+@pytest.fixture
+def decimal_comma(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A locale with a decimal comma, as Qt and IPython take that of the user over."""
+    (tmp_path / "comma").write_text('LC_NUMERIC\ndecimal_point ","\nthousands_sep ""\ngrouping -1\nEND LC_NUMERIC\n')
+    command = ["localedef", "--force", "--no-archive", "-i", "comma", "-f", "UTF-8", "./made"]
+    if shutil.which("localedef") is None or subprocess.run(command, cwd=tmp_path, capture_output=True).returncode > 1:
+        pytest.skip("no locale can be made here")
+    monkeypatch.setenv("LOCPATH", str(tmp_path))
+    before = locale.setlocale(locale.LC_NUMERIC)
+    locale.setlocale(locale.LC_NUMERIC, "made")
+    assert locale.localeconv()["decimal_point"] == ","
+    yield
+    locale.setlocale(locale.LC_NUMERIC, before)
+
+
+def test_a_locale_with_a_decimal_comma_changes_no_number(small: Scene, tmp_path: Path, decimal_comma: None) -> None:
+    assert np.array_equal(run(small, tmp_path / "run").p, run(small, tmp_path / "program", launcher="lmp").p)
+    library.start(installation.lammps_module(), None, ["-log", "none", "-screen", "none"]).close()  # in this thread
+    assert locale.localeconv()["decimal_point"] == ","  # the program keeps it
 
 
 def test_an_unknown_launcher_is_refused(small: Scene, tmp_path: Path) -> None:

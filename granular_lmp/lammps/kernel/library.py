@@ -30,7 +30,7 @@ from typing import Any
 
 from granular_lmp.errors import LammpsMissingError, LaunchError, one_line
 from granular_lmp.lammps.contact import LATE
-from granular_lmp.lammps.installation import environment_with, has_package, lammps_module
+from granular_lmp.lammps.installation import environment_with, has_package, lammps_module, use_locale
 from granular_lmp.lammps.outputs import writable
 
 STYLE = "granular/kernel"
@@ -224,7 +224,11 @@ def start(module: Any, path: Path | None, switches: Sequence[str], comm: Any = N
         If the kernel is not to be trusted (`refuse_untrusted`), or LAMMPS does not load it.
     """
     with offered(path) as variables, environment_with(variables):
-        instance = module.lammps(cmdargs=[*switches, *(SWITCHES if path else ())], comm=comm)
+        before = use_locale()
+        try:
+            instance = module.lammps(cmdargs=[*switches, *(SWITCHES if path else ())], comm=comm)
+        finally:
+            use_locale(before)
     if path is not None and not instance.has_style("pair", STYLE):  # LAMMPS only warns, and would take its own style
         instance.close()
         raise not_loaded(path)
