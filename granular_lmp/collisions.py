@@ -3,7 +3,6 @@
 Contacts just touch, are parted by a gap, or are pressed together in a chain (`granular_lmp.crystal.touching`).
 """
 
-from functools import cached_property
 from math import hypot, inf, pi, sqrt
 
 import ase
@@ -17,7 +16,7 @@ from granular_lmp.crystal.scale import Scale, collision_time
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.errors import SceneError
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.scene.places import place_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO

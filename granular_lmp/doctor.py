@@ -178,7 +178,7 @@ def frequency_error() -> float:
 
 def _lammps_facts(module: Any, scratch: Path) -> dict[str, Any]:
     """Version, packages and MPI of the library, asked of a short-lived instance."""
-    lmp = module.lammps(cmdargs=["-log", str(scratch / "log"), "-screen", "none"])
+    lmp = library.start(module, None, ["-log", str(scratch / "log"), "-screen", "none"])
     try:
         mpi = "yes" if lmp.has_mpi_support else "no"
         try:

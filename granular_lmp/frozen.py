@@ -7,7 +7,9 @@ cannot inherit from a record.
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import FrozenInstanceError, fields
 from functools import cache
 from operator import attrgetter
@@ -33,8 +35,19 @@ def _record(*, frozen: bool, eq: bool = True, repr: bool = True, init: bool = Tr
 
 if TYPE_CHECKING:  # a checker of types reads the records as those of the standard library
     from dataclasses import dataclass as dataclass
+    from functools import cached_property as cached_property
 else:
     dataclass = _record
+
+    class cached_property(functools.cached_property):  # noqa: N801 (as the one of the standard library)
+        """A property that is computed once, without the lock of Python 3.11, which later ones do not have either.
+
+        It is one lock for all records of a class: a process that forks while a thread holds it waits for ever.
+        """
+
+        def __init__(self, function):
+            super().__init__(function)
+            self.lock = nullcontext()
 
 
 def _set_once(self: Any, name: str, value: Any) -> None:

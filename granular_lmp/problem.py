@@ -4,7 +4,6 @@
 """
 
 from dataclasses import replace
-from functools import cached_property
 from math import hypot, inf, nextafter
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +20,7 @@ from granular_lmp.effects.case import Case
 from granular_lmp.effects.effect import Chosen
 from granular_lmp.effects.selection import EFFECTS, remarks, select, warnings
 from granular_lmp.errors import SceneError
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.scene.absorption import quiet_end_of, remarks_on_ends
 from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, echo_at, swiftness
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts, usual_frequency

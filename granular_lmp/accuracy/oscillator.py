@@ -18,7 +18,6 @@ by T cos ψ, ψ = ϑ − Ωτ, the last term is
 beside a second order of ¼ k'NT cos 2ψ: the shear's part of the drive errs by Ωh/2, in quadrature.
 """
 
-from functools import cached_property
 from math import asin, cos, sin
 from typing import Any
 
@@ -26,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.modes import bloch_mode, contact_stretches
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 

@@ -27,12 +27,11 @@ https://docs.lammps.org/pair_granular.html
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
-from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 
 Numbers = Any  # a number, or an array with one for each contact
 

@@ -19,7 +19,6 @@ Everything in `Contacts` is in SI units; the crystal's own lengths are in radii 
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
-from functools import cached_property
 
 import ase
 import numpy as np
@@ -29,7 +28,7 @@ from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
 from granular_lmp.crystal.blocks import blocks
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 
 __all__ = ["Contacts", "find_contacts"]
 

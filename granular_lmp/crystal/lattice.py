@@ -20,7 +20,6 @@ The last two of fcc and the last of hcp are those of films on a substrate.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
 from itertools import product
 from math import pi, sqrt
 
@@ -29,7 +28,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.crystal.wavevector import EDGES, ROW_SPACING, WaveVector, zone_edge
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

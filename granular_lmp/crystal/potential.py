@@ -27,7 +27,7 @@ Units here: length Δ0, force k1 Δ0 and energy k1 Δ0², each of the contact be
 
 from collections.abc import Sequence
 from dataclasses import field
-from functools import cached_property, reduce
+from functools import reduce
 from typing import Any
 
 import ase
@@ -40,7 +40,7 @@ from granular_lmp.crystal.search import lattice_vectors, overlapping
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import Face, on_wall
 from granular_lmp.errors import CrystalError
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

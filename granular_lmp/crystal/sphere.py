@@ -13,11 +13,10 @@ in SI units.
 """
 
 from dataclasses import replace
-from functools import cached_property
 from math import log, pi, sqrt
 
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 
 __all__ = ["Sphere"]
 

@@ -13,7 +13,6 @@ A wall is at rest. A half-space that moves with the spheres radiates: a vertical
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
 from math import inf
 
 import ase
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw, chosen
 from granular_lmp.crystal.contacts import Contacts, Floats, Integers, mixed, times_factors
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 
 BELOW, BOTH = "below", "both"
 _OUTERMOST = 1e-6  # radii: spheres of a layer are at one height to rounding

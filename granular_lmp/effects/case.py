@@ -5,7 +5,6 @@ It gives the numbers by which rules decide: stretches and slips of contacts, str
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
-from functools import cached_property
 from math import exp, hypot, inf
 from typing import NamedTuple
 
@@ -16,7 +15,7 @@ from granular_lmp.crystal.blocks import blocks
 from granular_lmp.crystal.contacts import FACTORS, Contacts, Floats
 from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, highest_frequency, row_stretches
 from granular_lmp.errors import SceneError
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.scene.at_rest import contacts_of, crystal_of, law_at_rest, swiftness
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts, wave_contacts
 from granular_lmp.scene.scene import Scene

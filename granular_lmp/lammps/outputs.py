@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.frozen import dataclass
+from granular_lmp.lammps.installation import advice_to_ranks
 from granular_lmp.scene.schema import cut
 
 SCENE = "scene.toml"
@@ -60,7 +61,8 @@ def writable(folder: Path) -> Iterator[None]:
     try:
         yield
     except FileExistsError as error:
-        raise RunFolderError(f"{folder}: is there already; choose another folder or say force=True") from error
+        advice = f"choose another folder or say force=True{advice_to_ranks()}"
+        raise RunFolderError(f"{folder}: is there already; {advice}") from error
     except OSError as error:
         raise RunFolderError(f"{folder}: cannot be written: {one_line(error)}") from error
 

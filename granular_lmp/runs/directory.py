@@ -17,6 +17,7 @@ from pathlib import Path
 
 _CLONE_FS = 0x200  # linux/sched.h: share the working directory with other threads
 _changing = threading.Lock()  # held while the directory of the process changes, or is looked at
+os.register_at_fork(before=_changing.acquire, after_in_parent=_changing.release, after_in_child=_changing.release)
 _usual: Path | None = None  # directory of the process before it changed to that of a run
 
 

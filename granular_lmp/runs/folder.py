@@ -1,14 +1,17 @@
 """The folder of a run or of a study: its name, its lock, and the removal of an earlier run's files."""
 
 import fcntl
+import logging
 import os
 import re
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from granular_lmp.errors import RunFolderError, SceneError
+from granular_lmp.errors import RunFolderError, SceneError, one_line
 from granular_lmp.lammps.binary_dump import continuation
+from granular_lmp.lammps.installation import advice_to_ranks
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
     CONTACTS,
@@ -48,6 +51,9 @@ _DECK = ("in.{}", "data.{}", "in.{}.kernel", "in.{}.resume")
 # These files are written while the run lasts, or by what reads it
 _PASSING = {STATUS, CONTACTS, UNWAVED_CONTACTS, "compare.png", *CHECKPOINTS}
 _STUDIES = {SWEEP: "a sweep", COST: "a cost study", SCATTER: "a study of scattering"}
+_EXCLUSIVE = fcntl.LOCK_EX | fcntl.LOCK_NB
+_held: set[int] = set()  # descriptors of the locks of this process
+_without_locks: set[int] = set()  # devices of such file systems
 _BELOW = 300  # bytes of runs/HASH/N_per_sample/in.NAME.resume with the longest name of a scene
 
 
@@ -56,7 +62,8 @@ def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator
     """Lock the folder for one run or sweep and yield the descriptor of the lock.
 
     The lock is on the folder itself, and a LAMMPS that inherits the descriptor keeps it if this process is killed. The
-    package filelock locks a file of its own, and hands no descriptor on.
+    package filelock locks a file of its own, and hands no descriptor on. Where the file system of the folder has no
+    locks, a file of this machine stands in, which keeps out no run of another machine; a warning says so.
 
     Parameters
     ----------
@@ -69,8 +76,8 @@ def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator
     Raises
     ------
     RunFolderError
-        If the folder is locked already; with `make` also if its name is too long, it cannot be created, or it exists
-        (without `force`).
+        If the folder is locked already, or cannot be; with `make` also if its name is too long, it cannot be created,
+        or it exists (without `force`).
     """
     if make:
         refuse_long(folder)
@@ -78,14 +85,52 @@ def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator
         if make:
             folder.mkdir(parents=True, exist_ok=force)
         lock = os.open(folder, os.O_RDONLY)
+    _held.add(lock)
     try:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _lock(lock, folder)
         except BlockingIOError as error:
-            raise RunFolderError(f"{folder}: another run is at work there") from error
+            raise RunFolderError(f"{folder}: another run is at work there{advice_to_ranks()}") from error
+        except OSError as error:
+            if make:
+                with suppress(OSError):  # it holds files
+                    folder.rmdir()
+            place = f"neither there nor in {tempfile.gettempdir()}; name a folder of a local disk in TMPDIR"
+            raise RunFolderError(f"{folder}: cannot be locked: {one_line(error)}, {place}") from error
         yield lock
     finally:
+        _held.discard(lock)
         os.close(lock)
+
+
+def _let_go() -> None:
+    """Give up the locks of the parent in a process that was forked, which would keep them until it ends."""
+    for descriptor in _held:
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        os.dup2(nothing, descriptor, inheritable=False)
+        os.close(nothing)
+
+
+os.register_at_fork(after_in_child=_let_go)
+
+
+def _lock(descriptor: int, folder: Path) -> None:
+    """Lock an open folder, or a file of this machine, which takes the descriptor over; raises BlockingIOError."""
+    try:
+        fcntl.flock(descriptor, _EXCLUSIVE)
+    except BlockingIOError:
+        raise
+    except OSError as missing:  # such as ENOLCK of NFS, EOPNOTSUPP of Lustre
+        about = os.fstat(descriptor)
+        name = f"granular-lmp-{os.getuid()}-{about.st_dev}-{about.st_ino}.lock"
+        file = os.open(Path(tempfile.gettempdir(), name), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+        os.dup2(file, descriptor, inheritable=False)
+        os.close(file)
+        fcntl.flock(descriptor, _EXCLUSIVE)
+        if about.st_dev not in _without_locks:  # once for all runs of a sweep
+            _without_locks.add(about.st_dev)
+            risk = "two machines that run in one folder at a time would mix their files"
+            logging.getLogger(__name__).warning("%s: has no locks (%s): %s", folder, one_line(missing), risk)
 
 
 def is_held(folder: Path) -> bool:

@@ -19,7 +19,6 @@ as a ``dump local``.
 """
 
 from dataclasses import fields
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -29,7 +28,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.effects.on_walls import FACES
 from granular_lmp.errors import RunFolderError
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.monitors import contact_columns, wall_columns
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshots

@@ -9,7 +9,6 @@ course of the run. Post-processing scripts may import only this module, `granula
 
 from collections.abc import Mapping
 from dataclasses import field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -20,7 +19,7 @@ from granular_lmp.card import PAINTERS, HasCard
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import RunFolderError
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.outputs import DUMP, FOR_VIEWERS, SNAPSHOTS, read_centre, read_dump, writable
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs import energy, tables

@@ -21,7 +21,7 @@ from typing import Any
 
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError
 from granular_lmp.frozen import dataclass
-from granular_lmp.lammps.installation import environment, lammps_module, lmp_command
+from granular_lmp.lammps.installation import environment, lammps_module, lmp_command, use_locale
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, LOG
 from granular_lmp.runs.directory import working_in
@@ -34,6 +34,15 @@ _GRACE = 0.5  # s between the request to stop and the kill of a program
 _TAIL = 4096  # bytes of a log, which hold many lines of its table
 _NUMBERS = re.compile(rb" *\d+( +(-|[-+]?(\d[\d.e+-]*|nan|inf)))* *")  # the step and what a guard or a clock says
 _one_at_a_time = threading.Lock()  # for LAMMPS in this process
+
+
+def _renew() -> None:
+    """Let a forked process run LAMMPS: no thread of it holds what one of its parent held."""
+    global _one_at_a_time
+    _one_at_a_time = threading.Lock()
+
+
+os.register_at_fork(after_in_child=_renew)
 
 
 @dataclass(frozen=True)
@@ -110,14 +119,17 @@ def route_of(options: Options) -> Route:
 
 
 def _run_module(module: Any, kernel: Path | None, job: Job) -> None:
-    with _one_at_a_time, ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool, working_in(job.folder, pool):
+    with (
+        _one_at_a_time,
+        ThreadPoolExecutor(1, thread_name_prefix="lammps", initializer=use_locale) as pool,
+        working_in(job.folder, pool),
+    ):
         try:
             with phase("start"):
                 instance = pool.submit(library.start, module, kernel, job.switches, _this_rank()).result()
         except RuntimeError as refused:  # without a communicator the module would end in a segmentation fault
-            raise LammpsMissingError(
-                f"LAMMPS cannot be started beside this mpi4py: {_first_line(refused)}"
-            ) from refused
+            beside = " beside this mpi4py" if _this_rank() else ""
+            raise LammpsMissingError(f"LAMMPS cannot be started{beside}: {_first_line(refused)}") from refused
         work = pool.submit(instance.file, job.input_name)
         try:
             _watch(work, lambda: job.report_step(instance.extract_global("ntimestep")))

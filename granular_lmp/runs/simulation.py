@@ -5,14 +5,13 @@ In which order that is done says `granular_lmp.runs.loop`.
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from granular_lmp.errors import LammpsError, RunFolderError
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.binary_dump import mend_binary
 from granular_lmp.lammps.checkpoints import checkpoint_steps
 from granular_lmp.lammps.deck import Deck, resume_text

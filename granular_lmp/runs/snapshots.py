@@ -7,7 +7,6 @@ types and ``v_theta``. Here a snapshot is read when it is used, and is dimension
 """
 
 from collections.abc import Sequence
-from functools import cached_property
 from math import ceil
 from pathlib import Path
 from typing import Any, Self
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from granular_lmp.card import HasCard
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.outputs import (
     FOR_VIEWERS,
     PER_SAMPLE,

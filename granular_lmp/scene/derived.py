@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
@@ -14,6 +14,7 @@ from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import cached_property
 from granular_lmp.scene import remarks, words
 from granular_lmp.scene.bodies import Contact, Substrate
 from granular_lmp.scene.document import Document

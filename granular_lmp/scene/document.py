@@ -3,12 +3,11 @@
 from collections.abc import Collection, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import field
-from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from granular_lmp.errors import SceneError
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.scene.files import file_text, toml_tables
 from granular_lmp.scene.records import DeclaredKey, declared_keys, plain, record, said, toml_lines
 from granular_lmp.scene.schema import (

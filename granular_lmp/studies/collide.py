@@ -4,7 +4,6 @@ import json
 import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
 from math import inf
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.accuracy.tolerance import run as run_scene
 from granular_lmp.errors import SceneError
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.outputs import csv_text, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.record import Record

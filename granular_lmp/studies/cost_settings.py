@@ -6,14 +6,13 @@ several whose records are extrapolated. All other values are those of the scene,
 
 import hashlib
 from collections.abc import Callable, Mapping
-from functools import cached_property
 from typing import Any
 
 from granular_lmp.accuracy.ladder import build, finest_step, sphere_steps, with_step
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.effects.selection import warnings, with_all
 from granular_lmp.errors import GranularError, LaunchError, SceneError
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.problem import prepare
 from granular_lmp.runs.options import core_count
 from granular_lmp.scene.linear import starts_along_y

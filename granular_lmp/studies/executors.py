@@ -5,11 +5,13 @@ each process (hence the ``__main__`` guard), and passes the terminal's Ctrl-C to
 fails only its own call and is replaced, only the package is imported, and the caller handles Ctrl-C.
 """
 
+import logging
 import os
 import pickle
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -17,15 +19,36 @@ from contextlib import contextmanager
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Any
+from typing import IO, Any
 
 from granular_lmp.errors import LaunchError, RunInterrupted, WorkerError
+from granular_lmp.frozen import dataclass
 
 __all__ = ["Workers"]
 
 _STOP = b""  # message that asks for a stop instead of a call
 _served: Connection | None = None  # connection of a worker to the caller
 _terminated = False  # SIGTERM came during a call
+_LAST_WORDS = 300  # characters of what a process wrote, in the message of its end
+
+
+@dataclass(frozen=True)
+class _Process:
+    """A worker, and the file of what it writes to its standard streams."""
+
+    running: subprocess.Popen[bytes]
+    words: IO[bytes]
+
+    def ended(self) -> str:
+        """Wait for its end, log what it wrote, and return how it ended, with the last line of that."""
+        status = self.running.wait()
+        with self.words as stream:
+            stream.seek(0)
+            written = stream.read().decode(errors="replace").strip()
+        if written:
+            logging.getLogger(__name__).warning("%s", written)
+        end = f"signal {-status}" if status < 0 else f"exit status {status}"
+        return f"{end}; it wrote: {written.splitlines()[-1][:_LAST_WORDS]}" if written else end
 
 
 class Workers(Executor):
@@ -46,7 +69,7 @@ class Workers(Executor):
         self._count = count
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="worker")  # one thread waits for one process
         self._mine = threading.local()
-        self._processes: dict[Connection, subprocess.Popen[bytes]] = {}
+        self._processes: dict[Connection, _Process] = {}
         self._starting = self._stopping = False
 
     def start(self, ready: Callable[[], Any], calls: int) -> "list[Future[Any]]":
@@ -67,7 +90,7 @@ class Workers(Executor):
             for line in self._processes:
                 line.close()
             for process in self._processes.values():
-                process.wait()
+                process.ended()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -77,7 +100,7 @@ class Workers(Executor):
             self._threads.shutdown(wait=False, cancel_futures=True)
             for line, process in list(self._processes.items()):
                 if self._starting:  # there is nothing to finish, and a process that imports hears nothing
-                    process.kill()
+                    process.running.kill()
                 else:
                     _send(line, _STOP)
         return super().__exit__(kind, error, trace)
@@ -95,7 +118,7 @@ class Workers(Executor):
         except (EOFError, OSError) as lost:
             del self._mine.line
             line.close()
-            raise WorkerError(f"the process of the run ended by {_end(self._processes.pop(line).wait())}") from lost
+            raise WorkerError(f"the process of the run ended by {self._processes.pop(line).ended()}") from lost
         if error is not None:
             raise error
         return result
@@ -164,19 +187,23 @@ def _end_after_call(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _start() -> "tuple[Connection, subprocess.Popen[bytes]]":
+def _start() -> tuple[Connection, _Process]:
     ours, theirs = Pipe()
     package = str(Path(__file__).parents[2])  # for a package that runs from a checkout without installation
     path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH")]))
+    words = tempfile.TemporaryFile()  # noqa: SIM115 (as long as the process)
     process = subprocess.Popen(
-        [sys.executable, "-c", f"from {__name__} import serve; serve({theirs.fileno()})"],
+        # -P: a module of the user's folder, such as signal.py, takes the place of no other
+        [sys.executable, "-P", "-c", f"from {__name__} import serve; serve({theirs.fileno()})"],
         stdin=subprocess.DEVNULL,
+        stdout=words,
+        stderr=words,
         env={"OPENBLAS_NUM_THREADS": "1"} | os.environ | {"PYTHONPATH": path},  # one core each
         pass_fds=[theirs.fileno()],
         start_new_session=True,  # this process passes Ctrl-C of the terminal on
     )
     theirs.close()
-    return ours, process
+    return ours, _Process(process, words)
 
 
 def _send(line: Connection, message: bytes) -> bool:
@@ -185,10 +212,6 @@ def _send(line: Connection, message: bytes) -> bool:
     except OSError:  # the other process has ended
         return False
     return True
-
-
-def _end(status: int) -> str:
-    return f"signal {-status}" if status < 0 else f"exit status {status}"
 
 
 def serve(descriptor: int) -> None:

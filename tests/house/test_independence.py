@@ -18,7 +18,7 @@ COMMANDS = {  # how both programs begin and end and read --set, which is no phys
     "granular_lmp.cli.arguments.changes_of",
 }
 READERS = {"granular_lmp.runs.record", "granular_lmp.scene.spreadsheets"}  # of records and of tables
-FROM_PACKAGE = {*READERS, "granular_lmp.crystal.sphere", *COMMANDS}
+FROM_PACKAGE = {*READERS, *COMMANDS, "granular_lmp.crystal.sphere", "granular_lmp.compiled"}
 
 
 @cache
@@ -141,13 +141,14 @@ MAY_IMPORT: dict[str, set[str]] = {
     "card": set(),
     "units": {"frozen"},
     "progress": set(),
+    "compiled": {"errors"},
     "crystal": {"errors", "frozen"},
     "scene": {"errors", "frozen", "card", "units", "crystal"},
     "step_rules": {"errors", "frozen", "scene"},
     "effects": {"errors", "frozen", "units", "crystal", "scene", "step_rules"},
     "collisions": {"errors", "frozen", "crystal", "scene", "step_rules"},
     "problem": {"errors", "frozen", "units", "crystal", "scene", "effects", "step_rules", "collisions"},
-    "lammps": {"errors", "frozen", "card", "units", "crystal", "scene", "effects", "step_rules", "problem"},
+    "lammps": {"errors", "frozen", "compiled", "card", "units", "crystal", "scene", "effects", "step_rules", "problem"},
     "runs": {"errors", "frozen", "card", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps"},
     "accuracy": {"errors", "frozen", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps", "runs"},
     "studies": {"errors", "frozen", "card", "units", "crystal", "scene", "effects", "problem", "lammps"}

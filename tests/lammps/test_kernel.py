@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from cases.pull_off import jkr
-from granular_lmp import Scene, build, run
+from granular_lmp import Scene, build, compiled, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.cli import main
 from granular_lmp.crystal.search import overlapping
@@ -333,7 +333,7 @@ def test_the_program_takes_it_on_several_ranks(name: str, options: dict[str, Any
 
 
 def test_a_program_that_does_not_load_it_fails_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "kernel.so").write_bytes(library.sealed(b"no library"))
+    (tmp_path / "kernel.so").write_bytes(compiled.sealed(b"no library"))
     monkeypatch.setattr(library, "built", lambda: tmp_path / "kernel.so")
     with pytest.raises(LammpsMissingError, match="does not load the kernel"):
         run(short("tr_periodic"), tmp_path / "run", kernel=True, launcher="lmp")
@@ -437,7 +437,7 @@ def give_away(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if os.geteuid() == 0:
         os.chown(place, 12345, -1)
     else:
-        monkeypatch.setattr(library.os, "geteuid", lambda: 12345)
+        monkeypatch.setattr(compiled.os, "geteuid", lambda: 12345)
 
 
 def linked(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -447,12 +447,15 @@ def linked(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda place, _: place.write_bytes(place.read_bytes()[:5000]), "kernel.so: is cut off or damaged; build it"),
-        (lambda place, _: place.write_bytes(b""), "kernel.so: is cut off or damaged; build it"),
+        (
+            lambda place, _: place.write_bytes(place.read_bytes()[:5000]),
+            "kernel.so: is cut off or damaged; delete it, and",
+        ),
+        (lambda place, _: place.write_bytes(b""), "kernel.so: is cut off or damaged; delete it, and"),
         (lambda place, _: place.write_bytes(place.read_bytes().replace(b"dmt", b"tmd")), "is cut off or damaged"),
-        (lambda place, _: place.chmod(0o757), r"kernel.so: may be written by all users: must not \(chmod o-w\)"),
-        (lambda place, _: place.parent.chmod(0o777), r"lammps-[^/]*: may be written by all users"),
-        (lambda place, _: place.parents[1].chmod(0o777), r"granular-lmp: may be written by all users"),
+        (lambda place, _: place.chmod(0o757), r"kernel.so: may be written by others: must not \(chmod go-w\)"),
+        (lambda place, _: place.parent.chmod(0o777), r"lammps-[^/]*: may be written by others"),
+        (lambda place, _: place.parents[1].chmod(0o777), r"granular-lmp: may be written by others"),
         (give_away, "kernel.so: belongs to user .*: must be of user .* or of root"),
         (lambda place, patch: give_away(place.parent, patch), "belongs to user .*: must be of user .* or of root"),
         (linked, "kernel.so: must be a file, and no link"),
@@ -507,7 +510,7 @@ def test_a_kernel_that_is_built_is_for_its_user_alone_to_write() -> None:
 
 
 def test_a_library_that_does_not_load_is_an_error(tmp_path: Path) -> None:
-    (tmp_path / "kernel.so").write_bytes(library.sealed(b"no library"))
+    (tmp_path / "kernel.so").write_bytes(compiled.sealed(b"no library"))
     # In a process of its own, as LAMMPS keeps a library that was loaded
     code = """
 import sys

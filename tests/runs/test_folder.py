@@ -1,7 +1,10 @@
 """Run folders: what they may be called, who holds them, and that nothing of an earlier run is left behind."""
 
 import errno
+import fcntl
 import os
+import stat
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +15,7 @@ from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
 from granular_lmp.lammps.outputs import COST, SWEEP
+from granular_lmp.runs import folder as folder_module
 from granular_lmp.runs.folder import clear, is_held, locked
 from granular_lmp.runs.record import Record, read_status, write_status
 from granular_lmp.runs.seal import files_of
@@ -165,6 +169,35 @@ def test_a_run_that_was_killed_is_told_from_one_that_is_at_work(small: Scene, tm
     assert read_status(tmp_path / "run")["status"] == "interrupted"
     with pytest.raises(RunFolderError, match="status 'interrupted': killed: run.json says that it runs"):
         Record.load(tmp_path / "run")
+
+
+@pytest.mark.parametrize("missing", [errno.ENOLCK, errno.EOPNOTSUPP])
+def test_a_file_system_without_locks_keeps_runs_of_this_machine_apart(
+    missing: int, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    real, folder = fcntl.flock, tmp_path / "run"
+
+    def without_folders(descriptor: int, operation: int) -> None:
+        if stat.S_ISDIR(os.fstat(descriptor).st_mode):
+            raise OSError(missing, os.strerror(missing))
+        real(descriptor, operation)
+
+    monkeypatch.setattr(fcntl, "flock", without_folders)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(folder_module, "_without_locks", set())
+    run(small, folder)
+    risk = "two machines that run in one folder at a time would mix their files"
+    assert [record.message for record in caplog.records] == [f"{folder}: has no locks ({os.strerror(missing)}): {risk}"]
+    with locked(folder) as descriptor:
+        assert not os.get_inheritable(descriptor)
+        with pytest.raises(RunFolderError, match="another run is at work there"), locked(folder):
+            pass
+    assert not is_held(folder)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+    with pytest.raises(
+        RunFolderError, match=f"^{folder}: cannot be locked: .*; name a folder of a local disk in TMPDIR$"
+    ):
+        run(small, folder, force=True)
 
 
 def test_an_interrupted_run_names_the_command_that_continues_it(small: Scene, tmp_path: Path) -> None:

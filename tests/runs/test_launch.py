@@ -1,14 +1,19 @@
 """Runs: the routes agree, failures are one exception and leave a folder that says so, nothing is overwritten."""
 
 import json
+import locale
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,10 +26,12 @@ from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, Ru
 from granular_lmp.lammps import installation, outputs
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import DUMP_COLUMNS, LOG, mend_dump, mend_log, read_centre, read_dump, read_log
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.fields import LAUNCHERS
+from granular_lmp.runs.folder import is_held, locked
 from granular_lmp.runs.options import Options, core_count
 from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER, members
@@ -65,6 +72,7 @@ def test_an_mpi4py_of_another_mpi_is_one_error(small: Scene, tmp_path: Path, mon
         raise RuntimeError("Inconsistent MPI library in LAMMPS and mpi4py")
 
     monkeypatch.setattr(routes, "lammps_module", lambda: SimpleNamespace(lammps=refuse))
+    monkeypatch.setattr(routes, "_this_rank", lambda: "self")
     with pytest.raises(LammpsMissingError, match="beside this mpi4py: Inconsistent MPI library"):
         run(small, tmp_path / "run")
 
@@ -394,8 +402,74 @@ def test_a_rank_alone_starts_without_a_network_or_a_tree_of_caches_and_leaves_th
 
     monkeypatch.setenv("UCX_TLS", "tcp")
     assert installation.environment(1)["UCX_TLS"] == "tcp"
-    monkeypatch.setenv("PMI_RANK", "3")  # started by mpiexec, one of several
-    assert installation.environment(1) == {**os.environ}
+
+
+def test_each_rank_of_a_script_under_mpiexec_is_a_run_of_its_own(small: Scene, tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(small.to_toml())
+    (tmp_path / "script.py").write_text(
+        "import os\nfrom granular_lmp import Scene, run\nrank = int(os.environ['PMI_RANK'])\n"
+        "scene = Scene.load('scene.toml').with_values({'wave.amplitude': 0.01 * (1 + rank)})\n"
+        "for launcher in ('module', 'lmp'):\n    run(scene, f'{launcher}{rank}', launcher=launcher)\n"
+    )
+    mpiexec = installation.lmp_command(2)[0]
+    subprocess.run([mpiexec, "-n", "2", sys.executable, "script.py"], cwd=tmp_path, check=True, timeout=120)
+    for rank in (0, 1):
+        alone = run(small.with_values({"wave.amplitude": 0.01 * (1 + rank)}), tmp_path / "alone", force=True)
+        for launcher in LAUNCHERS:
+            assert np.array_equal(Record.load(tmp_path / f"{launcher}{rank}").p, alone.p)
+
+
+def test_ranks_that_take_one_folder_are_told_that_each_is_a_run_of_its_own(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "run").mkdir()
+    monkeypatch.setenv("PMI_SIZE", "3")
+    for attempt in (run, partial(run, force=True)):
+        with locked(tmp_path / "run"), pytest.raises(RunFolderError, match=r"started on 3 ranks.*run has ranks=3"):
+            attempt(small, tmp_path / "run")
+
+
+@pytest.mark.parametrize("name", ["PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_SIZE", "HYDI_CONTROL_FD"])
+def test_a_run_does_not_join_the_ranks_of_a_process_manager(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(name, "3")
+    monkeypatch.setenv("HYDRA_LAUNCHER", "fork")  # a setting of the user
+    for ranks in (1, 2):
+        assert name not in installation.environment(ranks)
+        assert installation.environment(ranks)["HYDRA_LAUNCHER"] == "fork"
+
+
+@pytest.fixture
+def decimal_comma(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A locale with a decimal comma, as Qt and IPython take that of the user over."""
+    (tmp_path / "comma").write_text('LC_NUMERIC\ndecimal_point ","\nthousands_sep ""\ngrouping -1\nEND LC_NUMERIC\n')
+    command = ["localedef", "--force", "--no-archive", "-i", "comma", "-f", "UTF-8", "./made"]
+    if shutil.which("localedef") is None or subprocess.run(command, cwd=tmp_path, capture_output=True).returncode > 1:
+        pytest.skip("no locale can be made here")
+    monkeypatch.setenv("LOCPATH", str(tmp_path))
+    before = locale.setlocale(locale.LC_NUMERIC)
+    locale.setlocale(locale.LC_NUMERIC, "made")
+    assert locale.localeconv()["decimal_point"] == ","
+    yield
+    locale.setlocale(locale.LC_NUMERIC, before)
+
+
+def test_a_locale_with_a_decimal_comma_changes_no_number(small: Scene, tmp_path: Path, decimal_comma: None) -> None:
+    assert np.array_equal(run(small, tmp_path / "run").p, run(small, tmp_path / "program", launcher="lmp").p)
+    library.start(installation.lammps_module(), None, ["-log", "none", "-screen", "none"]).close()  # in this thread
+    assert locale.localeconv()["decimal_point"] == ","  # the program keeps it
+
+
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")  # from Python 3.12 on
+def test_a_process_that_is_forked_while_lammps_runs_has_runs_of_its_own_and_no_locks_of_its_parent(
+    small: Scene, tmp_path: Path
+) -> None:
+    alone = run(small, tmp_path / "alone").p
+    # As a run of this process holds them
+    with routes._one_at_a_time, locked(tmp_path / "parent", make=True):
+        pool = get_context("fork").Pool(1)
+    with pool:
+        assert np.array_equal(pool.apply_async(run, (small, tmp_path / "child")).get(60).p, alone)
+        assert not is_held(tmp_path / "parent")  # while the forked process lives
 
 
 def test_an_unknown_launcher_is_refused(small: Scene, tmp_path: Path) -> None:

@@ -60,6 +60,25 @@ def test_a_process_that_dies_fails_its_own_call_and_is_replaced(call: tuple, end
         assert workers.submit(abs, -1).result() == 1
 
 
+def test_a_process_that_dies_is_quoted(caplog: pytest.LogCaptureFixture) -> None:
+    with Workers(1) as workers:
+        with pytest.raises(WorkerError, match="ended by exit status 1; it wrote: the last of two lines$"):
+            workers.submit(exec, "import os; os.write(2, b'a line\\nthe last of two lines'); os._exit(1)").result()
+        workers.submit(print, "a worker that lives").result()
+    assert "a line\nthe last of two lines" in caplog.text
+    assert "a worker that lives" in caplog.text
+
+
+def test_a_process_imports_nothing_of_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ("lammps", "signal", "random", "types", "queue", "numbers", "ase", "numpy")
+    for name in names:
+        (tmp_path / f"{name}.py").write_text("raise SystemExit(7)")
+    monkeypatch.chdir(tmp_path)
+    with Workers(1) as workers:
+        for name in names:
+            assert not workers.submit(eval, f"__import__('{name}').__file__").result().startswith(str(tmp_path))
+
+
 def test_leaving_by_an_exception_drops_what_waits() -> None:
     with suppress(KeyboardInterrupt), Workers(1) as workers:
         workers.submit(abs, 1).result()  # the process is there

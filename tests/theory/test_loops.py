@@ -3,6 +3,9 @@
 import logging
 import os
 import shutil
+import subprocess
+import sys
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
@@ -33,6 +36,7 @@ from granular_analysis.theory.network_loop import contact_loop
 from granular_analysis.theory.network_motion import _Rates, integrate
 from granular_analysis.theory.network_state import BLOCK, State, contacts, present, resultants, start
 from granular_analysis.theory.wave import Wave
+from granular_lmp.compiled import seal, trouble
 from tests.theory import energy as energy_of_waves
 
 compiled = pytest.mark.skipif(loops.library() is None, reason="no C compiler")
@@ -229,21 +233,75 @@ def unoptimised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[bo
         return place, [*pool.map(found, range(2))]
 
 
-@compiled
-def test_a_library_that_others_may_write_is_not_loaded(
-    unoptimised: tuple[Path, list[bool]],
-    elsewhere: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+@pytest.fixture
+def another(
+    unoptimised: tuple[Path, list[bool]], elsewhere: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[], str]:
+    """Ask for loops that were compiled before in another cache: what a process of its own finds, and how it ends."""
     monkeypatch.setattr(loops, "FLAGS", UNOPTIMISED)
     shutil.copytree(unoptimised[0], elsewhere, dirs_exist_ok=True)
-    assert loops.library() is not None
+    code = (
+        "import sys; from granular_analysis.theory import loops\n"
+        "loops.FLAGS = tuple(sys.argv[1:]); print(loops.library() is not None)"
+    )
+    return lambda: subprocess.run([sys.executable, "-c", code, *UNOPTIMISED], capture_output=True, text=True).stdout
+
+
+def overwritten(place: Path) -> None:
+    """Write other bytes into the middle of a library."""
+    content = place.read_bytes()
+    half = len(content) // 2
+    place.write_bytes(content[:1024] + bytes([6]) * half + content[1024 + half :])
+
+
+@compiled
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda place: place.write_bytes(place.read_bytes()[:5000]),
+        overwritten,
+        lambda place: place.write_bytes(b""),
+        lambda place: place.chmod(0o777),
+    ],
+    ids=["cut off", "other bytes", "empty", "others may write it"],
+)
+def test_a_library_that_is_damaged_is_compiled_again(
+    change: Callable[[Path], object], another: Callable[[], str], elsewhere: Path
+) -> None:
     (built,) = elsewhere.rglob("*.so")
-    built.chmod(0o777)
+    whole = built.read_bytes()
+    change(built)
+    assert another() == "True\n"
+    assert built.read_bytes() == whole
+    assert not trouble(built)
+
+
+@compiled
+@pytest.mark.usefixtures("another")
+@pytest.mark.parametrize("up", [0, 1])
+def test_a_folder_that_others_may_write_is_not_taken(
+    up: int, elsewhere: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (built,) = elsewhere.rglob("*.so")
+    built.parents[up].chmod(0o777)
     with caplog.at_level(logging.INFO):
         assert loops.library() is None
-    assert "may be written by others" in caplog.text
+    assert f"{built.parents[up]}: may be written by others" in caplog.text
+
+
+@compiled
+@pytest.mark.usefixtures("another")
+def test_a_library_without_the_functions_is_not_taken(
+    elsewhere: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (built,) = elsewhere.rglob("*.so")
+    (tmp_path / "nothing.c").write_text("int nothing;")
+    built.unlink()  # not over a file that this process may have loaded
+    subprocess.run(["cc", "-shared", "-fPIC", tmp_path / "nothing.c", "-o", built], check=True)
+    seal(built)
+    with caplog.at_level(logging.INFO):
+        assert loops.library() is None
+    assert "undefined symbol" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -356,8 +414,8 @@ def test_a_process_that_forks_after_threads_has_threads_too() -> None:
 def test_threads_that_compile_at_once_all_have_the_loops(unoptimised: tuple[Path, list[bool]]) -> None:
     place, found = unoptimised
     assert found == [True, True]
-    (folder,) = place.iterdir()
-    assert [each.suffix for each in folder.iterdir()] == [".so"]  # nothing is left beside it
+    (folder,) = (place / "granular-analysis").iterdir()
+    assert [each.name for each in folder.iterdir()] == ["loops.so"]  # nothing is left beside it
 
 
 CONTACTS = [

@@ -36,7 +36,7 @@ def begun(scene: Scene, folder: str | Path) -> Record:
     short = {"time.duration": sample, "output.particles": sample, "output.checkpoint": "auto"}
     declared, run = Path(folder, "scene.toml"), Path(folder, "run")
     declared.write_text(scene.with_values(short | {"packing.rows": scene.shape.rows}).to_toml(), encoding="utf-8")
-    command = [sys.executable, "-m", "granular_lmp", "run", str(declared), "-o", str(run)]
+    command = [sys.executable, "-P", "-m", "granular_lmp", "run", str(declared), "-o", str(run)]
     said = subprocess.run(command, capture_output=True, text=True)
     if said.returncode:
         raise ValueError(said.stderr.strip().rpartition("\n")[2])

@@ -1,8 +1,9 @@
 """Sums over large arrays and contacts: NumPy, or one pass in C where the machine has a compiler.
 
 ``loops.c`` is compiled by ``CC``, else ``cc``, when it is first asked for, into a folder of the user's cache, under a
-name that its source, its flags and the machine give. Without a compiler, or in a folder that others may write to, all
-is NumPy, which is the reference: both give the same numbers, to the rounding of sums in another order.
+name that its source, its flags and the machine give; a file that is damaged is compiled again. Without a compiler, or
+in a folder that others may write to, all is NumPy, which is the reference: both give the same numbers, to the rounding
+of sums in another order.
 
 A sum of rows takes the loop from `LARGE` numbers on: below, a call of NumPy costs no more.
 
@@ -12,7 +13,6 @@ any number of threads gives the same bits.
 """
 
 import ctypes
-import hashlib
 import logging
 import os
 import platform
@@ -26,6 +26,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from granular_lmp import compiled
 
 Array = NDArray[Any]  # floats or complex numbers
 Floats = NDArray[np.float64]
@@ -43,15 +45,18 @@ def library() -> ctypes.CDLL | None:
     """Return the loops, compiled if they were not; None where they cannot be, with a sentence in the log."""
     try:
         place = _place()
-        if not place.is_file():
+        if compiled.trouble(place):
             _compile(place)
-        status = place.stat()
-        if status.st_uid != os.getuid() or status.st_mode & 0o022:
-            raise OSError(f"{place} belongs to another user, or may be written by others")
-        found = ctypes.CDLL(str(place))
+        if why := compiled.trouble(place):
+            raise OSError(why)
+        return _typed(ctypes.CDLL(str(place)))
     except (OSError, RuntimeError, AttributeError, subprocess.SubprocessError) as trouble:  # no home, no POSIX, …
         logging.getLogger(__name__).info("loops are those of NumPy: %s", trouble)
         return None
+
+
+def _typed(found: ctypes.CDLL) -> ctypes.CDLL:
+    """Return the library with the types of its functions; raises AttributeError for one that lacks some."""
     pointer, number, size = ctypes.c_void_p, ctypes.c_double, ctypes.c_ssize_t
     found.weighted.argtypes = [size, size, size, pointer, pointer, size, pointer]
     found.errors.argtypes = [size, size, size, *[pointer] * 4]
@@ -86,10 +91,7 @@ def library() -> ctypes.CDLL | None:
 def _place() -> Path:
     """Return where the compiled loops lie, or will lie."""
     made_of = [SOURCE.read_bytes(), " ".join((platform.system(), platform.machine(), *FLAGS)).encode()]
-    digest = hashlib.sha256(b"\0".join(made_of)).hexdigest()[:12]
-    wanted = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    cache_folder = wanted if wanted.is_absolute() else Path.home() / ".cache"
-    return cache_folder / "granular-analysis" / f"loops-{digest}.so"
+    return compiled.place("granular-analysis", "loops", "loops.so", made_of)
 
 
 def _compile(place: Path) -> None:
@@ -97,11 +99,13 @@ def _compile(place: Path) -> None:
     compiler = shutil.which(os.environ.get("CC", "cc"))
     if compiler is None:
         raise OSError("there is no C compiler on the PATH, or in CC")
-    place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    compiled.make_folders(place)
+    if why := compiled.foreign(place):
+        raise OSError(why)
     part = place.with_name(f"{os.getpid()}-{get_ident()}.so")
     try:
         subprocess.run([compiler, *FLAGS, SOURCE, "-lm", "-o", part], check=True, capture_output=True)
-        part.chmod(0o700)
+        compiled.seal(part)
         part.replace(place)
     finally:
         part.unlink(missing_ok=True)

@@ -32,7 +32,7 @@ from granular_analysis.plotting import start
 
 CASES = Path(__file__).parents[2] / "cases"  # beside the package in a checkout; an installed package has none
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*(?:e[-+]?\d+)?|nan|inf)(?![\w.])")
-PROGRAMS = {"granular-lmp": ["-m", "granular_lmp"], "python": []}
+PROGRAMS = {"granular-lmp": ["-P", "-m", "granular_lmp"], "python": []}  # -P: nothing of the folder is imported
 CONTINUED = ("sweep", "cost")  # commands that keep what is finished in a folder; others begin again
 
 

