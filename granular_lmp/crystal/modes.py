@@ -30,6 +30,7 @@ from granular_lmp.errors import SceneError
 MODES = ("L", "TR", "RT")
 _MEET = 1e-9  # relative distance of two frequencies below which the shapes of their branches are any
 _STILL = 1e-6  # A frequency below this share of the highest one is the root of a rounding
+_SOFTEST = 2 / 3 * (1 - 1e-9)  # κ = g/k of a material of ν = ½; only measured stiffnesses have a smaller one
 _POINTS = 12  # wave vectors along each primitive vector of the reciprocal lattice in which the highest one is sought
 # A wave along an axis keeps the mirror of the lattice that holds the axis: L lives in the one displacement, TR and RT
 # in the other and the rotation; each sorted by frequency.
@@ -272,18 +273,17 @@ def _freedoms(mode: Mode) -> NDArray:
 def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
     """Return the highest frequency of a lattice, rad/t0: velocity Verlet is stable for Δτ < 2/Ω.
 
-    With rotation it is at Γ, where all spheres turn in phase, Ω² = 2zκ(1−η)/(Ĩ(κ+3)), unless contacts resist rolling;
-    z is the number of contacts a sphere: 3, 2, 1 in the hexagonal lattice, the square one and the chain. Otherwise it
-    lies on edges of the zone (`Lattice.corners`), in the hexagonal lattice at a place that depends on ν; 120 points
-    find it to 1e-4. For other crystals use `granular_lmp.crystal.stability.frequency_bound`.
+    Of solid spheres it is at Γ, where all turn in phase, Ω² = 2zκ(1−η)/(Ĩ(κ+3)), unless contacts resist rolling; z is
+    the number of contacts a sphere: 3, 2, 1 in the hexagonal lattice, the square one and the chain. Otherwise it lies
+    on edges of the zone (`Lattice.corners`), in the hexagonal lattice at a place that depends on κ; 120 points find it
+    to 1e-4. For other crystals use `granular_lmp.crystal.stability.frequency_bound`.
     """
     if physics.space:
         return _highest_in_space(lattice, sphere, physics)
     kind = lattice_of_contacts(lattice, sphere)
-    edges = zone_path(kind.corners, 60) / kind.column_distance(lattice_constant(sphere))
-    path = np.zeros((1, 2)) if physics.rotation else edges
-    if physics.rolling:
-        path = np.vstack([path, edges])
+    path = np.zeros((1, 2))
+    if not physics.rotation or physics.rolling or sphere.stiffness_ratio < _SOFTEST:
+        path = zone_path(kind.corners, 60) / kind.column_distance(lattice_constant(sphere))
     return float(bloch_modes(lattice, sphere, path, physics)[0].max())
 
 

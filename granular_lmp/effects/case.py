@@ -162,7 +162,8 @@ class Case:
         of adhesion. Dashpots add to the force of the springs, so the friction is larger by the ratio of
         `shear_stiffness` to κ. In a crystal that is not perfect h is that of the weakest contact: of its adhesion
         alone, which is left when it opens, or of its force at rest if nothing adheres. Sources raise it by the largest
-        of their amplitudes, and walls by how much stiffer in shear they are for the force that holds them.
+        of their amplitudes, walls by how much stiffer in shear they are for the force that holds them, and measured
+        stiffnesses by how much more than 4/3, the most of a material, 4G*/E* is.
         """
         hold = 1 + self.adhesive_share
         if not self.scene.perfect:
@@ -171,6 +172,7 @@ class Case:
             hold = float(weakest) / self.scene.sphere.holding_force
         stiffer = self.shear_stiffness / self.scene.sphere.stiffness_ratio
         strength = self.strength or 1.0  # strikes alone have that of their own amplitude
+        stiffer *= max(1.0, 3 * self.scene.sphere.effective_shear_modulus / self.scene.sphere.effective_modulus)
         stiffer *= self._stiffer_walls * float(self._factors[..., 1].max())
         return FRICTION_PER_AMPLITUDE * strength * stiffer / hold if hold > 0 else inf
 

@@ -102,7 +102,7 @@ class Derived(Document):
     @property
     def loose(self) -> bool:
         """True if spheres just touch, or are a chain that is pressed together: they part without a pull, and fly."""
-        pressed_sheet = self.packing.contact_force > 0 and self.lattice.sheet
+        pressed_sheet = self.packing.contact_force > 0 and lattice_of(self.packing, self.substrate).sheet
         held = self.material.work_of_adhesion > 0 or pressed_sheet
         return self.wave is None and (self.start.touching or not held)
 
@@ -130,7 +130,13 @@ class Derived(Document):
     @cached_property
     def lattice(self) -> Lattice:
         """Lattice of the packing."""
-        return lattice_of(self.packing, self.substrate)
+        found = lattice_of(self.packing, self.substrate)
+        if self.loose or not self.sphere.static_overlap or self.effects.shear is False:
+            return found
+        # Spheres that do not turn have transverse waves faster than L above κ = 1; those that do, in the plane above 2
+        turning = 4 / 3 if found.solid else 2.0
+        ratio = self.sphere.stiffness_ratio
+        return replace(found, ratio=ratio) if ratio > (1.0 if self.effects.rotation is False else turning) else found
 
     @cached_property
     def wave_lattice(self) -> Lattice:
