@@ -333,7 +333,6 @@ REFUSED: list[tuple[str, str, dict[str, Any], str]] = [
     ("square", "L", {"packing.columns": 2}, r"packing\.columns = 2: must be at least 3"),
     ("chain", "L", {"wave.direction": "x"}, r"wave\.direction = 'x': must be \"y\" with packing\.lattice = \"chain\""),
     ("chain", "L", {"wave.direction": 30.0}, r"wave\.direction = 30\.0: must be \"y\""),
-    ("square", "L", {"wave.wavevector": [0.0, 1.0]}, r"wave\.wavevector = \[0\.0, 1\.0\]: .*only"),
     ("chain", "L", {"envelope.width": 5.0}, r"envelope\.width = 5\.0: must be 0"),
     *(
         ("chain", mode, {"packing.contact_force": 1e-7} | more, rf"must be 0 in a chain with {cause}.*buckle")
