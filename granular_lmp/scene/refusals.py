@@ -319,12 +319,12 @@ def too_many_spheres(scene: Derived) -> str:
 
 @_line("physics", loose=False)
 def places_outside(scene: Derived) -> str:
-    places = {} if scene.output.everyone else {"output": (scene.output.rows, scene.output.spheres)}
-    places |= {"start.state": ((), scene.start.places)} if scene.start.state else {}
+    places = {} if scene.output.everyone else {"output": (scene.output.rows, scene.output.spheres, scene.output.layers)}
+    places |= {"start.state": ((), scene.start.places, None)} if scene.start.state else {}
     troubles = (
         f"{name}: {trouble}"
-        for name, (rows, spheres) in places.items()
-        for trouble in place_troubles(rows, spheres, scene.shape)
+        for name, (rows, spheres, layers) in places.items()
+        for trouble in place_troubles(rows, spheres, scene.shape, layers)
     )
     return next(troubles, "")
 

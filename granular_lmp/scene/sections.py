@@ -29,7 +29,7 @@ from granular_lmp.crystal.modes import MODES, Physics
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.places import AtPlaces, Rows, Spheres, rows_rule, spheres_rule
+from granular_lmp.scene.places import LAYERS_RULE, AtPlaces, Rows, Spheres, rows_rule, spheres_rule
 from granular_lmp.scene.records import Remembering
 from granular_lmp.scene.schema import AUTO, Bare, Interval, Rule, choice, count, flag, number, shown, switch
 from granular_lmp.scene.shape import Auto
@@ -399,6 +399,7 @@ class Output(Remembering, AtPlaces):
 
     rows: Rows = _unwaved(rows_rule("first and last recorded row"), ())
     spheres: Spheres = _unwaved(spheres_rule("[row, column] of each recorded sphere"), ())
+    layers: Rows = _unwaved(LAYERS_RULE, ())
     forces: bool = _unwaved(Rule(bool, "", "the force on each recorded sphere, too"), default=False)
     particles: float = number("tau", "between snapshots of all spheres; 0: none", 0, 1e7, default=0.0, bare=NOT_BARE)
     checkpoint: float | Auto = number(
