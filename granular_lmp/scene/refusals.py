@@ -8,7 +8,7 @@ from math import sqrt
 from typing import Any, Literal
 
 from granular_lmp.crystal.adhesion_laws import LATER
-from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL
+from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, PERIODIC, WALL
 from granular_lmp.crystal.scale import DEEPEST
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
@@ -259,7 +259,7 @@ def chain_with_sides(scene: Derived) -> str:
         return ""
     return (
         f'packing.columns = {packing.columns} and packing.sides = "{packing.sides}": must be 1 and "{FREE}" in a '
-        "chain, the default of packing.lattice where there is no [wave]"
+        f'chain, the default without [wave]; a sheet needs packing.lattice = "{HEXAGONAL.name}"'
     )
 
 

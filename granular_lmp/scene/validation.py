@@ -14,6 +14,7 @@ from granular_lmp.crystal.lattices import (
     ENDS_OF_Y,
     FREE,
     HELD,
+    HEXAGONAL,
     QUIET,
     WALL,
     Lattice,
@@ -121,9 +122,11 @@ def check_lattice(shape: Shape, packing: Packing, effects: Effects, sphere: Sphe
     """Check that rows and columns are those of the lattice, and that it does not buckle; `bare` is without a wave."""
     lattice, columns = shape.lattice, shape.columns
     if columns > 1 and not lattice.sheet:
-        chain = f'with packing.lattice = "{lattice.name}"'
-        allowed = f"1 {chain}, the default where there is no [wave]" if bare else f'1 or "auto" {chain}'
-        raise SceneError(f"packing.columns = {columns}: must be {allowed}")
+        allowed = "1" if bare else '1 or "auto"'
+        default = f', the default without [wave]; a sheet needs packing.lattice = "{HEXAGONAL.name}"' if bare else ""
+        raise SceneError(
+            f'packing.columns = {columns}: must be {allowed} with packing.lattice = "{lattice.name}"{default}'
+        )
     if shape.along_x and columns < lattice.fewest_columns:
         raise SceneError(
             f"packing.columns = {columns}: must be at least {lattice.fewest_columns}, or "
