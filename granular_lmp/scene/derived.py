@@ -6,7 +6,7 @@ from functools import cached_property, partial
 from typing import Any
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import ENDS_OF_Y, QUIET, WALL, Lattice, Shape
+from granular_lmp.crystal.lattices import ENDS_OF_Y, FREE, QUIET, WALL, Lattice, Shape
 from granular_lmp.crystal.modes import Physics
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
@@ -94,10 +94,12 @@ class Derived(Document):
 
     @property
     def quiet(self) -> tuple[str, ...]:
-        """Ends in front of which rows absorb, "first" and "last": those that are declared so, or both."""
+        """Ends in front of which rows absorb, "first" and "last": those that are declared so, or all held ones."""
         if self.absorb.rows == 0:
             return ()
-        return tuple(name for name in ENDS_OF_Y if getattr(self.packing, name) == QUIET) or ENDS_OF_Y
+        faces = {name: getattr(self.packing, name) for name in ENDS_OF_Y}
+        declared = tuple(name for name, face in faces.items() if face == QUIET)
+        return declared or tuple(name for name, face in faces.items() if face not in (FREE, WALL))
 
     @property
     def loose(self) -> bool:

@@ -365,7 +365,7 @@ class Scene(HasCard, Derived):
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
         bodies = self.material, self.contact, self.substrate
         check_arrangement(self.lattice, self.space, self.packing, bodies, self.disorder, self.inclusion)
-        validation.check_absorb(self.absorb, self.packing, self.quiet, self.form, self.envelope, shape, self.source)
+        validation.check_absorb(self.absorb, self.packing, self.quiet, self.form, self.envelope, shape)
         if wave is None:
             validation.check_motion(self.sphere, shape, self.moved)
         else:

@@ -12,7 +12,6 @@ from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattices import (
     CHAIN,
     ENDS_OF_Y,
-    FREE,
     HELD,
     HEXAGONAL,
     QUIET,
@@ -25,7 +24,6 @@ from granular_lmp.crystal.modes import bears_compression
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.places import AtPlaces
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.sections import DISTANCE, Absorb, Effects, Envelope, Output, Packing, Time, Wave
 from granular_lmp.scene.shape import LARGEST_CELL, SNAP
@@ -248,7 +246,6 @@ def check_absorb(
     form: str,
     envelope: Envelope,
     shape: Shape,
-    sources: Sequence[AtPlaces],
 ) -> None:
     """Check that quiet ends have rows to damp and a wave that reaches them from inside."""
     if absorb.rows and shape.lattice.column_period > 1:
@@ -261,12 +258,11 @@ def check_absorb(
             if getattr(packing, name) == QUIET:
                 raise SceneError(f'absorb.rows = 0: must be above 0 or "auto" with packing.{name} = "quiet"')
         return
-    for name, row in zip(ENDS_OF_Y, (0, shape.rows - 1), strict=True):
-        if name in quiet and shape.faces.get(name) in (FREE, WALL) and not any(each.is_in_row(row) for each in sources):
-            raise SceneError(
-                f'packing.{name} = "{shape.faces[name]}": must be "held" or "auto" with absorb.rows = {absorb.rows!r}, '
-                "which are in front of a held row; only an end with a source, which does not absorb, may be free"
-            )
+    if not quiet:
+        raise SceneError(
+            f'absorb.rows = {absorb.rows!r}: needs packing.first or packing.last = "quiet", as quiet rows are in front '
+            "of a held row, and both ends are free or walls"
+        )
     if shape.along_y:
         raise SceneError(f'absorb.rows = {absorb.rows!r}: needs packing.ends = "fixed"; a periodic cell has no ends')
     if packing.rows == AUTO:
