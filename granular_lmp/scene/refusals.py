@@ -149,6 +149,11 @@ def touching_without_adhesion(scene: Derived) -> str:
 
 
 @_line("physics")
+def two_models_of_damping(scene: Derived) -> str:
+    return scene.effects.damped_twice
+
+
+@_line("physics")
 def restitution_of_adhesion(scene: Derived) -> str:
     restitution = scene.effects.restitution
     if restitution == 1 or not scene.material.work_of_adhesion:

@@ -362,7 +362,7 @@ class Effects(Remembering):
         default=AUTO,
         bare=number("", "Coulomb coefficient; 0: no shear force, no rotation", 0, 1e4, default=0.0),
     )
-    viscosity: float = number("N s/m", "dashpot of a contact", 0, 1e12, default=0.0, bare=NOT_BARE)
+    viscosity: float = number("N s/m", "dashpot of a contact", 0, 1e12, default=0.0)
     rolling_stiffness: float = number("N/m", "of a contact against rolling", 0, 1e12, default=0.0, bare=NOT_BARE)
     rolling_viscosity: float = number(
         "N s/m", "dashpot of a contact against rolling", 0, 1e12, default=0.0, bare=NOT_BARE
@@ -373,6 +373,16 @@ class Effects(Remembering):
     shear_damping: float = _unwaved(
         Rule(float, "", "dashpot of shear over that of normal motion", Interval(0, 100)), default=1.0
     )
+
+    @property
+    def damped_twice(self) -> str:
+        """What is wrong with the damping, "" if nothing is."""
+        if not self.viscosity or self.restitution == 1:
+            return ""
+        return (
+            f"effects.viscosity = {self.viscosity!r} and effects.restitution = {self.restitution!r}: two models of "
+            "damping; must be one"
+        )
 
     @property
     def physics(self) -> Physics:

@@ -70,11 +70,8 @@ def check_sphere(material: Sphere, sphere: Sphere, effects: Effects, amplitude: 
             "packing.contact_force = 0.0: must be above 0 where no adhesion holds the spheres together "
             f"(sphere.work_of_adhesion = {material.work_of_adhesion!r}, effects.adhesion = {effects.adhesion!r})"
         )
-    if effects.viscosity > 0 and effects.restitution < 1:
-        raise SceneError(
-            f"effects.viscosity = {effects.viscosity!r} and effects.restitution = {effects.restitution!r}: "
-            "two models of damping; must be one"
-        )
+    if effects.damped_twice:
+        raise SceneError(effects.damped_twice)
     if effects.adhesion is True and material.work_of_adhesion == 0:
         raise SceneError("effects.adhesion = true: needs sphere.work_of_adhesion above 0, J/m2")
     if sphere.overlap_ratio > LARGEST_OVERLAP_RATIO:
