@@ -26,6 +26,7 @@ from granular_lmp.scene.sources import ROTATION
 # μ = 5a (adhesion) to 10a (compression) keeps F_t under 0.6 of the sliding force for every mode. Much larger is wrong
 # too: LAMMPS skips turning the shear history with the contact while its normal part is below 1e-10 of the sliding
 # force, which then freezes it.
+_FEW = 300  # contacts whose slip is sought phase by phase to half a degree; of more it is to four
 FRICTION_PER_AMPLITUDE = 10.0
 NOTHING = 1e-12  # rounding of a number of order 1 that vanishes by symmetry
 
@@ -284,7 +285,8 @@ class Case:
 
     def _slip(self, friction: float, law: AdhesionLaw, overlaps: Floats, normal: Floats, shear: Floats) -> float:
         """Return the largest slip of some contacts, phase by phase."""
-        phase = np.linspace(0, 2 * np.pi, 721 if self.scene.perfect else 91)[:, None]
+        fine = self.scene.perfect and len(overlaps) < _FEW
+        phase = np.linspace(0, 2 * np.pi, 721 if fine else 91)[:, None]
         sphere = self.scene.sphere
         overlap = (overlaps - normal * np.cos(phase)) * sphere.static_overlap
         closed = overlap > law.pull_off_overlap
