@@ -93,10 +93,13 @@ def scene_of(options: Options, swept: Mapping[str, Any] | None = None) -> "Scene
     changes = changes_of(options)
     try:
         return _said_scene(options, changes)
-    except GranularError:
+    except GranularError as own:
         if not swept:
             raise
-        return _said_scene(options, {**changes, **swept})
+        try:
+            return _said_scene(options, {**changes, **swept})
+        except GranularError as error:  # the file's own error names the file
+            raise (error if any(key in str(error) for key in swept) else own) from own
 
 
 def _said_scene(options: Options, changes: dict[str, Any]) -> "Scene":

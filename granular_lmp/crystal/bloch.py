@@ -210,7 +210,7 @@ def _rows(contacts: Contacts, on_i: NDArray, on_j: NDArray) -> NDArray:
         of = 6 * np.concatenate([contacts.i, contacts.j[pairs]])[:, None] + freedom
         values = np.concatenate([on_i, on_j[pairs]]).astype(complex)
         places = np.repeat(own, 6), of.ravel()
-        return csr_array((values.ravel(), places), (len(contacts), 6 * spheres))  # type: ignore[no-any-return]
+        return csr_array((values.ravel(), places), (len(contacts), 6 * spheres))
     if spheres == 1:
         rows = on_i + pairs[:, None] * on_j
         return rows.real if pairs.all() else rows
@@ -302,6 +302,6 @@ def part(
 def matrix_of(contacts: Contacts, sphere: Sphere, wavevector: NDArray, physics: Physics) -> tuple[Any, NDArray]:
     """Return the sparse matrix of ω² of a cell of many spheres, (6N, 6N) over freedoms times √mass, and 1/√mass."""
     springs, torques, inverse_root_mass = _springs(contacts, sphere, wavevector, physics)
-    parts = [(rows, rows * weight) for weight, rows in springs]
+    parts: list[tuple[Any, Any]] = [(rows, rows * weight) for weight, rows in springs]
     parts += [(rows, slip) for rows, (_, slip) in zip(torques, parts[1:], strict=False)]
     return sum(left.conj().T.tocsr() @ right for left, right in parts), inverse_root_mass

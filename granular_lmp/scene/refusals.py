@@ -13,7 +13,7 @@ from granular_lmp.crystal.scale import DEEPEST
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.derived import Derived
-from granular_lmp.scene.places import place_troubles
+from granular_lmp.scene.places import Rows, Spheres, place_troubles
 from granular_lmp.scene.sections import DISTANCE, RESCALED
 from granular_lmp.scene.strikers import leads, striker_troubles
 from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
@@ -324,7 +324,10 @@ def too_many_spheres(scene: Derived) -> str:
 
 @_line("physics", loose=False)
 def places_outside(scene: Derived) -> str:
-    places = {} if scene.output.everyone else {"output": (scene.output.rows, scene.output.spheres, scene.output.layers)}
+    output = scene.output
+    places: dict[str, tuple[Rows, Spheres, Rows | None]] = (
+        {} if output.everyone else {"output": (output.rows, output.spheres, output.layers)}
+    )
     places |= {"start.state": ((), scene.start.places, None)} if scene.start.state else {}
     troubles = (
         f"{name}: {trouble}"
