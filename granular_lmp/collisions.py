@@ -4,6 +4,7 @@ Contacts just touch, are parted by a gap, or are pressed together in a chain (`g
 """
 
 from math import hypot, inf, pi, sqrt
+from typing import Any
 
 import ase
 import numpy as np
@@ -152,7 +153,17 @@ class Collisions:
     @property
     def step_rules(self) -> list[StepRule]:
         """Rules for the time step."""
-        return rules_of_collisions(self.shortest_collision, sqrt(self.square_rate * sqrt(self.first_depth)))
+        rate = sqrt(self.square_rate * sqrt(self.first_depth))
+        return rules_of_collisions(self.shortest_collision, rate, self.drag_rate)
+
+    @property
+    def drag_rate(self) -> float:
+        """Bound on the rate, 1/t0, at which dashpots slow a motion: 2η/m of each contact of a sphere, 1/Ĩ of a turn."""
+        effects: Any = self.scene.effects
+        turning = effects.shear_damping / INERTIA_RATIO if effects.friction else 0.0
+        touching = int(self.contacts.per_sphere.max(initial=1)) + (2 if self.planes else 0)
+        dashpot = effects.viscosity * self.scale.time / self.scale.mass
+        return 2 * touching * dashpot * max(1.0, turning) / float(self.mass.min())
 
     # --- a chain that is pressed together ---
 

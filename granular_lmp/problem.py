@@ -103,7 +103,7 @@ class Problem:
         if output.everyone:
             return np.arange(len(self.crystal))
         try:
-            return spheres_at(output.rows, output.spheres, self.crystal, "recorded sphere")
+            return spheres_at(output.rows, output.spheres, self.crystal, "recorded sphere", output.layers)
         except SceneError as error:
             raise SceneError(f"output: {error}") from error
 

@@ -40,7 +40,7 @@ def refuse_step(time: Sampled, rules: Iterable[StepRule]) -> None:
             raise SceneError(f"time.timestep = {time.timestep!r}: {rule.sentence}")
 
 
-def rules_of_collisions(collision: float, rate: float) -> list[StepRule]:
+def rules_of_collisions(collision: float, rate: float, drag: float = 0.0) -> list[StepRule]:
     """Return the rules for spheres that meet.
 
     Parameters
@@ -49,8 +49,10 @@ def rules_of_collisions(collision: float, rate: float) -> list[StepRule]:
         The shortest collision of two neighbours, t0.
     rate : float
         ω of the stiffest contact at the beginning, 1/t0; 0 if all just touch.
+    drag : float
+        Rate at which dashpots slow a motion, 1/t0. A step of 2 would make it grow, as they take its last velocity.
     """
-    few, stiff = collision / STEPS_IN_COLLISION, LONGEST_STEP / rate if rate else inf
+    few, stiff, slow = collision / STEPS_IN_COLLISION, *(LONGEST_STEP / each if each else inf for each in (rate, drag))
     return [
         StepRule(
             few,
@@ -63,5 +65,11 @@ def rules_of_collisions(collision: float, rate: float) -> list[StepRule]:
             COARSEST * stiff,
             f"is above {LONGEST_STEP:g}/omega of the stiffest contact at the beginning, omega = {rate:.4g} per t0; "
             f"must be at most {stiff:.4g}",
+        ),
+        StepRule(
+            slow,
+            COARSEST * slow,
+            f"is above {LONGEST_STEP:g} of the time in which effects.viscosity stops a sphere; must be at most "
+            f"{slow:.4g}",
         ),
     ]

@@ -62,7 +62,11 @@ def order(scene: Scene) -> int:
     if not scene.loose:
         return selection.order(scene)
     effects: Any = scene.effects
-    halfway = effects.restitution < 1 or (effects.friction > 0 and effects.shear_law == "incremental")
+    halfway = (
+        effects.restitution < 1
+        or effects.viscosity > 0
+        or (effects.friction > 0 and effects.shear_law == "incremental")
+    )
     return 1 if halfway or scene.start.touching else 2
 
 

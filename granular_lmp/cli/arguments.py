@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 from granular_lmp.cli.output import progress_of_rest, remark
@@ -83,16 +83,32 @@ def changes_of(options: Options) -> dict[str, Any]:
     return dict(assignment(change) for change in options.changes)
 
 
-def scene_of(options: Options) -> "Scene":
-    """Return the scene that is asked for; what was changed to make it fit is said."""
+def scene_of(options: Options, swept: Mapping[str, Any] | None = None) -> "Scene":
+    """Return the scene that is asked for; what was changed to make it fit is said.
+
+    `swept` are values of the first point of a sweep, for a scene that is refused with its own.
+    """
+    from granular_lmp.errors import GranularError
+
+    changes = changes_of(options)
+    try:
+        return _said_scene(options, changes)
+    except GranularError as own:
+        if not swept:
+            raise
+        try:
+            return _said_scene(options, {**changes, **swept})
+        except GranularError as error:  # the file's own error names the file
+            raise (error if any(key in str(error) for key in swept) else own) from own
+
+
+def _said_scene(options: Options, changes: dict[str, Any]) -> "Scene":
     from granular_lmp.effects.selection import with_all
     from granular_lmp.scene.scene import Scene
 
-    scene = Scene.load(options.scene)
+    scene = Scene.load(options.scene, changes)
     if options.all_effects:
-        scene = with_all(scene)
-    if options.changes:  # after that: what is said of one effect counts
-        scene = scene.with_values(changes_of(options))
+        scene = with_all(scene).with_values(changes)  # again: what is said of one effect counts
     _say_notes_on(scene)
     return scene
 

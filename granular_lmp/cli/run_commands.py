@@ -81,8 +81,9 @@ def _adopt(options: Options) -> int:
     from granular_lmp.runs.adopt import adopt
     from granular_lmp.scene.scene import Scene
 
-    scene = Scene.load(options.scene) if options.scene else None
-    record = adopt(options.source, options.output, scene=scene, changes=changes_of(options), force=options.force)
+    changes = changes_of(options)
+    scene = Scene.load(options.scene, changes) if options.scene else None
+    record = adopt(options.source, options.output, scene=scene, changes=changes, force=options.force)
     for name, value in record.info["adopted"]["variables"].items():
         remark(f"note: {name} = {value}, as the log says")
     if "edited" in record.info:

@@ -129,7 +129,8 @@ def _sweep(options: Options) -> int:
     from granular_lmp.studies.sweep import sweep
     from granular_lmp.studies.sweep_points import axes
 
-    scene, over = scene_of(options), axes(options.over)
+    over = axes(options.over)
+    scene = scene_of(options, {key: values[0] for key, values in over.items()})
     folder = options.output or f"sweeps/{scene.name}"
 
     with interruptible() as bar, mpi_workers() if options.workers == "mpi" else Workers(options.workers) as workers:
@@ -198,7 +199,7 @@ def _collide(options: Options) -> int:
     from granular_lmp.scene.collision import Collision
     from granular_lmp.studies.collide import run, write_numbers
 
-    collision = Collision.load(options.scene).with_values(changes_of(options))
+    collision = Collision.load(options.scene, changes_of(options))
     with interruptible():
         folder = options.output or f"runs/{collision.name}"
         result = run(collision, folder, force=options.force, kernel=options.kernel)

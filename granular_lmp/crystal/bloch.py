@@ -30,6 +30,7 @@ This is a numerical derivation from the geometry, kept apart from the closed for
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,6 +44,7 @@ from granular_lmp.errors import CrystalError
 _BUCKLING = 1e-9
 _STIFF = 1e-3  # 1/t0²: where all of ω² are less, as of motions that no contact resists, rounding counts by this
 _FED = 1e-5  # imaginary part of ω² over the largest one: in a film without symmetry 3e-7, for a share η of 2.5e-4
+SPARSE = 12  # spheres of a cell beyond which the rows of one wave vector are a sparse array; a contact has 12 numbers
 _APART = 1e-9  # coupling of two subspaces, over the largest element of the matrix, that is rounding
 Springs = list[tuple[NDArray, NDArray]]
 
@@ -195,8 +197,20 @@ def roll_rows(contacts: Contacts, wavevectors: NDArray) -> NDArray:
 
 
 def _rows(contacts: Contacts, on_i: NDArray, on_j: NDArray) -> NDArray:
-    """Return one row a contact over the freedoms of all spheres, from its parts (..., C, 6) on spheres i and j."""
+    """Return one row a contact over the freedoms of all spheres, from its parts (..., C, 6) on spheres i and j.
+
+    Those of one wave vector are a sparse array where a cell has more than `SPARSE` spheres.
+    """
     spheres, pairs = len(contacts.mass), ~contacts.on_wall
+    if spheres > SPARSE and on_i.ndim == 2:
+        from scipy.sparse import csr_array  # slow to import, and only thick films need it
+
+        number, freedom = np.arange(len(contacts)), np.arange(6)
+        own = np.concatenate([number, number[pairs]])
+        of = 6 * np.concatenate([contacts.i, contacts.j[pairs]])[:, None] + freedom
+        values = np.concatenate([on_i, on_j[pairs]]).astype(complex)
+        places = np.repeat(own, 6), of.ravel()
+        return csr_array((values.ravel(), places), (len(contacts), 6 * spheres))
     if spheres == 1:
         rows = on_i + pairs[:, None] * on_j
         return rows.real if pairs.all() else rows
@@ -240,7 +254,8 @@ def solve(
     displacement or its rotation.
     """
 
-    def within(rows: NDArray) -> NDArray:
+    def within(rows: Any) -> NDArray:
+        rows = rows if isinstance(rows, np.ndarray) else rows.toarray()
         return np.asarray(rows[..., basis] if basis.ndim == 1 else rows @ basis)
 
     springs, torques, inverse_root_mass = _springs(contacts, sphere, wavevectors, physics)
@@ -278,6 +293,15 @@ def part(
     springs, torques, _ = _springs(contacts, sphere, wavevector, physics)
     parts = [(rows, weight * rows) for weight, rows in springs]
     parts += [(rows, weight * slip) for rows, (weight, slip) in zip(torques, springs[1:], strict=False)]
-    matrix = sum(left.conj().T @ right for left, right in parts)
-    coupling = max(np.abs(one.T @ matrix @ other).max(initial=0.0), np.abs(other.T @ matrix @ one).max(initial=0.0))
-    return bool(coupling < _APART * np.abs(matrix).max())
+    matrix: Any = sum(left.conj().T @ right for left, right in parts)
+    return all(
+        abs(each).max() < _APART * abs(matrix).max() for each in (one.T @ matrix @ other, other.T @ matrix @ one)
+    )
+
+
+def matrix_of(contacts: Contacts, sphere: Sphere, wavevector: NDArray, physics: Physics) -> tuple[Any, NDArray]:
+    """Return the sparse matrix of ω² of a cell of many spheres, (6N, 6N) over freedoms times √mass, and 1/√mass."""
+    springs, torques, inverse_root_mass = _springs(contacts, sphere, wavevector, physics)
+    parts: list[tuple[Any, Any]] = [(rows, rows * weight) for weight, rows in springs]
+    parts += [(rows, slip) for rows, (_, slip) in zip(torques, parts[1:], strict=False)]
+    return sum(left.conj().T.tocsr() @ right for left, right in parts), inverse_root_mass

@@ -250,19 +250,9 @@ def times_factors(law: AdhesionLaw, crystal: ase.Atoms, i: Integers, j: Integers
 def equivalent(one: Sphere, other: Sphere) -> Sphere:
     """Return the sphere whose contact with an equal one has E*, G* and w of the contact between two materials.
 
-    With r = G*/E* its Poisson's ratio is (1 − 4r)/(1 − 2r), between those of the two. Radius and density are of `one`.
+    Radius and density are of `one`.
     """
-    if one == other:
-        return one
-    modulus, shear_modulus, adhesion = (float(each[0]) for each in mixed(one, other))
-    ratio = shear_modulus / modulus
-    poisson_ratio = (1 - 4 * ratio) / (1 - 2 * ratio)
-    return replace(
-        one,
-        youngs_modulus=2 * (1 - poisson_ratio**2) * modulus,
-        poisson_ratio=poisson_ratio,
-        work_of_adhesion=adhesion,
-    )
+    return one if one == other else one.with_moduli(*(float(each[0]) for each in mixed(one, other)))
 
 
 def mixed(one: Sphere, other: Sphere) -> tuple[Floats, Floats, Floats]:

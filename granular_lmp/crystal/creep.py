@@ -16,6 +16,7 @@ many beats of the two, and by more than the creep over one.
 """
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from granular_lmp.crystal.mode import TURNS, Mode, Physics
 from granular_lmp.crystal.sphere import Sphere
 
 Complexes = NDArray[np.complex128]
+_HELD = 1e-12  # stiffness over the largest one that holds them in a thick film, whose softest motion has 1e-6
 _FREE = 1e-9  # stiffness over the largest one of a motion that no contact resists
 
 
@@ -65,10 +67,18 @@ def creep_velocities(
         load += slip.conj().T @ (-0.5j * mode.frequency * contacts.shear_stiffness * wound)
         stiffness = stiffness + _stiffness(contacts.shear_stiffness, slip)
         stiffness = stiffness - _stiffness(contacts.contact_force * curving, moved[way])
-    inverse = np.linalg.pinv(stiffness[np.ix_(moving, moving)], rcond=_FREE, hermitian=True)
-    creeping[moving] = -inverse @ load[moving]
+    if isinstance(stiffness, np.ndarray):
+        inverse = np.linalg.pinv(stiffness[np.ix_(moving, moving)], rcond=_FREE, hermitian=True)
+        creeping[moving] = -inverse @ load[moving]
+    else:
+        from scipy.sparse import eye_array  # slow to import, and only thick films need it
+        from scipy.sparse.linalg import splu
+
+        held = stiffness.tocsr()[moving][:, moving]
+        held = held + _HELD * abs(held).max() * eye_array(len(moving))  # motions that no contact resists
+        creeping[moving] = -splu(held.tocsc()).solve(load[moving])
     return np.real(creeping.reshape(-1, 6) * TURNS)
 
 
-def _stiffness(weight: NDArray[np.float64], rows: Complexes) -> Complexes:
-    return rows.conj().T @ (weight[:, None] * rows)
+def _stiffness(weight: NDArray[np.float64], rows: Any) -> Any:
+    return rows.conj().T @ (rows * weight[:, None])

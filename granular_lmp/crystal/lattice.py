@@ -19,7 +19,7 @@ The last two of fcc and the last of hcp are those of films on a substrate.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from itertools import product
 from math import pi, sqrt
 
@@ -35,7 +35,7 @@ Integers = NDArray[np.int64]
 Shift = tuple[float, float, float]
 _STRAIGHT = (((0.0, 0.0, 0.0),),)
 FASTEST_IN_PLANE = 0.5
-_KAPPA = (0.0, 4 / 3)  # least and largest ratio of the stiffnesses
+_KAPPA = (0.0, 4 / 3)  # least and largest ratio of the stiffnesses of a material
 _TOUCHES = 1e-6
 _REACH = 2  # reciprocal vectors are sought to this multiple of each primitive one
 
@@ -77,6 +77,8 @@ class Lattice:
         Densities of the rows of a cell, kg/m³, where rows differ in a pattern; () where they do not.
     kinds, pairs : tuple of int, tuple of Pair
         Kinds of these rows, and measured stiffnesses of two kinds.
+    ratio : float or None
+        κ = g/k of contacts that make waves faster than those of solid spheres; it is no part of the geometry.
     """
 
     name: str
@@ -94,6 +96,7 @@ class Lattice:
     densities: tuple[float, ...] = ()
     kinds: tuple[int, ...] = ()
     pairs: tuple[Pair, ...] = ()
+    ratio: float | None = field(default=None, compare=False)
 
     @property
     def solid(self) -> bool:
@@ -161,16 +164,21 @@ class Lattice:
 
         In a hexagonal sheet a long L wave runs half a row per τ, and 0.41 in the other ones. In space it is the bound
         c² = Σ (k n² + g (1 − n²)) d²/2m over the contacts of a sphere, n and d along the wave, of the fastest direction
-        and the worst ratio κ = g/k.
+        and the worst κ = g/k of a material. Of a larger `ratio` transverse waves are faster: the bound is that of
+        spheres that do not turn, √((1 + 3κ)/(3 + κ)) times as much in the plane.
         """
         if not self.solid:
-            return FASTEST_IN_PLANE
+            return FASTEST_IN_PLANE * sqrt(1.0 if self.ratio is None else (1 + 3 * self.ratio) / (3 + self.ratio))
         index = np.indices((5, 5, 5)).reshape(3, -1) - 2
         spacings = np.array([1.0, self.row_spacing, self.layer_spacing])
         vectors = np.array(self.offsets(*index[[1, 0, 2]])).T * spacings
         bonds = vectors[np.abs(np.linalg.norm(vectors, axis=1) - 1) < _TOUCHES]
         angle = np.radians(np.arange(0, 180, 5))
         squares = (bonds[:, :2] @ np.array([np.cos(angle), np.sin(angle)])) ** 2
+        if self.ratio is not None:
+            across = self.ratio * np.eye(3) + (1 - self.ratio) * bonds[:, :, None] * bonds[:, None]
+            bound = np.linalg.eigvalsh(np.einsum("ba,bij->aij", squares, across)).max() / (4 * (3 + self.ratio))
+            return sqrt(bound) / self.row_spacing
         per_kappa = [np.sum((squares + kappa * (1 - squares)) * squares, axis=0) / 2 for kappa in _KAPPA]
         bound = max(float(np.max(sums)) / (2 * (3 + kappa)) for sums, kappa in zip(per_kappa, _KAPPA, strict=True))
         return sqrt(bound) / self.row_spacing

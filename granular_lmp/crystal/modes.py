@@ -8,19 +8,22 @@ every crystal. `granular_lmp.crystal.bloch` has the modes of any.
 """
 
 from collections.abc import Sequence
+from dataclasses import fields, replace
 from functools import lru_cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.bloch import SPARSE, matrix_of, part, roll_rows, solve, stretch_rows
 from granular_lmp.crystal.bloch import bloch_modes as bloch_modes
 from granular_lmp.crystal.bloch import effective_inertia as effective_inertia
 from granular_lmp.crystal.bloch import effective_rolling as effective_rolling
-from granular_lmp.crystal.bloch import part, roll_rows, solve, stretch_rows
 from granular_lmp.crystal.bloch import require_plane as require_plane
 from granular_lmp.crystal.blocks import blocks
 from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.lanczos import top_bound
 from granular_lmp.crystal.lattices import lattice_constant, lattice_of_contacts
 from granular_lmp.crystal.mode import FULL, FX, TURNS, UX, UY, F, Mode, Physics, branch_mode
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
@@ -32,6 +35,13 @@ __all__ = ["bloch_modes"]
 MODES = ("L", "TR", "RT")
 _MEET = 1e-9  # relative distance of two frequencies below which the shapes of their branches are any
 _STILL = 1e-6  # A frequency below this share of the highest one is the root of a rounding
+_SOFTEST = 2 / 3 * (1 - 1e-9)  # κ = g/k of a material of ν = ½; only measured stiffnesses have a smaller one
+_FEW = 8  # spheres of the thin film that tells where the highest frequency of a thick one is
+_BEST, _NEAR = 4, 0.97  # wave vectors at most that are tried in the thick one, and the least share of the highest there
+_OF_SPHERES = ("radius", "mass")
+_MANY = 48  # spheres of a cell beyond which branches are found from the lowest one on, and at most as many as
+_LOWEST = 64
+_BELOW = 1e-9  # of the largest element of the matrix of ω²
 _POINTS = 12  # wave vectors along each primitive vector of the reciprocal lattice in which the highest one is sought
 # A wave along an axis keeps the mirror of the lattice that holds the axis: L lives in the one displacement, TR and RT
 # in the other and the rotation; each sorted by frequency.
@@ -188,7 +198,7 @@ def named_in_space(
         if letters == "P" and len(lattice.mass) > 1 or not part(lattice, sphere, k, physics, *bases):
             continue
         for letter, basis in zip(letters, bases, strict=False):
-            frequencies, shapes = solve(lattice, sphere, k, physics, basis)
+            frequencies, shapes = _lowest(lattice, sphere, k, physics, basis)
             if letter == "P":
                 names = branch_names(shapes, np.array(vector.unit))
             else:
@@ -197,15 +207,50 @@ def named_in_space(
     return found
 
 
-def _spread(ways: list[tuple[NDArray, NDArray]], spheres: int, physics: Physics) -> NDArray:
+def _spread(ways: list[tuple[NDArray, NDArray]], spheres: int, physics: Physics) -> Any:
     """Return motions (u, f) of each sphere of a cell as orthonormal columns, (6N, F); none turns without rotation."""
-    columns = [np.concatenate(way) for way in ways if physics.rotation or not way[1].any()]
-    return np.kron(np.eye(spheres), np.array(columns).T)
+    columns = np.array([np.concatenate(way) for way in ways if physics.rotation or not way[1].any()]).T
+    if spheres <= _MANY:
+        return np.kron(np.eye(spheres), columns)
+    from scipy.sparse import eye_array, kron  # slow to import, and only thick films need it
+
+    return kron(eye_array(spheres), columns, "csr")
+
+
+def _lowest(
+    lattice: Contacts, sphere: Sphere, wavevector: NDArray, physics: Physics, basis: Any, least: int = 0
+) -> tuple[NDArray, NDArray]:
+    """Return frequencies and shapes as `solve` does; of a cell of many spheres the `_LOWEST` ones.
+
+    They are found by Arnoldi's method on the inverse, in a time in proportion to the spheres. Raises SceneError if more
+    of them are wanted, the `least`-th one.
+    """
+    if len(lattice.mass) <= _MANY:
+        return solve(lattice, sphere, wavevector, physics, basis)
+    if least > _LOWEST:
+        raise SceneError(
+            f"wave.mode = '{least}': must be at most {_LOWEST} in a crystal of {len(lattice.mass)} spheres a cell, or "
+            f"packing.layers fewer: higher branches are found in cells of at most {_MANY} spheres"
+        )
+    from scipy.sparse.linalg import eigs
+
+    matrix, inverse_root_mass = matrix_of(lattice, sphere, wavevector, physics)
+    within = (basis.conj().T @ matrix @ basis).tocsc()
+    start = np.random.default_rng(0).standard_normal(within.shape[0])
+    # From just below 0, so that motions of the frequency 0 leave the matrix regular
+    squared, vectors = eigs(within, _LOWEST, sigma=-_BELOW * abs(matrix).max(), v0=start)
+    order = np.argsort(squared.real)
+    shapes = (basis @ vectors[:, order]).T * inverse_root_mass
+    shapes /= np.linalg.norm(shapes, axis=-1, keepdims=True)
+    return np.sqrt(np.maximum(squared.real[order], 0.0)), shapes
 
 
 def _branch(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, physics: Physics) -> Mode:
-    frequencies, shapes = bloch_modes(lattice, sphere, _wavevector(sphere, vector), physics)
-    number = int(name)
+    k, number = _wavevector(sphere, vector), int(name)
+    if len(lattice.mass) > _MANY:
+        frequencies, shapes = _lowest(lattice, sphere, k, physics, _every(lattice, physics), number)
+    else:
+        frequencies, shapes = bloch_modes(lattice, sphere, k, physics)
     own, others = frequencies[number - 1], np.delete(frequencies, number - 1)
     where = f"wave.mode = '{number}': has the frequency"
     if own < _STILL * frequencies[-1]:
@@ -274,26 +319,71 @@ def _freedoms(mode: Mode) -> NDArray:
 def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
     """Return the highest frequency of a lattice, rad/t0: velocity Verlet is stable for Δτ < 2/Ω.
 
-    With rotation it is at Γ, where all spheres turn in phase, Ω² = 2zκ(1−η)/(Ĩ(κ+3)), unless contacts resist rolling;
-    z is the number of contacts a sphere: 3, 2, 1 in the hexagonal lattice, the square one and the chain. Otherwise it
-    lies on edges of the zone (`Lattice.corners`), in the hexagonal lattice at a place that depends on ν; 120 points
-    find it to 1e-4. For other crystals use `granular_lmp.crystal.stability.frequency_bound`.
+    Of solid spheres it is at Γ, where all turn in phase, Ω² = 2zκ(1−η)/(Ĩ(κ+3)), unless contacts resist rolling; z is
+    the number of contacts a sphere: 3, 2, 1 in the hexagonal lattice, the square one and the chain. Otherwise it lies
+    on edges of the zone (`Lattice.corners`), in the hexagonal lattice at a place that depends on κ; 120 points find it
+    to 1e-4. For other crystals use `granular_lmp.crystal.stability.frequency_bound`.
     """
     if physics.space:
         return _highest_in_space(lattice, sphere, physics)
     kind = lattice_of_contacts(lattice, sphere)
-    edges = zone_path(kind.corners, 60) / kind.column_distance(lattice_constant(sphere))
-    path = np.zeros((1, 2)) if physics.rotation else edges
-    if physics.rolling:
-        path = np.vstack([path, edges])
+    path = np.zeros((1, 2))
+    if not physics.rotation or physics.rolling or sphere.stiffness_ratio < _SOFTEST:
+        path = zone_path(kind.corners, 60) / kind.column_distance(lattice_constant(sphere))
     return float(bloch_modes(lattice, sphere, path, physics)[0].max())
 
 
 def _highest_in_space(crystal: Contacts, sphere: Sphere, physics: Physics) -> float:
-    """Return the highest frequency over a grid of the plane of waves, which holds Γ, rad/t0."""
+    """Return the highest frequency over a grid of the plane of waves, which holds Γ, rad/t0.
+
+    Of a film of many layers it is a bound, 1e-3 too high at most, at the wave vectors of the grid at which a film of
+    few of its layers has the highest ones.
+    """
     share = np.pi * np.arange(_POINTS) / _POINTS * 2 * sphere.radius / float(crystal.length.min())
     grid = np.array(list(product(share, repeat=2)))
-    return float(max(bloch_modes(crystal, sphere, each, physics)[0].max() for each in np.split(grid, _POINTS)))
+    thick = len(crystal.mass) > SPARSE
+    few = _layers_of(crystal, _FEW) if thick else crystal
+    tops = np.concatenate([bloch_modes(few, sphere, k, physics)[0].max(axis=-1) for k in np.split(grid, _POINTS)])
+    if not thick:
+        return float(tops.max())
+    best = np.argsort(-tops, kind="stable")[:_BEST]
+    moving = _moving(crystal, physics)
+    start = np.random.default_rng(0).standard_normal(len(moving)).astype(complex)
+    squares = []
+    for k in grid[best[tops[best] > _NEAR * tops[best[0]]]]:
+        matrix = matrix_of(crystal, sphere, k, physics)[0][moving][:, moving]
+        whole = (matrix + matrix.conj().T) / 2  # torques of true arms leave it nearly so
+        squares.append(top_bound(whole.dot, start, len(start)))
+    return float(np.sqrt(max(squares)))
+
+
+def _every(crystal: Contacts, physics: Physics) -> Any:
+    """Return all freedoms of a cell that move as sparse columns, (6N, F)."""
+    from scipy.sparse import eye_array  # slow to import, and only thick films need it
+
+    return eye_array(6 * len(crystal.mass), format="csr")[:, _moving(crystal, physics)]
+
+
+def _moving(crystal: Contacts, physics: Physics) -> NDArray[np.int64]:
+    """Return the indices of the freedoms of a cell that move."""
+    return (6 * np.arange(len(crystal.mass))[:, None] + np.array(physics.coordinates)).ravel()
+
+
+def _layers_of(crystal: Contacts, count: int) -> Contacts:
+    """Return the contacts of some spheres of a film with each other and its wall, those nearest to the first sphere."""
+    from scipy.sparse import coo_array  # slow to import, and only thick films need it
+    from scipy.sparse.csgraph import breadth_first_order
+
+    pairs, spheres = ~crystal.on_wall, len(crystal.mass)
+    ends = crystal.i[pairs], crystal.j[pairs]
+    graph = coo_array((np.ones(len(ends[0])), ends), (spheres, spheres)).tocsr()
+    chosen = breadth_first_order(graph, 0, directed=False, return_predecessors=False)[:count]
+    place = np.full(spheres + 1, -1)  # the last one is that of a wall, whose index is −1
+    place[chosen] = np.arange(len(chosen))
+    kept = (place[crystal.i] >= 0) & (crystal.on_wall | (place[crystal.j] >= 0))
+    own = {each.name: getattr(crystal, each.name)[kept] for each in fields(crystal) if each.name not in _OF_SPHERES}
+    of_spheres = {name: getattr(crystal, name)[chosen] for name in _OF_SPHERES}
+    return replace(crystal, **own | {"i": place[own["i"]], "j": place[own["j"]]} | of_spheres)
 
 
 def row_stretches(lattice: Contacts, ux: float, uy: float) -> tuple[NDArray, NDArray]:

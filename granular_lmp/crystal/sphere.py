@@ -20,6 +20,7 @@ from granular_lmp.frozen import cached_property, dataclass
 
 __all__ = ["Sphere"]
 
+_NEAREST = 2.0**-51  # from 2 to the next double, for the ratio 2 of stiffnesses, which only an infinite ν has
 INERTIA_RATIO = 2 / 5  # Ĩ = I/(mR²) of a solid sphere, fixed in LAMMPS's sphere styles too
 # Equilibrium distance of surfaces, m, and Tabor's parameter where each law is right (`Sphere.tabor_parameter`)
 SURFACE_DISTANCES = 4e-10, 1.6e-10
@@ -91,6 +92,18 @@ class Sphere:
     def unloaded(self) -> "Sphere":
         """Sphere without adhesion and outer force, whose contacts at rest just touch."""
         return replace(self, work_of_adhesion=0.0, contact_force=0.0, adhesion_law="dmt")
+
+    def with_moduli(self, modulus: float, shear_modulus: float, adhesion: float) -> "Sphere":
+        """Return the sphere whose contact with an equal one has these E*, G* and w.
+
+        E = 2(1−ν²)E* and ν = (2−2κ)/(2−κ) with κ = 4G*/E*. Of a material κ is in [2/3, 4/3); measured stiffnesses may
+        have any ratio. E and ν are those of no material then, E negative from κ = 4/3 on, and only E* and G* count.
+        """
+        kappa = 4 * shear_modulus / modulus
+        number = (2 - 2 * kappa) / (2 - kappa if kappa != 2 else -_NEAREST)
+        return replace(
+            self, youngs_modulus=2 * (1 - number**2) * modulus, poisson_ratio=number, work_of_adhesion=adhesion
+        )
 
     @property
     def mass(self) -> float:

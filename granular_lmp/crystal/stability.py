@@ -1,8 +1,7 @@
 """Time scale and highest frequency of any crystal from its contacts, which limit the time step.
 
-The spectrum of the whole crystal is bounded from above without a matrix: a few Lanczos steps from a random start give
-the largest eigenvalue θ of a small tridiagonal matrix and the residual of its vector, and θ plus the residual lies
-above the spectrum (Zhou & Li, Linear Algebra Appl. 435, 480 (2011)). Velocity Verlet is stable below Δt = 2/Ω_max.
+The spectrum of the whole crystal is bounded from above without a matrix (`granular_lmp.crystal.lanczos`). Velocity
+Verlet is stable below Δt = 2/Ω_max.
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.lanczos import top_bound
 from granular_lmp.crystal.modes import FULL, Physics, effective_inertia, effective_rolling, require_plane
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.frozen import dataclass
@@ -19,7 +19,6 @@ from granular_lmp.frozen import dataclass
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _Components = Sequence[Floats | float]
-LANCZOS_STEPS = 60  # the bound is then 1e-3 above the top of sheets of 1600 and of 10000 spheres
 
 
 def time_scale(contacts: Contacts, row_spacing: float) -> float:
@@ -84,18 +83,7 @@ def frequency_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL)
 
     # Drawn sphere by sphere
     start = np.random.default_rng(0).standard_normal(mass.T.shape).T * (inverse_root_mass > 0)
-    diagonal, beside, vector, before = [], [0.0], start / np.linalg.norm(start), np.zeros_like(start)
-    for _ in range(min(LANCZOS_STEPS, int(np.count_nonzero(inverse_root_mass)))):
-        image = apply(vector)
-        diagonal.append(float(np.sum(image * vector)))
-        image -= diagonal[-1] * vector + beside[-1] * before
-        beside.append(float(np.linalg.norm(image)))
-        if beside[-1] <= np.finfo(float).eps * max(diagonal):  # the start vector is exhausted
-            break
-        vector, before = image / beside[-1], vector
-    inner = beside[1 : len(diagonal)]
-    values, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(inner, 1) + np.diag(inner, -1))
-    return float(np.sqrt(values[-1] + abs(beside[len(diagonal)] * vectors[-1, -1])))
+    return float(np.sqrt(top_bound(apply, start, int(np.count_nonzero(inverse_root_mass)))))
 
 
 def crude_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:

@@ -25,6 +25,7 @@ from granular_lmp.scene.sources import ROTATION
 # μ = 5a (adhesion) to 10a (compression) keeps F_t under 0.6 of the sliding force for every mode. Much larger is wrong
 # too: LAMMPS skips turning the shear history with the contact while its normal part is below 1e-10 of the sliding
 # force, which then freezes it.
+_FEW = 300  # contacts whose slip is sought phase by phase to half a degree; of more it is to four
 FRICTION_PER_AMPLITUDE = 10.0
 NOTHING = 1e-12  # rounding of a number of order 1 that vanishes by symmetry
 
@@ -161,7 +162,8 @@ class Case:
         of adhesion. Dashpots add to the force of the springs, so the friction is larger by the ratio of
         `shear_stiffness` to κ. In a crystal that is not perfect h is that of the weakest contact: of its adhesion
         alone, which is left when it opens, or of its force at rest if nothing adheres. Sources raise it by the largest
-        of their amplitudes, and walls by how much stiffer in shear they are for the force that holds them.
+        of their amplitudes, walls by how much stiffer in shear they are for the force that holds them, and measured
+        stiffnesses by how much more than 4/3, the most of a material, 4G*/E* is.
         """
         hold = 1 + self.adhesive_share
         if not self.scene.perfect:
@@ -170,6 +172,7 @@ class Case:
             hold = float(weakest) / self.scene.sphere.holding_force
         stiffer = self.shear_stiffness / self.scene.sphere.stiffness_ratio
         strength = self.strength or 1.0  # strikes alone have that of their own amplitude
+        stiffer *= max(1.0, 3 * self.scene.sphere.effective_shear_modulus / self.scene.sphere.effective_modulus)
         stiffer *= self._stiffer_walls * float(self._factors[..., 1].max())
         return FRICTION_PER_AMPLITUDE * strength * stiffer / hold if hold > 0 else inf
 
@@ -286,7 +289,8 @@ class Case:
 
     def _slip(self, friction: float, law: AdhesionLaw, overlaps: Floats, normal: Floats, shear: Floats) -> float:
         """Return the largest slip of some contacts, phase by phase."""
-        phase = np.linspace(0, 2 * np.pi, 721 if self.scene.perfect else 91)[:, None]
+        fine = self.scene.perfect and len(overlaps) < _FEW
+        phase = np.linspace(0, 2 * np.pi, 721 if fine else 91)[:, None]
         sphere = self.scene.sphere
         overlap = (overlaps - normal * np.cos(phase)) * sphere.static_overlap
         closed = overlap > law.pull_off_overlap

@@ -5,6 +5,8 @@ whose contacts neither part nor slide, as the mean displacement along x and y of
 at that which creeps most. Along z the mean holds a static shift too, which does not grow.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,6 +38,7 @@ def _fastest(scene: Scene) -> float:
     return float(np.linalg.norm(_velocities(scene), axis=1).max())
 
 
+@lru_cache(maxsize=8)  # selection, deck and rules ask, each for every effect
 def winds_up(scene: Scene) -> bool:
     """Return whether the wave of a scene creeps as is known; contacts that part or slide move it too."""
     plane = scene.space == 3 and scene.form == "running" and not scene.envelope.finite and not scene.shape.faces

@@ -23,8 +23,10 @@ def called_for(case: Case) -> Finding:
 
 
 def loose(case: Case) -> Finding:
-    restitution = case.scene.effects.restitution
-    return Finding(restitution < 1, restitution, "the restitution of a collision is {}")
+    effects, scale = case.scene.effects, case.scene.scale
+    if effects.viscosity:
+        return Finding(True, effects.viscosity * scale.time / scale.mass, "the dashpot of a contact is {} m/t0")
+    return Finding(effects.restitution < 1, effects.restitution, "the restitution of a collision is {}")
 
 
 def loss(case: Case) -> str:

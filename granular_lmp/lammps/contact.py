@@ -97,12 +97,16 @@ def model(
         raise ValueError(f"normal = {normal!r}, shear = {shear!r}: must be one of {NORMAL_LAWS} and {TANGENTIAL_LAWS}")
     if restitution is not None and (normal != "hertz" or damping):
         raise ValueError(f"restitution = {restitution!r}: needs normal = 'hertz' and no other damping")
-    modulus = units.number(sphere.youngs_modulus, mass=1, length=-1, time=-2)
+    young, number = sphere.youngs_modulus, sphere.poisson_ratio
+    if young < 0:  # as stiffnesses were measured: LAMMPS takes E* of any E and ν that have it, and G* by itself
+        shear_modulus = sphere.effective_shear_modulus if shear_modulus is None else shear_modulus
+        young, number = 2 * sphere.effective_modulus, 0.0
+    modulus = units.number(young, mass=1, length=-1, time=-2)
     loss = units.number(damping, mass=1, time=-1) if restitution is None else restitution
-    force = f"hertz/material {modulus!r} {loss!r} {sphere.poisson_ratio!r}"
+    force = f"hertz/material {modulus!r} {loss!r} {number!r}"
     if normal != "hertz":
         half_adhesion = units.number(sphere.work_of_adhesion / 2, mass=1, time=-2)  # LAMMPS's γ
-        force = f"{LATE if late_parting else normal} {modulus!r} {loss!r} {sphere.poisson_ratio!r} {half_adhesion!r}"
+        force = f"{LATE if late_parting else normal} {modulus!r} {loss!r} {number!r} {half_adhesion!r}"
     stiffness = "NULL" if shear_modulus is None else repr(units.number(8 * shear_modulus, mass=1, length=-1, time=-2))
     slip = f"{_MINDLIN.get(shear)} {stiffness} {shear_damping!r} {friction}"
     slip = "linear_nohistory 0.0 0.0" if shear == "none" else slip

@@ -75,15 +75,15 @@ def marked(scene: Scene) -> Iterator[tuple[str, str, Integers]]:
     """Yield kind, marker ("" for the usual one) and spheres of each mark."""
     atoms = crystal_of(scene).atoms
     for source in scene.source:
-        yield "source", "", spheres_at(source.rows, source.spheres, atoms, "source")
+        yield "source", "", spheres_at(source.rows, source.spheres, atoms, "source", source.layers)
     for striker in scene.striker:
         yield (
             "striker",
             _STRIKERS.get(str(striker.direction), "P"),
-            spheres_at(striker.rows, striker.spheres, atoms, "striker"),
+            spheres_at(striker.rows, striker.spheres, atoms, "striker", striker.layers),
         )
     for monitor in scene.monitor:
-        yield "monitor", "", spheres_at(monitor.rows, monitor.spheres, atoms, "monitor")
+        yield "monitor", "", spheres_at(monitor.rows, monitor.spheres, atoms, "monitor", monitor.layers)
     for number, each in enumerate(scene.inclusion):
         if not each.vacancy and not _is_body(each):
             yield "inclusion", "", _of_inclusion(scene, each, number)

@@ -183,7 +183,9 @@ def _starts(scene: Scene, crystal: ase.Atoms, origin: tuple[int, int] | None) ->
         for trouble in place_troubles((), [origin], scene.shape):
             raise ReadoutError(f"origin: {trouble}")
         return spheres_at((), [origin], crystal, "origin")
-    found = [spheres_at(each.rows, each.spheres, crystal, "origin") for each in (*scene.striker, *scene.source)]
+    found = [
+        spheres_at(each.rows, each.spheres, crystal, "origin", each.layers) for each in (*scene.striker, *scene.source)
+    ]
     if scene.form == "driven":
         found.append(spheres_at((0, 0), (), crystal, "origin"))
     if not found:

@@ -108,7 +108,7 @@ class MonitorRecord:
     @cached_property
     def spheres(self) -> Integers:
         """Indices of the spheres of the monitor in the crystal, (N,), ascending."""
-        return spheres_at(self.monitor.rows, self.monitor.spheres, self.crystal, "monitor")
+        return spheres_at(self.monitor.rows, self.monitor.spheres, self.crystal, "monitor", self.monitor.layers)
 
     @property
     def row(self) -> Integers:

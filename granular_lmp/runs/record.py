@@ -340,7 +340,7 @@ class Record(HasCard):
     def energy(self) -> Floats:
         """Return the energy of all spheres and contacts above rest, in m v², (T,); raises as `energies`.
 
-        With a restitution below 1 it falls, by what the dashpots of the contacts take. Without, it is that of the
+        With damping it falls, by what the dashpots of the contacts take. Without, it is that of the
         strikers but for the error of the step.
         """
         return np.asarray(self.energies().sum(axis=1))

@@ -196,7 +196,7 @@ class Snapshots(HasCard):
         output, atoms = self.scene.output, crystal_of(self.scene).atoms
         if self.scene.wave is not None or output.everyone:
             return np.arange(len(atoms))
-        return spheres_at(output.rows, output.spheres, atoms, "recorded sphere")
+        return spheres_at(output.rows, output.spheres, atoms, "recorded sphere", output.layers)
 
     @cached_property
     def crystal(self) -> ase.Atoms:

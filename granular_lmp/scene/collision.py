@@ -21,6 +21,7 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.scene.bodies import SPHERE_RULES
 from granular_lmp.scene.document import Document, Layout
 from granular_lmp.scene.files import first_file
+from granular_lmp.scene.records import declared_keys
 from granular_lmp.scene.refusals import SKIN
 from granular_lmp.scene.schema import allowed_names, choice, count, number
 from granular_lmp.scene.sections import DISTANCE, LOAD, RESCALED, SHEAR_LAWS
@@ -127,13 +128,19 @@ class Collision(Document):
     # --- reading and writing ---
 
     @classmethod
-    def load(cls, source: str | Path) -> Self:
-        """Collision from a TOML file, or the name of one in ``lammps_inputs/collisions``."""
+    def load(cls, source: str | Path, changes: Mapping[str, Any] | None = None) -> Self:
+        """Collision from a TOML file, or the name of one in ``lammps_inputs/collisions``, as for `Scene.load`."""
         found = first_file(source, (Path(source), _SHIPPED_COLLISIONS / f"{source}.toml"))
         if found is None:
             shipped = sorted(path.stem for path in _SHIPPED_COLLISIONS.glob("*.toml"))
             raise SceneError(f"{source}: no such collision; {allowed_names(str(source), shipped, 'shipped')}")
-        return cls.read(found)
+        return cls.read(found, changes)
+
+    @classmethod
+    def has(cls, key: str) -> bool:
+        """Return whether a dotted key is one of a collision."""
+        keys = {table: declared_keys(kind, cls.layout.rules.get(table)) for table, kind in cls.layout.sections.items()}
+        return key in ("name", "description", *(f"{table}.{each.name}" for table in keys for each in keys[table]))
 
     @classmethod
     def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import ENDS_OF_Y, QUIET, WALL, Lattice, Shape
+from granular_lmp.crystal.lattices import ENDS_OF_Y, FREE, QUIET, WALL, Lattice, Shape
 from granular_lmp.crystal.modes import Physics
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
@@ -95,15 +95,17 @@ class Derived(Document):
 
     @property
     def quiet(self) -> tuple[str, ...]:
-        """Ends in front of which rows absorb, "first" and "last": those that are declared so, or both."""
+        """Ends in front of which rows absorb, "first" and "last": those that are declared so, or all held ones."""
         if self.absorb.rows == 0:
             return ()
-        return tuple(name for name in ENDS_OF_Y if getattr(self.packing, name) == QUIET) or ENDS_OF_Y
+        faces = {name: getattr(self.packing, name) for name in ENDS_OF_Y}
+        declared = tuple(name for name, face in faces.items() if face == QUIET)
+        return declared or tuple(name for name, face in faces.items() if face not in (FREE, WALL))
 
     @property
     def loose(self) -> bool:
         """True if spheres just touch, or are a chain that is pressed together: they part without a pull, and fly."""
-        pressed_sheet = self.packing.contact_force > 0 and self.lattice.sheet
+        pressed_sheet = self.packing.contact_force > 0 and lattice_of(self.packing, self.substrate).sheet
         held = self.material.work_of_adhesion > 0 or pressed_sheet
         return self.wave is None and (self.start.touching or not held)
 
@@ -142,7 +144,13 @@ class Derived(Document):
     @cached_property
     def lattice(self) -> Lattice:
         """Lattice of the packing."""
-        return lattice_of(self.packing, self.substrate)
+        found = lattice_of(self.packing, self.substrate)
+        if self.loose or not self.sphere.static_overlap or self.effects.shear is False:
+            return found
+        # Spheres that do not turn have transverse waves faster than L above κ = 1; those that do, in the plane above 2
+        turning = 4 / 3 if found.solid else 2.0
+        ratio = self.sphere.stiffness_ratio
+        return replace(found, ratio=ratio) if ratio > (1.0 if self.effects.rotation is False else turning) else found
 
     @cached_property
     def wave_lattice(self) -> Lattice:

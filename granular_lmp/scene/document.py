@@ -79,13 +79,19 @@ class Document:
     layout: ClassVar[Layout]
 
     @classmethod
-    def read(cls, file: Path) -> Self:
-        """Return the document in a TOML file; its errors begin with the path."""
+    def read(cls, file: Path, changes: Mapping[str, Any] | None = None) -> Self:
+        """Return the document in a TOML file, some of its values changed before any is checked (`changed`).
+
+        Errors of an unchanged file begin with its path.
+        """
         text = file_text(file)
         try:
-            return cls.loads(text, default_name(file), file.parent)
+            tables = cls._located(toml_tables(text), file.parent)
+            if not changes:
+                return cls.from_dict(tables, default_name(file))
         except SceneError as error:
             raise SceneError(f"{file}: {error}") from error
+        return cls.from_dict(cls.changed(tables, changes), default_name(file))
 
     @classmethod
     def loads(cls, text: str, default: str | None = None, folder: Path | None = None) -> Self:
@@ -227,27 +233,32 @@ class Document:
         SceneError
             If a key is unknown or a value is not allowed.
         """
-        self._refuse_part(changes)
-        tables = self.given()
+        return self.from_dict(self.changed(self.given(), changes))
+
+    @classmethod
+    def changed(cls, tables: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return tables, checked or not, with values of dotted keys in place of theirs."""
+        cls._refuse_part(tables, changes)
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
-            inner = self._table(tables, key, table)
+            inner = cls._table(tables, key, table)
             if not isinstance(inner, dict):
-                break  # an earlier change replaced the table by a value, which is the error to report
-            for other in self.layout.exclusive.get(key, ()):
+                break  # the table is a value, here or by an earlier change, which is the error to report
+            for other in cls.layout.exclusive.get(key, ()):
                 if other not in changes:
                     inner.pop(other.rpartition(".")[2], None)
             inner[name] = deepcopy(value)  # a later key may change a part of it
-        return self.from_dict(tables)
+        return tables
 
-    def _refuse_part(self, changes: Mapping[str, Any]) -> None:
+    @classmethod
+    def _refuse_part(cls, tables: Mapping[str, Any], changes: Mapping[str, Any]) -> None:
         """Raise SceneError if changes of a bare document make a part of the section that it lacks."""
-        lacking, exclusive = self.layout.lacking, self.layout.exclusive
-        own = [key for key in changes if self._bare and key.partition(".")[0] == lacking]
-        if not own:
+        lacking = cls.layout.lacking
+        own = [key for key in changes if key.partition(".")[0] == lacking]
+        if not own or not cls._is_bare(tables):
             return
-        replaced = {other for key in own for other in exclusive.get(key, ())}
-        needed = (f"{lacking}.{each.name}" for each in declared_keys(self.layout.sections[lacking]) if each.required)
+        replaced = {other for key in own for other in cls.layout.exclusive.get(key, ())}
+        needed = (f"{lacking}.{each.name}" for each in declared_keys(cls.layout.sections[lacking]) if each.required)
         if absent := [key for key in needed if key not in (*own, *replaced)]:
             raise SceneError(f"{own[0]}: the scene has no [{lacking}]; {', '.join(absent)} must be given with it")
 
@@ -278,16 +289,19 @@ class Document:
         found = getattr(held[int(number) - 1] if number and held else held, name, None)
         return _lists(found)
 
-    def _table(self, tables: dict[str, Any], key: str, table: str) -> Any:
+    @classmethod
+    def _table(cls, tables: dict[str, Any], key: str, table: str) -> Any:
         """Return the table of a dotted key: a section, or "inclusion.1" for the first of an array of tables."""
         name, _, number = table.partition(".")
-        if name in self.layout.repeated and number:
+        if name in cls.layout.repeated and number:
             there = tables.get(name, [])
+            if not isinstance(there, list):
+                return there
             if not number.isdecimal() or not 1 <= int(number) <= len(there):
                 raise SceneError(f"{cut(key)}: the scene has {len(there)} [[{name}]], counted from 1")
             return there[int(number) - 1]
-        if table and table not in self.layout.sections:
-            raise SceneError(unknown_key(key, table, self.layout.sections))
+        if table and table not in cls.layout.sections:
+            raise SceneError(unknown_key(key, table, cls.layout.sections))
         return tables.setdefault(table, {}) if table else tables
 
 

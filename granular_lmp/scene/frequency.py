@@ -8,16 +8,17 @@ result, where it is monotonic, a sign change of Ω(ξ) − Ω is enclosed.
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from itertools import pairwise
-from math import hypot, pi, ulp
+from math import pi, ulp
 from typing import Any
 
+from granular_lmp.crystal.lattice import LATTICES, orientations_of
 from granular_lmp.crystal.lattices import HEXAGONAL, Lattice, unit_lattice
 from granular_lmp.crystal.modes import Physics, bloch_mode, branches, modes_at, named_in_space, restored
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import Wall
-from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
+from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.schema import shown
+from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.signals import SIGNALS
 from granular_lmp.scene.sources import Source
 
@@ -218,6 +219,8 @@ def _refuse_without_frequency(sources: Any) -> None:
 def without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:
     """The tables with ``wave.wavevector``, [kx, ky] in rad per lattice constant, as wave number and direction.
 
+    The lattice constant is the distance of two spheres that touch.
+
     Raises
     ------
     SceneError
@@ -226,13 +229,6 @@ def without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:
     wave = tables.get("wave")
     if not isinstance(wave, Mapping) or "wavevector" not in wave:
         return tables
-    packing = tables.get("packing")
-    lattice = packing.get("lattice", HEXAGONAL.name) if isinstance(packing, Mapping) else HEXAGONAL.name
-    if lattice != HEXAGONAL.name:
-        raise SceneError(
-            f'wave.wavevector = {shown(wave["wavevector"])}: is for packing.lattice = "{HEXAGONAL.name}" only; in '
-            "others waves run along y, give wave.wavenumber"
-        )
     pair, rest = wave["wavevector"], {key: value for key, value in wave.items() if key != "wavevector"}
     for key in ("wavenumber", "frequency", "direction"):
         if key in rest:
@@ -244,11 +240,26 @@ def without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:
         raise SceneError(
             f"wave.wavevector = {shown(pair)}: must be two numbers [kx, ky], not both 0, rad per lattice constant"
         )
-    vector = WaveVector(float(pair[0]) + 0.0, ROW_SPACING * float(pair[1]) + 0.0)  # + 0.0: no minus zeros
-    edge = zone_edge(vector.direction) / ROW_SPACING
-    if hypot(*vector.components) > edge * (1 + 1e-12):
+    lattice = _lattice_in(tables)
+    unit = lattice.column_spacing
+    advance = unit * float(pair[0]) + 0.0, unit * lattice.row_spacing * float(pair[1]) + 0.0  # + 0.0: no minus zeros
+    vector = WaveVector(*advance, lattice.row_spacing, unit)
+    edge = lattice.zone_edge(vector.direction)
+    if vector.wavenumber > edge * (1 + 1e-12):
         raise SceneError(
-            f"wave.wavevector = {shown(pair)}: must be in the Brillouin zone, which ends at {edge:.6g} in its "
-            "direction, rad per lattice constant"
+            f"wave.wavevector = {shown(pair)}: must be in the Brillouin zone, which ends at "
+            f"{edge / lattice.row_spacing / unit:.6g} in its direction, rad per lattice constant"
         )
     return {**tables, "wave": rest | {"wavenumber": vector.wavenumber, "direction": vector.direction}}
+
+
+def _lattice_in(tables: Mapping[str, Any]) -> Lattice:
+    """Return the lattice that tables of a scene name; the hexagonal one where they name none that there is."""
+    packing = tables.get("packing")
+    names = packing if isinstance(packing, Mapping) else {}
+    name, orientation = (
+        str(names.get(key, other)) for key, other in (("lattice", HEXAGONAL.name), ("orientation", AUTO))
+    )
+    if known := orientations_of(name):
+        name = f"{name} {known[0] if orientation == AUTO else orientation}"
+    return LATTICES.get(name, HEXAGONAL)

@@ -21,6 +21,7 @@ from granular_lmp.crystal.lattices import Shape
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.places import (
+    LAYERS_RULE,
     Rows,
     Spheres,
     in_words,
@@ -54,12 +55,15 @@ class Monitor:
     rows : (first, last)
         All spheres of these rows and of those between, counted from 0; or
     spheres : sequence of (row, column)
+    layers : (first, last)
+        Layers along z to which these are confined; a crystal of several needs them for single spheres.
     what : "motion", "contacts" or "flux"
     """
 
     name: str = field(default="", metadata={"rule": NameRule(str, "", "of its files, and of columns of a sweep")})
     rows: Rows = places_field(rows_rule())
     spheres: Spheres = places_field(spheres_rule())
+    layers: Rows = field(default=(), metadata={"rule": LAYERS_RULE})
     what: str = choice("contacts: motion and contact forces; flux: these of rows, for energy", WHAT, default="motion")
 
     @property
@@ -70,7 +74,7 @@ class Monitor:
     @property
     def places(self) -> str:
         """The spheres in words."""
-        return in_words(self.rows, self.spheres)
+        return in_words(self.rows, self.spheres, self.layers)
 
     @property
     def span(self) -> tuple[int, int]:
@@ -132,7 +136,7 @@ def check_monitors(monitors: Sequence[Monitor], packing: Packing, shape: Shape) 
             raise SceneError(
                 f"packing.columns = {packing.columns!r}: must be a number where a monitor has single spheres"
             )
-        for trouble in place_troubles(each.rows, each.spheres, shape):
+        for trouble in place_troubles(each.rows, each.spheres, shape, each.layers):
             raise SceneError(f"monitor {each.name}: {trouble}")
         if each.what == "flux" and not each.rows:
             raise SceneError(f'monitor {each.name}: {each.places}: must be rows with what = "flux"')
@@ -162,7 +166,7 @@ def placed_monitors(
     found = []
     for each in monitors:
         try:
-            chosen = spheres_at(each.rows, each.spheres, crystal, "monitor")
+            chosen = spheres_at(each.rows, each.spheres, crystal, "monitor", each.layers)
         except SceneError as error:
             raise SceneError(f"monitor {each.name}: {error}") from error
         around = chosen[:0]
@@ -205,7 +209,7 @@ def _around(monitor: Monitor, crystal: ase.Atoms, shape: Shape) -> NDArray[np.in
         return np.flatnonzero(near | ((first <= row) & (row <= last)))
     width, reach = float(crystal.cell.lengths()[0]), 3.0 * float(crystal.arrays["radius"].max())
     near = np.zeros(len(row), dtype=bool)
-    for each in spheres_at((), monitor.spheres, crystal, "monitor"):
+    for each in spheres_at((), monitor.spheres, crystal, "monitor", monitor.layers):
         apart = np.abs(x - x[each])
         apart = np.minimum(apart, width - apart) if shape.along_x else apart
         near |= (np.abs(row_step(row - row[each], shape)) <= 1) & (apart < reach)

@@ -16,6 +16,7 @@ from granular_lmp.scene.schema import ArrayRule, Interval, shown
 Rows = Sequence[int]
 Spheres = Sequence[tuple[int, int]]
 _ANY = Interval(0, 10_000_000)  # rows or columns
+_INDICES = ("row", "column", "layer")
 
 
 def rows_rule(meaning: str = "first and last row, counted from 0") -> ArrayRule:
@@ -33,17 +34,21 @@ def places_field(rule: ArrayRule) -> Any:
     return field(default=(), metadata={"rule": rule})
 
 
+LAYERS_RULE = rows_rule("first and last layer along z, counted from 0, to which these are confined")
+
+
 @dataclass(frozen=True)
 class AtPlaces:
-    """Whole rows or single spheres of a packing, and something that is done to them."""
+    """Whole rows or single spheres of a packing, in all layers or in some, and something that is done to them."""
 
     rows: Rows = places_field(rows_rule())
     spheres: Spheres = places_field(spheres_rule())
+    layers: Rows = field(default=(), metadata={"rule": LAYERS_RULE}, kw_only=True)
 
     @property
     def places(self) -> str:
         """The spheres in words."""
-        return in_words(self.rows, self.spheres)
+        return in_words(self.rows, self.spheres, self.layers)
 
     def rows_of(self) -> list[int]:
         """Return the rows in which it has spheres, first and last of each run of them."""
@@ -69,20 +74,31 @@ def check_counted(at: Sequence[AtPlaces], rows: int | str, columns: int | str, t
         raise SceneError(f"packing.columns = {columns!r}: must be a number where {table} has single spheres")
 
 
-def in_words(rows: Rows, spheres: Spheres) -> str:
+def in_words(rows: Rows, spheres: Spheres, layers: Rows = ()) -> str:
     """Return the places as a scene file has them: "rows = [3, 5]"."""
-    return f"rows = {list(rows)}" if rows else f"spheres = {shown([list(each) for each in spheres])}"
+    here = f"rows = {list(rows)}" if rows else f"spheres = {shown([list(each) for each in spheres])}"
+    return f"{here}, layers = {list(layers)}" if layers else here
 
 
-def place_troubles(rows: Rows, spheres: Spheres, shape: Shape) -> Iterator[str]:
-    """Yield what is wrong with places in a packing of this shape: must be rows or spheres, and inside."""
+def place_troubles(rows: Rows, spheres: Spheres, shape: Shape, layers: Rows | None = ()) -> Iterator[str]:
+    """Yield what is wrong with places in a packing of this shape: must be rows or spheres, and inside.
+
+    `layers` is None where they cannot be given.
+    """
     given = [name for name, value in (("rows", rows), ("spheres", spheres)) if value]
     if len(given) != 1:
         yield f"{' and '.join(given) or 'neither'} given: must be either rows or spheres"
     if rows and not 0 <= rows[0] <= rows[1] < shape.rows:
         yield f"rows = {list(rows)}: must be [first, last], from 0 to {shape.rows - 1}"
-    if spheres and shape.layers > 1:
-        yield f"{in_words(rows, spheres)}: must be rows in a crystal of several layers, where a place is many spheres"
+    if layers and not 0 <= layers[0] <= layers[1] < shape.layers:
+        yield f"layers = {list(layers)}: must be [first, last], from 0 to {shape.layers - 1}"
+    if spheres and shape.layers > 1 and not layers:
+        top = shape.layers - 1
+        cure = "must be left out" if layers is None else f"needs layers, for instance layers = [{top}, {top}],"
+        yield (
+            f"{in_words(rows, spheres)}: {cure} in a crystal of several layers, where a row and a column are a "
+            "sphere in each"
+        )
     for row, column in spheres:
         if row >= shape.rows or column >= shape.columns:
             yield (
@@ -96,7 +112,7 @@ def place_of(crystal: ase.Atoms, sphere: int) -> list[int]:
     return [int(crystal.arrays[name][sphere]) for name in ("row", "column")]
 
 
-def spheres_at(rows: Rows, spheres: Spheres, crystal: ase.Atoms, role: str) -> NDArray[np.int64]:
+def spheres_at(rows: Rows, spheres: Spheres, crystal: ase.Atoms, role: str, layers: Rows = ()) -> NDArray[np.int64]:
     """Return the indices of the spheres at some places of a crystal, ascending.
 
     Parameters
@@ -108,22 +124,25 @@ def spheres_at(rows: Rows, spheres: Spheres, crystal: ase.Atoms, role: str) -> N
         With the arrays ``row`` and ``column``.
     role : str
         What the places are for, "source" or "monitor", for the error message.
+    layers : (first, last)
+        Of a crystal with the array ``layer``; all of them if empty.
 
     Raises
     ------
     SceneError
         If a sphere is a vacancy, or the rows hold vacancies only.
     """
-    row, column = crystal.arrays["row"], crystal.arrays["column"]
+    row, column, layer = (crystal.arrays.get(name, np.zeros(len(crystal), dtype=int)) for name in _INDICES)
+    inside = (layers[0] <= layer) & (layer <= layers[1]) if layers else np.ones(len(crystal), dtype=bool)
     if rows:
-        chosen = np.flatnonzero((rows[0] <= row) & (row <= rows[1]))
+        chosen = np.flatnonzero((rows[0] <= row) & (row <= rows[1]) & inside)
         if not len(chosen):
-            raise SceneError(f"{in_words(rows, spheres)}: holds vacancies only")
+            raise SceneError(f"{in_words(rows, spheres, layers)}: holds vacancies only")
         return chosen
-    index: dict[tuple[int, ...], int] = {
-        place: each for each, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))
-    }
+    index: dict[tuple[int, ...], list[int]] = {}
+    for each in np.flatnonzero(inside).tolist():
+        index.setdefault((int(row[each]), int(column[each])), []).append(each)
     for place in spheres:
         if tuple(place) not in index:
             raise SceneError(f"sphere {list(place)}: is a vacancy, and cannot be a {role}")
-    return np.unique([index[tuple(at)] for at in spheres])
+    return np.unique([each for at in spheres for each in index[tuple(at)]])

@@ -8,12 +8,12 @@ from math import sqrt
 from typing import Any, Literal
 
 from granular_lmp.crystal.adhesion_laws import LATER
-from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL
+from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, PERIODIC, WALL
 from granular_lmp.crystal.scale import DEEPEST
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.derived import Derived
-from granular_lmp.scene.places import place_troubles
+from granular_lmp.scene.places import Rows, Spheres, place_troubles
 from granular_lmp.scene.sections import DISTANCE, RESCALED
 from granular_lmp.scene.strikers import leads, striker_troubles
 from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
@@ -149,6 +149,11 @@ def touching_without_adhesion(scene: Derived) -> str:
 
 
 @_line("physics")
+def two_models_of_damping(scene: Derived) -> str:
+    return scene.effects.damped_twice
+
+
+@_line("physics")
 def restitution_of_adhesion(scene: Derived) -> str:
     restitution = scene.effects.restitution
     if restitution == 1 or not scene.material.work_of_adhesion:
@@ -259,7 +264,7 @@ def chain_with_sides(scene: Derived) -> str:
         return ""
     return (
         f'packing.columns = {packing.columns} and packing.sides = "{packing.sides}": must be 1 and "{FREE}" in a '
-        "chain, the default of packing.lattice where there is no [wave]"
+        f'chain, the default without [wave]; a sheet needs packing.lattice = "{HEXAGONAL.name}"'
     )
 
 
@@ -319,12 +324,15 @@ def too_many_spheres(scene: Derived) -> str:
 
 @_line("physics", loose=False)
 def places_outside(scene: Derived) -> str:
-    places = {} if scene.output.everyone else {"output": (scene.output.rows, scene.output.spheres)}
-    places |= {"start.state": ((), scene.start.places)} if scene.start.state else {}
+    output = scene.output
+    places: dict[str, tuple[Rows, Spheres, Rows | None]] = (
+        {} if output.everyone else {"output": (output.rows, output.spheres, output.layers)}
+    )
+    places |= {"start.state": ((), scene.start.places, None)} if scene.start.state else {}
     troubles = (
         f"{name}: {trouble}"
-        for name, (rows, spheres) in places.items()
-        for trouble in place_troubles(rows, spheres, scene.shape)
+        for name, (rows, spheres, layers) in places.items()
+        for trouble in place_troubles(rows, spheres, scene.shape, layers)
     )
     return next(troubles, "")
 

@@ -201,7 +201,7 @@ class Scene(HasCard, Derived):
         return scene
 
     @classmethod
-    def load(cls, source: str | Path) -> Self:
+    def load(cls, source: str | Path, changes: Mapping[str, Any] | None = None) -> Self:
         """Read a scene from a TOML file, a folder with a ``scene.toml``, or by the name of a shipped scene.
 
         Parameters
@@ -209,6 +209,9 @@ class Scene(HasCard, Derived):
         source : path
             File, folder, or name of a folder or a collision of ``lammps_inputs``. A scene that declares no name takes
             the stem of the file, or the name of the folder of its ``scene.toml``.
+        changes : mapping, optional
+            Values of dotted keys, as for `with_values`, that replace those of the file before any is checked. A key of
+            a collision's file changes the collision.
 
         Raises
         ------
@@ -223,7 +226,7 @@ class Scene(HasCard, Derived):
             kinds = ("*/scene.toml", "impacts/*/scene.toml", "collisions/*.toml")
             known = [default_name(file) for kind in kinds for file in sorted(SHIPPED.glob(kind))]
             raise SceneError(f"{source}: no such scene file; {allowed_names(str(source), known, 'shipped scenes')}")
-        return cls.read(found)
+        return cls.read(found, changes)
 
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any], default: str | None = None) -> Self:
@@ -239,6 +242,21 @@ class Scene(HasCard, Derived):
         """Return the tables with signals of sources and a state that are in files, relative to the current folder."""
         tables, sources = located_state(tables, folder), tables.get("source")
         return tables | {"source": [located(each, folder) for each in sources]} if isinstance(sources, list) else tables
+
+    @classmethod
+    def changed(cls, tables: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return tables, checked or not, with values of dotted keys in place of theirs; those of a collision first."""
+        if "collision" in tables:
+            from granular_lmp.scene.collision import Collision  # kept out of start-up
+
+            own = {key: value for key, value in changes.items() if Collision.has(key)}
+            made = Collision.from_dict(Collision.changed(tables, own)).scene_tables()
+            tables = {key: table for key, table in made.items() if key != "name" or key in tables}
+            changes = {key: value for key, value in changes.items() if key not in own}
+        part = [key for key in changes if key in cls.layout.exclusive["wave.wavevector"]]
+        if part and "wave.wavevector" not in changes:  # what is not changed of the vector stays
+            tables = dict(without_wavevector(tables))
+        return super().changed(tables, changes)
 
     @classmethod
     def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -347,7 +365,7 @@ class Scene(HasCard, Derived):
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
         bodies = self.material, self.contact, self.substrate
         check_arrangement(self.lattice, self.space, self.packing, bodies, self.disorder, self.inclusion)
-        validation.check_absorb(self.absorb, self.packing, self.quiet, self.form, self.envelope, shape, self.source)
+        validation.check_absorb(self.absorb, self.packing, self.quiet, self.form, self.envelope, shape)
         if wave is None:
             validation.check_motion(self.sphere, shape, self._moved)
         else:

@@ -29,7 +29,7 @@ from granular_lmp.crystal.modes import MODES, Physics
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.places import AtPlaces, Rows, Spheres, rows_rule, spheres_rule
+from granular_lmp.scene.places import LAYERS_RULE, AtPlaces, Rows, Spheres, rows_rule, spheres_rule
 from granular_lmp.scene.records import Remembering
 from granular_lmp.scene.schema import AUTO, Bare, Interval, Rule, choice, count, flag, number, shown, switch
 from granular_lmp.scene.shape import Auto
@@ -362,7 +362,7 @@ class Effects(Remembering):
         default=AUTO,
         bare=number("", "Coulomb coefficient; 0: no shear force, no rotation", 0, 1e4, default=0.0),
     )
-    viscosity: float = number("N s/m", "dashpot of a contact", 0, 1e12, default=0.0, bare=NOT_BARE)
+    viscosity: float = number("N s/m", "dashpot of a contact", 0, 1e12, default=0.0)
     rolling_stiffness: float = number("N/m", "of a contact against rolling", 0, 1e12, default=0.0, bare=NOT_BARE)
     rolling_viscosity: float = number(
         "N s/m", "dashpot of a contact against rolling", 0, 1e12, default=0.0, bare=NOT_BARE
@@ -373,6 +373,16 @@ class Effects(Remembering):
     shear_damping: float = _unwaved(
         Rule(float, "", "dashpot of shear over that of normal motion", Interval(0, 100)), default=1.0
     )
+
+    @property
+    def damped_twice(self) -> str:
+        """What is wrong with the damping, "" if nothing is."""
+        if not self.viscosity or self.restitution == 1:
+            return ""
+        return (
+            f"effects.viscosity = {self.viscosity!r} and effects.restitution = {self.restitution!r}: two models of "
+            "damping; must be one"
+        )
 
     @property
     def physics(self) -> Physics:
@@ -399,6 +409,7 @@ class Output(Remembering, AtPlaces):
 
     rows: Rows = _unwaved(rows_rule("first and last recorded row"), ())
     spheres: Spheres = _unwaved(spheres_rule("[row, column] of each recorded sphere"), ())
+    layers: Rows = _unwaved(LAYERS_RULE, ())
     forces: bool = _unwaved(Rule(bool, "", "the force on each recorded sphere, too"), default=False)
     particles: float = number("tau", "between snapshots of all spheres; 0: none", 0, 1e7, default=0.0, bare=NOT_BARE)
     checkpoint: float | Auto = number(

@@ -272,7 +272,7 @@ def check_sources(
 
 def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float, form: str, space: int) -> Iterator[str]:
     """Yield what is wrong with a source by itself."""
-    yield from place_troubles(source.rows, source.spheres, shape)
+    yield from place_troubles(source.rows, source.spheres, shape, source.layers)
     given = [name for name in ("motion", "force") if getattr(source, name)]
     if len(given) != 1:
         yield f"{' and '.join(given) or 'neither'} given: must be either motion or force"
@@ -316,7 +316,7 @@ def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, usual:
     turned: dict[int, str] = {}
     for number_, source in enumerate(sources, 1):
         try:
-            chosen = spheres_at(source.rows, source.spheres, crystal, "source")
+            chosen = spheres_at(source.rows, source.spheres, crystal, "source", source.layers)
         except SceneError as error:
             raise SceneError(f"source {number_}: {error}") from error
         for each in chosen.tolist():

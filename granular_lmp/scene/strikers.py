@@ -63,7 +63,9 @@ def striker_troubles(strikers: Sequence[Striker], shape: Shape, space: int) -> I
                 f'striker {number_}: direction = "{each.direction}": leaves the plane; needs a [substrate], or '
                 "packing.space = 3 beside [wave]"
             )
-        yield from (f"striker {number_}: {trouble}" for trouble in place_troubles(each.rows, each.spheres, shape))
+        yield from (
+            f"striker {number_}: {trouble}" for trouble in place_troubles(each.rows, each.spheres, shape, each.layers)
+        )
 
 
 def fastest_striker(strikers: Sequence[Striker]) -> float:
@@ -114,7 +116,7 @@ def check_strikes(
         raise SceneError("start.touching = true: must be false beside [wave], whose crystal is at rest")
     if not pushed and not start.noise:
         return
-    places = (trouble for at in start.at() for trouble in place_troubles((), at.spheres, shape))
+    places = (trouble for at in start.at() for trouble in place_troubles((), at.spheres, shape, None))
     for trouble in (*striker_troubles(strikers, shape, space), *(f"start.state: {each}" for each in places)):
         raise SceneError(trouble)
     check_counted(strikers, packing.rows, packing.columns, "[[striker]]")
@@ -144,7 +146,7 @@ def struck(strikers: Sequence[Striker], crystal: ase.Atoms) -> tuple[NDArray[np.
     found = []
     for number_, striker in enumerate(strikers, 1):
         try:
-            chosen = spheres_at(striker.rows, striker.spheres, crystal, "striker")
+            chosen = spheres_at(striker.rows, striker.spheres, crystal, "striker", striker.layers)
         except SceneError as error:
             raise SceneError(f"striker {number_}: {error}") from error
         free = chosen[~crystal.arrays["fixed"][chosen]]

@@ -12,8 +12,8 @@ from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattices import (
     CHAIN,
     ENDS_OF_Y,
-    FREE,
     HELD,
+    HEXAGONAL,
     QUIET,
     WALL,
     Lattice,
@@ -24,7 +24,6 @@ from granular_lmp.crystal.modes import bears_compression
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.places import AtPlaces
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.sections import DISTANCE, Absorb, Effects, Envelope, Output, Packing, Time, Wave
 from granular_lmp.scene.shape import LARGEST_CELL, SNAP
@@ -71,11 +70,8 @@ def check_sphere(material: Sphere, sphere: Sphere, effects: Effects, amplitude: 
             "packing.contact_force = 0.0: must be above 0 where no adhesion holds the spheres together "
             f"(sphere.work_of_adhesion = {material.work_of_adhesion!r}, effects.adhesion = {effects.adhesion!r})"
         )
-    if effects.viscosity > 0 and effects.restitution < 1:
-        raise SceneError(
-            f"effects.viscosity = {effects.viscosity!r} and effects.restitution = {effects.restitution!r}: "
-            "two models of damping; must be one"
-        )
+    if effects.damped_twice:
+        raise SceneError(effects.damped_twice)
     if effects.adhesion is True and material.work_of_adhesion == 0:
         raise SceneError("effects.adhesion = true: needs sphere.work_of_adhesion above 0, J/m2")
     if sphere.overlap_ratio > LARGEST_OVERLAP_RATIO:
@@ -121,9 +117,11 @@ def check_lattice(shape: Shape, packing: Packing, effects: Effects, sphere: Sphe
     """Check that rows and columns are those of the lattice, and that it does not buckle; `bare` is without a wave."""
     lattice, columns = shape.lattice, shape.columns
     if columns > 1 and not lattice.sheet:
-        chain = f'with packing.lattice = "{lattice.name}"'
-        allowed = f"1 {chain}, the default where there is no [wave]" if bare else f'1 or "auto" {chain}'
-        raise SceneError(f"packing.columns = {columns}: must be {allowed}")
+        allowed = "1" if bare else '1 or "auto"'
+        default = f', the default without [wave]; a sheet needs packing.lattice = "{HEXAGONAL.name}"' if bare else ""
+        raise SceneError(
+            f'packing.columns = {columns}: must be {allowed} with packing.lattice = "{lattice.name}"{default}'
+        )
     if shape.along_x and columns < lattice.fewest_columns:
         raise SceneError(
             f"packing.columns = {columns}: must be at least {lattice.fewest_columns}, or "
@@ -245,7 +243,6 @@ def check_absorb(
     form: str,
     envelope: Envelope,
     shape: Shape,
-    sources: Sequence[AtPlaces],
 ) -> None:
     """Check that quiet ends have rows to damp and a wave that reaches them from inside."""
     if absorb.rows and shape.lattice.column_period > 1:
@@ -258,12 +255,11 @@ def check_absorb(
             if getattr(packing, name) == QUIET:
                 raise SceneError(f'absorb.rows = 0: must be above 0 or "auto" with packing.{name} = "quiet"')
         return
-    for name, row in zip(ENDS_OF_Y, (0, shape.rows - 1), strict=True):
-        if name in quiet and shape.faces.get(name) in (FREE, WALL) and not any(each.is_in_row(row) for each in sources):
-            raise SceneError(
-                f'packing.{name} = "{shape.faces[name]}": must be "held" or "auto" with absorb.rows = {absorb.rows!r}, '
-                "which are in front of a held row; only an end with a source, which does not absorb, may be free"
-            )
+    if not quiet:
+        raise SceneError(
+            f'absorb.rows = {absorb.rows!r}: needs packing.first or packing.last = "quiet", as quiet rows are in front '
+            "of a held row, and both ends are free or walls"
+        )
     if shape.along_y:
         raise SceneError(f'absorb.rows = {absorb.rows!r}: needs packing.ends = "fixed"; a periodic cell has no ends')
     if packing.rows == AUTO:

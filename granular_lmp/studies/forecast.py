@@ -4,7 +4,7 @@ The seconds are those of a short run of the same deck just now, in proportion. O
 cell of the same spheres and effects, for a few steps of it would take as long as many runs.
 """
 
-from math import ceil, inf, isnan, nan, pi
+from math import ceil, inf, isnan, isqrt, nan, pi
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 from granular_lmp.accuracy.ladder import RUNGS as RUNS
 from granular_lmp.accuracy.ladder import build, planned_steps
 from granular_lmp.accuracy.tolerance import run
+from granular_lmp.crystal.lattice import Lattice
 from granular_lmp.errors import GranularError, LaunchError
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.checkpoints import minutes_between
@@ -24,6 +25,7 @@ from granular_lmp.scene.scene import Scene
 _WARM_UP = 2e5  # sphere-steps of the short run: 50 ms
 _FEWEST_STEPS = 100  # A short run whose sample was cut has as many: its two records take 8 % of it at most
 _LARGEST = 20_000  # spheres of a crystal that is measured itself: two runs of it start in half a second
+_PERIOD = 12  # the rows and columns of each lattice repeat after a divisor of it
 _CELL = 100  # rows and columns of the cell that stands for a larger one
 # What a cell has of a scene, because it sets the time of a step: whole tables, and keys of others
 _OF_CELL = ("sphere", "contact", "substrate", "disorder", "time", "effects")
@@ -190,15 +192,14 @@ def _small(scene: Scene) -> Scene:
     middle. All else is at its default: a step of the cell then takes as long for each sphere, and no place or end has
     to fit a smaller crystal.
     """
-    if scene.shape.spheres > _LARGEST:
+    rows, columns = _size(scene.lattice, scene.shape.layers)
+    if scene.shape.spheres > max(_LARGEST, rows * columns * scene.shape.layers):
         tables = scene.to_dict()
         kept = {
             table: {key: value for key, value in tables[table].items() if value is not None}
             for table in _OF_CELL
             if table in tables
         }
-        columns = _CELL if scene.lattice.sheet else 1
-        rows = _CELL**2 // columns
         own = _struck_cell(scene, rows, columns) if scene.wave is None else _waving_cell(scene, rows)
         own["packing"] |= {"rows": rows, "columns": columns}
         scene = Scene.from_dict(kept | own)
@@ -207,6 +208,14 @@ def _small(scene: Scene) -> Scene:
         return scene
     sample = steps * scene.time.step
     return scene.with_values({"time.sample": sample, "time.duration": sample})
+
+
+def _size(lattice: Lattice, layers: int) -> tuple[int, int]:
+    """Return rows and columns of a cell of some 1e4 spheres; of several layers they fit the period of any lattice."""
+    places = _CELL**2 // layers
+    columns = 1 if not lattice.sheet else _CELL if layers == 1 else max(_PERIOD, isqrt(places) // _PERIOD * _PERIOD)
+    rows = places // columns
+    return (rows if layers == 1 else max(_PERIOD, rows // _PERIOD * _PERIOD)), columns
 
 
 def _waving_cell(scene: Scene, rows: int) -> dict[str, dict[str, Any]]:
@@ -230,7 +239,8 @@ def speed(scene: Scene, kernel: bool = False) -> tuple[float, float]:
     scene = build(scene).problem.scene  # with a tolerance the one that has the finest of the planned steps
     per_sample = scene.shape.spheres * scene.time.steps_per_sample
     duration = scene.time.sample * min(ceil(_WARM_UP / per_sample), scene.time.samples)
-    short = scene.with_values({"time.duration": duration, "packing.rows": scene.shape.rows})
+    none = {"output.particles": 0.0} if scene.output.particles > duration else {}
+    short = scene.with_values({"time.duration": duration, "packing.rows": scene.shape.rows} | none)
     deck = build(short)
     with TemporaryDirectory(prefix="granular-lmp-") as folder:
         for name in ("cold", "warm"):  # the first run starts LAMMPS

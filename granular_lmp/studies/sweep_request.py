@@ -32,7 +32,9 @@ def claim(folder: Path, request: dict[str, Any], force: bool) -> None:
 
 
 def _identity(request: dict[str, Any]) -> str:
-    return json.dumps([list(request["over"].items()), scene_hash(Scene.from_dict(request["scene"]))])
+    over = request["over"]
+    first = {key: values[0] for key, values in over.items() if values}  # what is swept may be wrong in the scene itself
+    return json.dumps([list(over.items()), scene_hash(Scene.from_dict(request["scene"]).with_values(first))])
 
 
 def read_request(folder: Path) -> dict[str, Any] | None:

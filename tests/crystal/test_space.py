@@ -1,21 +1,27 @@
 """Crystals in space and layers on a wall: contacts at rest, six modes a sphere, and their names."""
 
+import tracemalloc
 from dataclasses import replace
 from math import pi, sqrt
+from typing import Any
 
 import numpy as np
 import pytest
 
+from granular_lmp import Scene
+from granular_lmp.crystal import bloch, modes
 from granular_lmp.crystal.bloch import bloch_modes, effective_inertia
 from granular_lmp.crystal.contacts import Contacts, find_contacts
+from granular_lmp.crystal.creep import creep_velocities
 from granular_lmp.crystal.lattices import LATTICES, PLANE_LATTICES, Lattice, Shape, packed, unit_lattice
 from granular_lmp.crystal.mode import PLANE, Physics
-from granular_lmp.crystal.modes import bloch_mode, highest_frequency, named_in_space
+from granular_lmp.crystal.modes import bloch_mode, contact_stretches, highest_frequency, named_in_space
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.crystal.stability import frequency_bound
 from granular_lmp.crystal.walls import BOTH, Wall, on_wall
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import CrystalError, SceneError
+from granular_lmp.scene.linear import physics_of, unit_contacts
 from tests.manual import Measure, Mutant, verifies
 
 SILICA = Sphere(5e-7, 73e9, 0.17, 0.063, 2200.0)
@@ -283,3 +289,63 @@ def test_the_zone_of_fcc_ends_at_x_along_001_and_at_k_along_110() -> None:
     lattice = LATTICES["fcc [001]"]
     assert lattice.zone_edge(90.0) == pytest.approx(pi, rel=1e-12)
     assert lattice.zone_edge(0.0) == pytest.approx(3 * pi / 2 * lattice.row_spacing, rel=1e-12)
+
+
+def film(layers: int, **values: Any) -> tuple[Scene, Contacts, Physics]:
+    scene = Scene.load("multilayer").with_values({"packing.layers": layers} | values)
+    return scene, unit_contacts(scene), physics_of(scene)
+
+
+@pytest.mark.parametrize("values", [{}, {"effects.rotation": False}, {"contact.shear_stiffness": 50.0}])
+def test_the_highest_frequency_of_a_thick_film_is_that_of_all_its_wave_vectors(values: dict[str, Any]) -> None:
+    scene, crystal, physics = film(14, **values)
+    share = np.pi / 4 * np.arange(4) * 2 * scene.sphere.radius / float(crystal.length.min())
+    top = max(bloch_modes(crystal, scene.sphere, [x, y], physics)[0].max() for x in share for y in share)
+    found = highest_frequency(crystal, scene.sphere, physics)
+    # These wave vectors are every third one of the grid; the bound is 1e-3 too high at most
+    assert top * (1 - 1e-9) < found < 1.05 * top
+
+
+@pytest.mark.parametrize("name", ["1", "20", "S2", "H2"])
+def test_a_wave_of_a_thick_film_is_that_of_the_whole_spectrum(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, crystal, physics = film(30)
+    found = []
+    for many in (1000, 12):
+        monkeypatch.setattr(modes, "_MANY", many)
+        for each in (bloch_mode, named_in_space):
+            each.cache_clear()
+        mode = bloch_mode(crystal, scene.sphere, scene.vector, name, physics)
+        creep_velocities.cache_clear()
+        found.append((mode.frequency, *contact_stretches(crystal, scene.sphere, mode)))
+    # Of ω² ten digits are left below its largest value
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-9 * np.abs(one).max())
+
+
+def test_a_thick_film_creeps_as_the_pseudoinverse_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, crystal, physics = film(30)
+    mode, found = bloch_mode(crystal, scene.sphere, scene.vector, "1", physics), []
+    for sparse in (1000, 12):
+        monkeypatch.setattr(bloch, "SPARSE", sparse)
+        creep_velocities.cache_clear()
+        found.append(creep_velocities(crystal, scene.sphere, mode, physics))
+    creep_velocities.cache_clear()
+    # 1e-12 of the largest stiffness holds them, and the softest motion of 30 layers has 1e-3
+    np.testing.assert_allclose(*found, rtol=0, atol=1e-8 * np.abs(found[0]).max())
+
+
+def test_a_thick_film_takes_the_memory_of_its_contacts() -> None:
+    tracemalloc.start()
+    scene, crystal, physics = film(300)
+    top = highest_frequency(crystal, scene.sphere, physics)
+    mode = bloch_mode(crystal, scene.sphere, scene.vector, "1", physics)
+    creep_velocities(crystal, scene.sphere, mode, physics)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    # One matrix of its 1800 freedoms has 52 MB
+    assert peak < 4e7
+    # Inner layers touch twelve others: all spheres that turn in phase are the highest motion, as in fcc
+    bulk = highest_frequency(unit_lattice(scene.sphere, LATTICES["fcc [110]"]), scene.sphere, physics)
+    assert top == pytest.approx(bulk, rel=2e-3)
+    with pytest.raises(SceneError, match=r"wave\.mode = '65': must be at most 64 in a crystal of 300 spheres a cell"):
+        bloch_mode(crystal, scene.sphere, scene.vector, "65", physics)

@@ -161,10 +161,6 @@ def network_errors(record: Record) -> list[float]:
         (LAYERS | {"pair": [PAIRS[0], {"of": [0, 1], "shear_stiffness": 1.0}]}, "pair 2: of = .* declared twice"),
         ({"inclusion": [{"rows": [3, 3], "vacancy": True}], "pair": [PAIRS[0]]}, "must not be of vacancies"),
         (
-            {"contact.normal_stiffness": 400.0},
-            r"contact\.normal_stiffness = 400\.0: needs contact\.shear_stiffness below",
-        ),
-        (
             {"contact.normal_stiffness": 400.0, "effects.adhesion": False},
             r"packing\.contact_force = 0\.0: must be above 0",
         ),

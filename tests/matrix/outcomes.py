@@ -38,7 +38,7 @@ REFUSALS: dict[str, str] = {
     r'packing.sides = "held": must be "free" or left out in a chain': PHYSICS,
     r'packing.first = .free.: must be "held" or "auto" with wave.form = "driven"': PHYSICS,
     r"must lie between the faces that are held|is at a face that is held|for a sphere of a held row": PHYSICS,
-    r'packing.(first|last) = "(free|wall)": .*absorb.rows': NOT_BUILT,
+    r"absorb.rows = .*both ends are free or walls": NOT_BUILT,
     # impacts
     r"^effects.\w+: unknown key": NOT_BUILT,
     r'packing.(first|last) = "wall": must be "held" or "free" in a crystal at rest with': NOT_BUILT,

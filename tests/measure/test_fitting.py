@@ -102,8 +102,11 @@ def test_residuals_say_that_a_law_is_wrong() -> None:
     upper = np.array([each.branch == "3" for each in points])
     assert np.all(answer.residuals[upper] < -8)
     assert np.mean(answer.residuals[~upper] > 0) > 0.6
-    with pytest.raises(ValueError, match="beyond what is allowed"):
-        Fit(STIFF, points, ("contact.normal_stiffness", "contact.shear_stiffness")).answer()
+    # Measured stiffnesses may have any ratio: the fit finds those of the JKR contact, whose κ is above 4/3
+    free = Fit(STIFF, points, ("contact.normal_stiffness", "contact.shear_stiffness")).answer()
+    jkr = setups()[0].scene.with_values({"sphere.adhesion_law": "jkr"}).sphere
+    assert free.values == pytest.approx([jkr.normal_stiffness, jkr.shear_stiffness], rel=1e-3)
+    assert free.values[1] > 4 / 3 * free.values[0]
 
 
 def test_intervals_that_are_too_narrow_would_be_seen() -> None:
@@ -346,9 +349,11 @@ def test_the_rocking_pair_knows_nothing_of_the_normal_stiffness_of_the_substrate
     assert found.blind == ((K_N,),)
 
 
-def test_resonances_that_no_layer_has_are_refused() -> None:
-    with pytest.raises(ValueError, match="beyond what is allowed"):
-        Fit(LAYER, resonances(S1=1.52e8, S2=2.395e8, S3=5.01e8), (K_N, K_S, G_S)).answer()
+def test_resonances_that_no_layer_has_are_missed_by_the_rocking_pair() -> None:
+    found = Fit(LAYER, resonances(S1=1.52e8, S2=2.395e8, S3=5.01e8), (K_N, K_S, G_S)).answer()
+    # The pair is nearer than any layer has it: the lower one is found below, and the upper one above
+    assert found.residuals[0] < -2 < 2 < found.residuals[2]
+    assert abs(found.residuals[1]) < 1e-3
 
 
 def test_no_layer_has_a_rocking_pair_nearer_than_the_page_says() -> None:

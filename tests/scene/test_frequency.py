@@ -79,6 +79,31 @@ def test_a_frequency_outside_the_band_names_the_band() -> None:
     assert just_inside.wave.wavenumber < pi
 
 
+@pytest.mark.parametrize("name", ["tr_square", "tr_periodic", "fcc_transverse", "monolayer_rocking"])
+def test_a_wave_vector_is_that_of_a_wave_number_and_a_direction_in_every_lattice(name: str) -> None:
+    scene = Scene.load(name).with_values({"wave.wavenumber": 0.5, "wave.direction": 60.0, "packing.ends": "periodic"})
+    found = scene.with_values({"wave.wavevector": list(scene.declared_vector.components)})
+    assert found.wave.wavenumber == pytest.approx(0.5, rel=1e-12)
+    assert found.wave.degrees == pytest.approx(60.0, rel=1e-12)
+    with pytest.raises(SceneError, match=r"wave\.wavevector = \[3\.0, 6\.0\]: must be in the Brillouin zone"):
+        scene.with_values({"wave.wavevector": [3.0, 6.0]})
+
+
+def test_a_wave_vector_in_a_honeycomb_and_a_chain_is_over_the_distance_of_spheres() -> None:
+    comb = {
+        "packing.lattice": "honeycomb",
+        "packing.ends": "periodic",
+        "wave.mode": "2",
+        "packing.rows": 24,
+        "packing.columns": 4,
+    }
+    scene = PAPER.with_values(comb | {"wave.wavevector": [0.0, 0.4]})
+    # Rows are 3/2 of the distance of two spheres apart
+    assert scene.wave.wavenumber == pytest.approx(0.6, rel=1e-12)
+    chain = Scene.load("l_chain").with_values({"wave.wavevector": [0.0, 0.4]})
+    assert chain.wave.wavenumber == pytest.approx(0.4, rel=1e-12)
+
+
 @pytest.mark.parametrize("other", ["wavenumber", "wavevector"])
 def test_a_frequency_excludes_what_it_stands_for(other: str) -> None:
     tables = PAPER.to_dict()

@@ -21,6 +21,7 @@ from granular_lmp.crystal.modes import MODES, bloch_modes
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.linear import plane_along_y, uniform_rows
 from granular_lmp.scene.scene import Scene, assignment
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
@@ -375,6 +376,31 @@ def test_one_assignment_sets_one_value() -> None:
     assert assignment("wave.amplitude=1 # half of it") == ("wave.amplitude", 1)
     with pytest.raises(SceneError, match=r"wave.amplitude = '1.nname=2'"):
         PAPER.with_values(dict([assignment("wave.amplitude=1\nname=2")]))
+
+
+@pytest.mark.parametrize("name", ["tr_oblique", "struck_crystal", "multilayer", "test5"])
+def test_a_change_comes_before_any_check_of_the_value_in_the_file(name: str, tmp_path: Path) -> None:
+    document = (Collision if name == "test5" else Scene).load(name)
+    file, lines, table = tmp_path / f"{name}.toml", document.to_toml().splitlines(), ""
+    for number, line in enumerate(lines):
+        if header := re.fullmatch(r"(\[+)(\w+)\]+", line):
+            before = lines[: number + 1].count(line)
+            table = f"{header[2]}.{before}." if header[1] == "[[" else f"{header[2]}."
+        elif line:
+            key, value = assignment(line)
+            file.write_text("\n".join([*lines[:number], f"{key} = [-7.5]", *lines[number + 1 :]]))
+            with pytest.raises(SceneError, match=re.escape(f"{file}: ")):
+                Scene.load(file)
+            assert type(document).load(file, {f"{table}{key}": value}) == document
+            assert Scene.load(file, {f"{table}{key}": value}) == Scene.load(name)
+
+
+def test_a_part_of_a_wave_vector_of_a_file_is_changed(tmp_path: Path) -> None:
+    file = tmp_path / "vector.toml"
+    file.write_text(PAPER_MINIMAL.replace("wavenumber = 0.802", "wavevector = [0.3, 0.4]"))
+    scene = Scene.load(file, {"wave.wavenumber": 0.5})
+    assert (scene.wave.wavenumber, scene.wave.direction) == (0.5, Scene.load(file).wave.direction)
+    assert Scene.load(file, {"wave.wavevector": [0.0, 0.4]}).wave.direction == 90.0
 
 
 def test_one_column_of_an_earlier_release_is_read_as_three_with_a_remark(small: Scene) -> None:

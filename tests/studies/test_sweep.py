@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -29,6 +30,7 @@ from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.simulation import Simulation
 from granular_lmp.studies.executors import Workers
 from granular_lmp.studies.sweep import Sweep, run_point, sweep
+from granular_lmp.studies.sweep_memory import KNOWN
 from granular_lmp.studies.sweep_points import axes, axis, scene_hash
 from granular_lmp.studies.sweep_rows import columns_of
 from tests.cli.test_cli import cli
@@ -516,6 +518,32 @@ def test_the_command_sweeps_and_goes_on(small_toml: Path, tmp_path: Path, capsys
     assert "3 of 4 runs finished" in out
     broken.unlink()
     assert cli(capsys, *words)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("own", "key"),
+    [
+        ({"wave.amplitude": None}, "wave.amplitude=0.1,0.2"),
+        ({"wave.amplitude": -1}, "wave.amplitude=0.1,0.2"),
+        ({"time.timestep": 2.0, "time.sample": 2.0}, "time.timestep=0.5,0.25"),  # 2 is a scene whose run is refused
+    ],
+)
+def test_a_scene_is_not_refused_for_the_key_that_is_swept(
+    own: dict[str, float | None], key: str, small: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, file = small.with_values({"wave.phase": 0.5}).to_toml(), tmp_path / "small.toml"
+    for name, value in own.items():
+        table, _, last = name.partition(".")
+        text = re.sub(rf"^{last} = .*\n", "", text, flags=re.MULTILINE)
+        text = text if value is None else text.replace(f"[{table}]", f"[{table}]\n{last} = {value}")
+    file.write_text(text)
+    assert cli(capsys, "check", str(file))[0] == 2
+    words = ["sweep", str(file), "-o", str(tmp_path / "sweep"), "--over"]
+    for _ in range(2):
+        status, out, err = cli(capsys, *words, key)
+        assert (status, err) == (0, "")
+        assert "2 of 2 runs finished" in out
+        (tmp_path / "sweep" / KNOWN).unlink()  # so that the second time the folder's sweep is compared with this one
 
 
 @pytest.mark.parametrize(

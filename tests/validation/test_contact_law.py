@@ -173,8 +173,8 @@ def test_normal_force_of_the_deck_is_dmt(overlap: float, measured: Measure) -> N
     reason="some ten roundings on either side, and up to 2e-13 where LAMMPS takes the root of a distance",
     mutant=Mutant(
         "granular_lmp/lammps/contact.py",
-        "{loss!r} {sphere.poisson_ratio!r} {half_adhesion!r}",
-        "{loss!r} {0.99 * sphere.poisson_ratio!r} {half_adhesion!r}",
+        "{loss!r} {number!r} {half_adhesion!r}",
+        "{loss!r} {0.99 * number!r} {half_adhesion!r}",
     ),
 )
 def test_shear_force_and_torque_of_the_deck_are_mindlin(overlap: float, shear: float, measured: Measure) -> None:

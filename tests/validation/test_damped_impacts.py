@@ -12,12 +12,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.special import beta
 
 from cases.impact.chain_damping import decay
 from granular_analysis.theory.chain import End, energies, spheres, uniform
 from granular_analysis.theory.chain_motion import integrate, march, peak
 from granular_analysis.theory.integrator import dop853
+from granular_analysis.tools.compare import compare
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
+from granular_lmp.errors import SceneError
+from granular_lmp.problem import prepare
 from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import run as collide
 from tests.conftest import members
@@ -208,3 +212,69 @@ def test_the_table_of_damping_has_these_lines() -> None:
 @pytest.mark.parametrize("restitution", members(ROWS, *ROWS[:-1]))
 def test_the_table_of_damping_is_measured(restitution: float, run: Runs) -> None:
     assert SHOWN[ROWS.index(restitution)] == line(run, restitution)
+
+
+# --- linear dashpots --------------------------------------------------------------------------------------------------
+
+
+def dashpot(scene: ImpactScene, share: float) -> dict[str, float]:
+    """Return a dashpot of this many m/t0."""
+    return {"effects.viscosity": share * scene.scale.mass / scene.scale.time}
+
+
+def test_a_weak_dashpot_takes_of_a_hertz_collision_what_its_closed_form_says(run: Runs) -> None:
+    # η∫δ'²dt = η v δm ∮√(1 − x^{5/2}) dx of the energy m v²/4, with δm = (5m v²/8A)^{2/5}; 1 − e is half of that share
+    whole = 2 * beta(2 / 5, 3 / 2) * 2 / 5
+    expected = 2 * (5 / 8) ** (2 / 5) * whole
+    pair = {"packing.rows": 2, "time.duration": 8.0, "time.sample": 8.0, "time.timestep": 0.005}
+    lost = []
+    for share in (0.01, 0.02):
+        one, other = run(pair | dashpot(CHAIN, share)).velocity[-1, :, 1]
+        lost.append((1 - (other - one)) / share)
+    # The next order in η, and a step of 0.005/2.4 of a collision in first order
+    assert 2 * lost[0] - lost[1] == pytest.approx(expected, rel=2e-3)
+    assert lost[0] > lost[1] > 0.97 * expected
+
+
+STRUCK: dict[str, dict[str, Any]] = {
+    "solitary_chain": {"packing.rows": 8, "packing.last": "wall", "time.duration": 12.0},
+    "point_impact": {"packing.rows": 5, "packing.columns": 5, "striker.1.spheres": [[0, 2]], "effects.friction": 0.3},
+    "compressed_chain": {"packing.rows": 12},
+    "dimer_chain": {"packing.rows": 9, "inclusion.1.rows": [1, 8]},
+}
+
+
+@pytest.mark.parametrize("name", STRUCK)
+def test_spheres_with_linear_dashpots_move_as_their_network(name: str, tmp_path: Path) -> None:
+    scene = ImpactScene.load(name).with_values({"time.duration": 6.0, "time.sample": 1.0} | STRUCK[name])
+    scene, errors = scene.with_values(dashpot(scene, 0.1)), []
+    for step in (0.02, 0.01):
+        record = run_impact(scene.with_values({"time.timestep": step}), tmp_path / f"{step}")
+        found = compare(record, "network")
+        errors.append(found.error["velocity"])
+    # Of first order: LAMMPS takes the dashpots at the velocities of half a step before
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.15)
+    assert errors[1] < 3e-3
+    free = run_impact(scene.with_values({"effects.viscosity": 0.0}), tmp_path / "free")
+    assert np.abs(free.velocity - record.velocity).max() > 0.02
+
+
+def test_a_dashpot_is_run_to_a_tolerance(tmp_path: Path) -> None:
+    values = {"packing.rows": 4, "time.duration": 8.0, "time.sample": 1.0, "time.tolerance": 1e-3}
+    record = run_impact(CHAIN.with_values(values | dashpot(CHAIN, 0.2)), tmp_path / "run")
+    error = compare(record, "network").error["velocity"]
+    assert error is not None
+    assert error < 1e-3
+
+
+def test_a_dashpot_that_stops_a_sphere_within_a_step_names_the_step_that_runs() -> None:
+    strong = CHAIN.with_values({"packing.rows": 4} | dashpot(CHAIN, 20.0))
+    with pytest.raises(SceneError, match=r"effects\.viscosity stops a sphere; must be at most (\S+)$") as refused:
+        prepare(strong)
+    step = float(str(refused.value).rpartition(" ")[2])
+    prepare(strong.with_values({"time.timestep": 0.99 * step}))
+
+
+def test_a_contact_has_one_dashpot() -> None:
+    with pytest.raises(SceneError, match="two models of damping; must be one"):
+        CHAIN.with_values({"effects.viscosity": 1.0, "effects.restitution": 0.9})

@@ -123,3 +123,34 @@ def test_what_does_not_go_is_said(tables: dict[str, Any], said: str, tmp_path: P
     joined = {name: without.get(name, {}) | table if isinstance(table, dict) else table for name, table in kept.items()}
     with pytest.raises(SceneError, match=said):
         run(Scene.from_dict({"name": "layer", **without, **joined}), tmp_path / "run")
+
+
+@pytest.mark.parametrize("on", [{"spheres": [[2, 1]], "layers": [2, 2]}, {"rows": [2, 2], "layers": [0, 1]}])
+def test_a_source_on_some_layers_moves_a_film_as_its_network(on: dict[str, Any], tmp_path: Path) -> None:
+    values = {
+        **{"wave.form": "none", "packing.rows": 8, "packing.columns": 3, "packing.layers": 3},
+        **{"time.duration": 8.0, "output.particles": 1.0, "time.allow_echo": True},
+        "source": [{**on, "force": "z", "signal": "burst", "frequency": 0.8}],
+        "monitor": [{"name": "on", "spheres": [[4, 1]], "layers": [1, 2]}],
+    }
+    record = run(Scene.load("multilayer").with_values(values), tmp_path / "run")
+    (placed,), (first, last) = record.problem.sources, on["layers"]
+    chosen = record.problem.crystal[placed.spheres]
+    assert {*chosen.arrays["layer"].tolist()} == {*range(first, last + 1)}
+    assert len(chosen) == (1 if "spheres" in on else 3 * (last - first + 1))
+    assert record.monitor("on").spheres.tolist() == [40, 41]
+    # The step's error of a motion of the frequency 0.8
+    assert max(each for each in compare(record, "network").error.values() if each is not None) < 1e-3
+
+
+def test_a_single_sphere_of_several_layers_needs_its_layer() -> None:
+    film = {"wave.form": "none", "packing.layers": 3, "packing.rows": 8, "packing.columns": 3, "time.allow_echo": True}
+    source = {"spheres": [[2, 1]], "force": "z", "signal": "burst"}
+    with pytest.raises(SceneError, match=r"spheres = \[\[2, 1\]\]: needs layers, for instance layers = \[2, 2\], in a"):
+        Scene.load("multilayer").with_values(film | {"source": [source]})
+    with pytest.raises(SceneError, match=r"layers = \[2, 3\]: must be \[first, last\], from 0 to 2"):
+        Scene.load("multilayer").with_values(film | {"source": [source | {"layers": [2, 3]}]})
+    assert Scene.load("multilayer").with_values(film | {"source": [source | {"layers": [2, 2]}]}).source[0].layers == (
+        2,
+        2,
+    )

@@ -94,11 +94,15 @@ def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
 
 
 def chosen(places: Any, scene: Scene, position: Floats) -> Integers:
-    """Return the indices of the spheres of a striker, source or monitor: its rows, or its single spheres."""
+    """Return the indices of the spheres of a striker, source or monitor: its rows, or its single spheres, by layers."""
     row, column = sites(scene, position)
+    layer = np.arange(len(row)) % (len(row) // len({*zip(row.tolist(), column.tolist(), strict=True)}))
+    first, last = places.layers or (0, len(row))
+    inside = (first <= layer) & (layer <= last)
     if places.rows:
-        return np.flatnonzero((places.rows[0] <= row) & (row <= places.rows[-1]))
-    return np.flatnonzero([each in set(places.spheres) for each in zip(row.tolist(), column.tolist(), strict=True)])
+        return np.flatnonzero((places.rows[0] <= row) & (row <= places.rows[-1]) & inside)
+    single = [each in set(places.spheres) for each in zip(row.tolist(), column.tolist(), strict=True)]
+    return np.flatnonzero(single & inside)
 
 
 def _own_frequency(scene: Scene) -> float:

@@ -23,7 +23,7 @@ def require(record: Record, *held: str) -> None:
     """Raise ValueError if a scene has more than strikers, by the names below, that is not `held`.
 
     held : any of "start.state", "start.noise", "packing.contact_force", "effects.friction", "effects.restitution",
-        "disorder", "inclusion".
+        "effects.viscosity", "disorder", "inclusion".
     """
     scene: Any = record.scene  # nothing of it is "auto"
     disorder = scene.disorder
@@ -33,6 +33,7 @@ def require(record: Record, *held: str) -> None:
         "packing.contact_force": scene.packing.contact_force > 0,
         "effects.friction": float(scene.effects.friction) > 0,
         "effects.restitution": scene.effects.restitution < 1,
+        "effects.viscosity": scene.effects.viscosity > 0,
         "disorder": max(disorder.radius, disorder.density, disorder.vacancies) > 0,
         "inclusion": bool(scene.inclusion),
     }

@@ -94,13 +94,14 @@ class Contact:
         Parameters
         ----------
         sphere : with ν, overlap ratio, forces and adhesion, as `granular_lmp.crystal.sphere.Sphere` has them; ν above
-            ½, of no material, stands for measured stiffnesses
+            ½ or below −1, of no material, stands for measured stiffnesses
         others : attributes that no sphere has
         """
         number = sphere.poisson_ratio
+        of_material = -1 <= number <= 0.5
         return cls(
-            min(number, 0.5),
-            stiffness_ratio=None if number <= 0.5 else 2 * (1 - number) / (2 - number),
+            number if of_material else 0.5,
+            stiffness_ratio=None if of_material else 2 * (1 - number) / (2 - number),
             overlap_ratio=sphere.overlap_ratio,
             prestress=sphere.contact_force / sphere.holding_force,
             adhesion_law=sphere.adhesion_law,
