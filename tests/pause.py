@@ -45,9 +45,9 @@ def paused(folder: Path, share: float = 1 / 3) -> Iterator[None]:
             *others, job = arguments
             if job.folder != folder:
                 return route(*others, job)
-            *lines, last = (folder / job.input_name).read_text(encoding="utf-8").splitlines(keepends=True)
-            assert last.startswith("run ")
-            text = "".join(lines) + _LINES.format(share=share, run=last, waits=_WAITS)
+            before, run, after = (folder / job.input_name).read_text(encoding="utf-8").rpartition("\nrun ")
+            command, _, verdict = after.partition("\n")
+            text = f"{before}\n{_LINES.format(share=share, run=run.strip() + ' ' + command, waits=_WAITS)}{verdict}"
             (folder / _INPUT).write_text(text, encoding="utf-8")
             try:
                 route(*others, replace(job, input_name=_INPUT, report_step=stop))

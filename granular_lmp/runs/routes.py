@@ -166,13 +166,14 @@ def _checkpoint(instance: Any, *, watched: bool) -> list[str]:
     """Return the commands that write the checkpoint of a stopped run.
 
     The run continues to a step at which guards look, as some fixes have numbers only there. What the kernel saw since
-    the last line of the table becomes one more line.
+    the last line of the table becomes one more line. LAMMPS sets its fixes up again before it writes, which the one for
+    the last lines of the deck does not bear.
     """
     now, end = instance.extract_global("ntimestep"), int(instance.extract_variable("steps"))
     steps = min(-now % int(instance.extract_variable("look")), end - now)
     on = ["timer timeout off", f"run {steps} pre no post no"] if steps or watched else []
-    no_table = ["thermo_style custom step"]
-    return [*(no_table if on and not watched else []), *on, *no_table, f"write_restart {CHECKPOINTS[0]}"]
+    no_table, judged = ["thermo_style custom step"], ["unfix judged"] * instance.has_id("fix", "judged")
+    return [*(no_table if on and not watched else []), *on, *no_table, *judged, f"write_restart {CHECKPOINTS[0]}"]
 
 
 def _this_rank() -> Any:

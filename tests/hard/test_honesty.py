@@ -38,10 +38,10 @@ from tests.stand_in import of_first_format
 Edit = tuple[str, str]
 END = "run ${steps}"
 NAN = ("variable     vx atom v_D0*d_vx/v_t0", "variable     vx atom 1e300*v_D0*d_vx/v_t0")
-LOST = (END, "run 10\nunfix looks\ndelete_atoms group centre\nrun 30")
+LOST = (END, "run 10\ndelete_atoms group centre\nrun 30")
 SLID = ("$(5.0*v_amplitude:%.17g)", "$(0.01*v_amplitude:%.17g)")
 EARLY = (END, "run $(v_steps/2)")
-DEAF = ("step v_tau v_slip v_open", "step v_tau v_open")
+DEAF = ("colname f_looks[1] v_slip", "colname f_looks[1] v_x")
 STOPPED = (END, 'run 20\nprint "ERROR: none"\nlog none\nrun 20')
 
 
@@ -84,7 +84,7 @@ def refused(folder: Path) -> None:
         (SLID, "sliding triggered its guard at tau = "),
         (EARLY, "3 records instead of 5"),
         (DEAF, "the log lacks the guard largest_slip"),
-        (STOPPED, "the log lacks step 40"),
+        (STOPPED, "the log lacks step 30"),
     ],
     ids=["nan", "lost sphere", "woken guard", "early end", "deaf guard", "log cut off"],
 )

@@ -143,6 +143,6 @@ def test_small_and_imperfect_crystals_packets_and_driven_rows_keep_every_sphere_
 @pytest.mark.usefixtures("small_is_large")
 def test_a_kicked_sheet_has_velocities_of_all_its_spheres() -> None:
     assert len(build(SHEET).data.kind) == 10
-    kick = build(kicked(SHEET, seed=3))
-    assert kick.data.wave.shape == (105, 11)  # of the wave that is none, and of the noise
+    kick = build(kicked(SHEET.with_values({"packing.rows": 22, "packing.ends": "periodic"}), seed=3))
+    assert kick.data.wave.shape == (110, 11)  # of the wave that is none, and of the noise
     assert "read_data    ${data} fix wave NULL wave" in kick.input_text

@@ -48,7 +48,8 @@ def rescaled(scene: Scene, mass: float, length: float, time: float) -> Scene:
 
     for name, kind in {**scene.layout.sections, **scene.layout.repeated}.items():
         units = {
-            key.name: key.rule.unit for key in declared_keys(kind, scene.rules.get(name), bare=scene.bare_in(name))
+            key.name: key.rule.unit
+            for key in declared_keys(kind, scene.layout.rules.get(name), bare=scene._bare_in(name))
         }
 
         def scaled(table: dict[str, Any], units: dict[str, str] = units) -> dict[str, Any]:

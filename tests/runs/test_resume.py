@@ -256,7 +256,7 @@ def test_a_run_that_a_guard_failed_is_called_failed(often: dict[str, Any], tmp_p
 
 
 def test_a_run_that_a_guard_had_failed_when_it_was_interrupted_says_so(tmp_path: Path) -> None:
-    found = r"contact_opening triggered its guard at tau = 3\.45: .*; set effects\.contact_opening = true"
+    found = r"contact_opening triggered its guard at tau = 3\.2: .*; set effects\.contact_opening = true"
     with paused(tmp_path / "run", 0.6), pytest.raises(RunInterrupted, match=f"run: interrupted; {found}"):
         run(OPENS, tmp_path / "run")
     assert read_status(tmp_path / "run")["status"] == "failed"
