@@ -203,16 +203,16 @@ def table(found: Found) -> str:
 
 def draw(found: Found) -> Figure:
     """Draw what was found, a panel for each kind: contacts, attenuation, sound; height, shape, antiresonance."""
-    figure = Figure(figsize=(13.5, 8.2), layout="constrained")
-    panels = figure.subplots(2, 3)
-    _contacts(panels[0, 0], found)
-    _attenuation(panels[0, 1], found)
-    _sound(panels[0, 2], found)
+    figure = Figure(figsize=(8.5, 10.5), layout="constrained")  # as wide as a page, on which its letters stay as large
+    panels = figure.subplots(3, 2).flat
+    _contacts(panels[0], found)
+    _attenuation(panels[1], found)
+    _sound(panels[2], found)
     if found.harmonics:
-        _heights(panels[1, 0], found)
-        _shapes(panels[1, 1], found)
-        _antiresonance(panels[1, 2], found)
-    for axes, letter in zip(panels.flat, "abcdef", strict=True):
+        _heights(panels[3], found)
+        _shapes(panels[4], found)
+        _antiresonance(panels[5], found)
+    for axes, letter in zip(panels, "abcdef", strict=True):
         if axes.has_data():
             axes.set_title(f"({letter}) {axes.get_title('left')}", loc="left", fontsize="medium")
         else:
