@@ -238,7 +238,7 @@ def _contacts(axes: Axes, found: Found) -> None:
         axes.errorbar(s, z, error, fmt=mark, color=colour, markersize=4, label=rf"$\Delta_0/2R$ = {ratio:.2g}{rubbed}")
     axes.plot(*np.transpose(list(TRIAL.items())), "k+", markersize=8, label="trial, one crystal")
     axes.axhline(4, color="black", linewidth=0.8, linestyle=":")
-    axes.text(0.045, 4.04, "isostatic without friction", fontsize="small")
+    axes.text(0.05, 4.04, "isostatic without friction", fontsize="small", transform=axes.get_yaxis_transform())
     axes.set(xscale="log", xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$", ylabel="contacts per sphere $Z$")
     axes.legend(frameon=False, fontsize="small")
 
@@ -364,7 +364,7 @@ def _antiresonance(axes: Axes, found: Found) -> None:
     floor = strength(found.perfect(places[0]).amplitudes) / perfect
     axes.axhline(floor, color="black", linewidth=0.8, linestyle=":", label="equal spheres")
     axes.set(yscale="log", xlim=(0, None), xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$")
-    axes.set_ylabel("second harmonic / resonance of equal spheres")
+    axes.set_ylabel("second harmonic /\nresonance of equal spheres")
     axes.legend(frameon=False, fontsize="small")
 
 
