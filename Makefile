@@ -137,8 +137,8 @@ engines: .venv/ready
 	$(BIN)/python -m pip install --quiet --editable '.[engines]'
 	$(BIN)/pytest -v tests/engines
 
-wheel: .venv/ready
-	$(BIN)/python -m hatchling build -d dist -t wheel
+wheel:
+	$(PYTHON) -m pip wheel --quiet --no-deps --wheel-dir dist .
 
 # Installed alone, in an empty folder, all that the pages say; twine reads the packages as an index will
 KIND ?= whl

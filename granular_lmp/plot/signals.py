@@ -123,12 +123,13 @@ def dispersion_figure(scene: Scene) -> Figure:
         axes.plot(wavenumbers, branch, label=label, **style)  # type: ignore[arg-type]
     if scene.wave is not None:
         wave = mode_of(scene, physics)
-        axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{wave.name}, $\\xi$ = {wave.wavenumber:.4g}")
+        named = f"branch {wave.name}" if wave.name.isdigit() else wave.name
+        axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{named}, $\\xi$ = {wave.wavenumber:.4g}")
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, edge))
     axes.set_ylim(bottom=0)
     frequency_axis(axes, 2 * np.pi * scene.sphere.time_scale)
     where = "" if vector.axis == "y" else f", along {scene.along}"
-    axes.legend(title=scene.name + where)
+    axes.legend(title=scene.name + where, fontsize=LEGEND, title_fontsize=LEGEND)
     return figure
 
 

@@ -13,6 +13,7 @@ from granular_analysis.measure.swept import Swept
 from granular_analysis.tools.compare import main as compare_main
 from granular_analysis.tools.spectrum import main as spectrum_main
 from granular_lmp import Record, Scene
+from granular_lmp.accuracy.oscillator import oscillator_of
 from granular_lmp.accuracy.second_harmonic import second_harmonic
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import bloch_mode
@@ -62,7 +63,6 @@ def test_a_wrong_amplitude_is_found() -> None:
         {"wave.direction": "x", "packing.columns": 16},
         {"effects.damping": True, "effects.viscosity": 1e-8},
         {"effects.contact_opening": True},
-        {"time.sample": 6.0},
     ],
     ids=str,
 )
@@ -70,6 +70,17 @@ def test_a_run_with_another_form_of_p_has_none(changes: dict[str, Any]) -> None:
     record = made(1e-3, 0.0)
     assert second_harmonic(record) is not None
     assert second_harmonic(replace(record, scene=record.scene.with_values(changes))) is None
+
+
+# The free wave is the faster of the two, and the one that runs with the fundamental
+@pytest.mark.parametrize("changes", [{}, {"mode": "RT", "wavenumber": 1.9635}], ids=str)
+def test_two_samples_a_period_of_either_wave_are_the_fewest(changes: dict[str, Any]) -> None:
+    record = made(1e-3, 0.0, **changes)
+    oscillator = oscillator_of(record.scene)
+    longest = pi / max(oscillator.free, 2 * oscillator.wave)
+    for sample, there in ((0.99 * longest, True), (1.01 * longest, False)):
+        scene = record.scene.with_values({"time.sample": sample, "time.duration": 40 * sample})
+        assert (second_harmonic(replace(record, scene=scene)) is not None) == there
 
 
 def test_a_record_of_few_samples_has_none() -> None:

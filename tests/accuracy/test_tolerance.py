@@ -15,6 +15,7 @@ from granular_analysis.measure.norms import relative_error
 from granular_analysis.theory import wave as theory
 from granular_analysis.theory.timestep import limit, stepped
 from granular_lmp import Record, Scene, cli, run
+from granular_lmp.accuracy import extrapolation
 from granular_lmp.accuracy.extrapolation import EVEN, Judgement
 from granular_lmp.accuracy.halving import FINEST
 from granular_lmp.accuracy.ladder import (
@@ -27,7 +28,7 @@ from granular_lmp.accuracy.ladder import (
     planned_steps,
     with_step,
 )
-from granular_lmp.accuracy.noise import counted
+from granular_lmp.accuracy.noise import counted, lost, noise_of
 from granular_lmp.accuracy.refinement import refine
 from granular_lmp.accuracy.richardson import combined_record, judge
 from granular_lmp.accuracy.rounding import floor, linear_signals, rounding
@@ -223,6 +224,19 @@ def test_what_rounding_drowns_at_the_step_that_it_needs_is_not_chased(tmp_path: 
     assert "phix" in record.info["noise"]
     assert record.info["noise"]["phix"] > 1e-3
     assert max(each for each in record.info["error_estimate"].values() if each is not None) <= 1e-3
+
+
+def test_a_signal_is_lost_where_noise_alone_would_be_estimated_above_the_tolerance() -> None:
+    random = np.random.default_rng(1)
+    runs = [{"p": random.standard_normal(10_000)} for _ in range(3)]
+    silent = {"p": 0.0}  # no error of first order
+    seen = extrapolation.judge(runs, (4, 5, 8), 2, hidden=silent, relative=False).errors["p"] / 100  # root of 10,000
+    finest = PAPER.with_values({"time.timestep": 0.01})
+    signals = {name: size * np.cos(np.arange(200)) for name, size in {"p": 1e-3, "q": 1.0, "phi": 1.0}.items()}
+    noise = noise_of(finest, signals)["p"]
+    # It is 2.8 of the noise, and 3 are said
+    for share, found in ((0.8, {"p": noise}), (1.25, {})):
+        assert lost(PAPER.with_values({"time.tolerance": share * seen * noise}), signals, finest) == found
 
 
 def test_where_rounding_leaves_nothing_the_tolerance_is_refused_after_one_run(tmp_path: Path) -> None:

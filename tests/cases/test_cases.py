@@ -1,6 +1,7 @@
 """Cases: commands that the programs take, pages that show the figures, and numbers that are as expected."""
 
 import os
+import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -32,7 +33,8 @@ def test_the_runs_of_a_case_are_commands_that_the_program_takes(case: Case) -> N
 def test_the_page_of_a_case_shows_its_figures(case: Case) -> None:
     file = (ROOT / "docs" / case.page).resolve()
     page, figures = file.read_text("utf-8"), os.path.relpath(ROOT / "figures", file.parent)
-    drawn = [case.figure] if case.figure else [Path(words.split(" -o ")[1].split()[0]).name for words in case.pictures]
+    drawn = re.findall(r"[\w-]+\.png", " ".join([case.figure or "", *case.pictures]))
+    assert drawn
     assert all(f"({figures}/{figure})" in page for figure in drawn)
 
 

@@ -1,5 +1,6 @@
 """Creep: slip that winds up moves a layer away; it is predicted and measured, and limits how long a run may be."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,11 @@ from granular_analysis.theory.creep import creep_velocity
 from granular_analysis.theory.scenes import Setting
 from granular_lmp import Scene, run
 from granular_lmp.crystal.creep import creep_velocities
-from granular_lmp.effects.creep import SHARE
 from granular_lmp.effects.selection import select
 from granular_lmp.errors import EffectError
 from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
 from tests.conftest import latin
-from tests.manual import Measure, Mutant, off, verifies
+from tests.manual import ROOT, Measure, Mutant, off, verifies
 
 LAYER = Scene.load("monolayer_rocking").with_values(
     {"packing.rows": 8, "wave.wavenumber": np.pi / 4, "wave.amplitude": 0.2, "output.particles": 0}
@@ -91,9 +91,17 @@ def test_a_run_creeps_as_its_finding_says(
     measured(found / predicted(scene).number - 1)
 
 
+# What docs/effects.md says of creep, in D0: from where it is expected, and the limit of the guard
+EXPECTED, LIMIT = (
+    float(number)
+    for words in (r"by ([\d.]+) \*D\*₀ in the run", r"`largest_creep`: ([\d.]+) \*D\*₀")
+    for number in re.findall(words, (ROOT / "docs" / "effects.md").read_text("utf-8"))
+)
+
+
 def test_a_long_run_is_expected_to_creep() -> None:
     rate = predicted(LAYER).number / LAYER.time.duration
-    shortest = SHARE / 2 / rate
+    shortest = EXPECTED / rate
     assert not predicted(LAYER.with_values({"time.duration": 0.5 * np.floor(2 * shortest)})).on
     assert predicted(LAYER.with_values({"time.duration": 0.5 * np.ceil(2 * shortest)})).on
     # As time and as the square of the amplitude, over the amplitude that is the unit
@@ -108,6 +116,7 @@ def test_a_run_that_was_expected_to_creep_says_when_it_did(tmp_path: Path) -> No
     info = run(STRONG, tmp_path / "run").info
     said, guard = info["effects"]["creep"], info["guards"]["largest_creep"]
     assert said["on"]
+    assert guard["limit"] == LIMIT
     assert guard["value"] == pytest.approx(said["number"], rel=0.1)
     assert 0 < guard["passed_at"] < 30
     assert not guard["judges"]

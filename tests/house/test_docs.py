@@ -275,6 +275,20 @@ def refused_commands(text: str) -> dict[str, str]:
     return refused
 
 
+def test_every_figure_is_on_a_page() -> None:
+    shown = {name for page in PAGES for name in re.findall(r"/figures/([\w./-]+)", page.read_text("utf-8"))}
+    shown |= set(re.findall(r"\(figures/([\w./-]+)", (ROOT / "README.md").read_text("utf-8")))
+    there = {each.relative_to(ROOT / "figures").as_posix() for each in (ROOT / "figures").rglob("*.*")}
+    assert there - shown == set()
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/index.md", "docs/tutorial.md"])
+def test_a_first_page_begins_with_the_installation(page: str) -> None:
+    first = re.search(r"(?:\$ |`)((?:pip|make|python|granular-\w+) [^`#\n]*)", (ROOT / page).read_text("utf-8"))
+    assert first is not None
+    assert first[1].strip() == "pip install ."
+
+
 def test_every_command_of_a_page_is_one_that_the_programs_take() -> None:
     assert on_pages(refused_commands) == {}
 

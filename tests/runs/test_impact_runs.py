@@ -180,7 +180,8 @@ def test_an_export_is_in_si_units(tmp_path: Path, friction: float) -> None:
     names, *lines = csv.reader((tmp_path / "run.csv").read_text().splitlines())
     assert names[:7] == ["t_s", "row", "column", "ux_m", "uy_m", "vx_m_s", "vy_m_s"]
     table = dict(zip(names, np.array(lines, dtype=float).T, strict=True))
-    assert ("spin_rad_s" in table) == (friction > 0)
+    assert ("spin_rad_s" in table) == (friction > 0) == record.spin.any()
+    assert record.spin.shape == (4, 72)
     ball, scale = SHEET.sphere, record.scale
     last = table["t_s"] == table["t_s"][-1]
     assert table["t_s"][-1] == pytest.approx(6 * scale.time)

@@ -11,9 +11,13 @@ from granular_analysis.theory.phase_matching import matches
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.tools.compare import compare
 from granular_lmp import Scene, run
+from granular_lmp.crystal.lattices import offsets, places
+from granular_lmp.crystal.mode import TURNS
 from granular_lmp.crystal.modes import FULL, bloch_modes
+from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
+from granular_lmp.scene.initial_fields import initial_fields
 from granular_lmp.scene.linear import mode_of, unit_contacts
 
 HONEYCOMB = Scene.load("tr_periodic").with_values(
@@ -93,14 +97,29 @@ def test_snapshots_are_compared_with_the_network_also_of_a_packet(tmp_path: Path
 
 
 def test_a_packet_runs_forward_with_its_branch() -> None:
-    scene = branch(2).with_values({"envelope.length": 6.0, "packing.ends": "periodic", "packing.rows": 96})
+    rows, step = 96, 1.5 * HONEYCOMB.sphere.lattice_constant / HONEYCOMB.sphere.radius
+    scene = branch(2).with_values({"envelope.length": 6.0, "packing.ends": "periodic", "packing.rows": rows})
     problem = prepare(scene)
-    from granular_lmp.scene.initial_fields import initial_fields
-
     fields = initial_fields(problem.scene, problem.crystal, problem.mode)
-    # Of one branch the velocity is −iΩ times the displacement, which a wave that runs back as well has not
-    power = np.sum(fields.displacement * fields.displacement), np.sum(fields.velocity * fields.velocity)
-    assert power[1] / power[0] == pytest.approx(mode_of(scene).frequency ** 2, rel=0.1)
+    per_row = 2 * pi / rows * np.arange(8, 25)  # three standard deviations around π/3
+    along = np.column_stack([np.zeros_like(per_row), per_row / step])
+    (_, y), place = offsets(problem.crystal), places(problem.crystal)
+    waves = np.exp(-1j * np.outer(per_row, y))
+    u, v = (
+        np.hstack([waves[:, place == own] @ (field[place == own] / TURNS) for own in (0, 1)])
+        for field in (fields.displacement, fields.velocity)
+    )
+    found = bloch_modes(unit_contacts(scene), scene.sphere, along, FULL)
+    frequency, shape = found[0][:, 1], found[1][:, 1]
+    inertia = np.tile([1, 1, 1, *[INERTIA_RATIO] * 3], 2)
+
+    def product(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        return np.sum(one.conj() * inertia * other, axis=1)
+
+    # The part of all other branches, and of what runs back: rounding
+    share = np.abs(product(shape, u)) ** 2 / np.real(product(shape, shape) * product(u, u))
+    assert share == pytest.approx(1, abs=1e-12)
+    assert np.abs(v + 1j * frequency[:, None] * u).max() < 1e-12 * np.abs(v).max()
 
 
 def test_the_squares_of_a_branch_over_its_cell_are_1_and_its_largest_amplitude_is_real() -> None:

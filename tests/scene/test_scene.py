@@ -328,6 +328,16 @@ def test_what_rounds_to_itself_is_not_called_snapped() -> None:
     assert exact.remarks() == []
 
 
+def test_a_direction_that_rounds_to_itself_is_not_said_to_change() -> None:
+    oblique = PAPER.with_values(ANYWHERE | {"wave.wavenumber": 1.1, "wave.direction": 20.0})
+    cell = {"packing.ends": "periodic", "packing.rows": oblique.shape.rows, "packing.columns": oblique.shape.columns}
+    there = {"wave.wavenumber": oblique.wavenumber * (1 + 1e-7), **cell}  # snaps to that of `oblique`
+    for turned, said in ((2e-11, False), (1e-10, True)):  # degrees; 1e-12 rad are rounding
+        used = PAPER.with_values({**there, "wave.direction": oblique.direction + turned}).used
+        assert "wave.wavenumber" in used
+        assert ("wave.direction" in used) == said
+
+
 def test_columns_carry_the_rounding_of_positions_as_rows_do() -> None:
     for along_y, along_x in ((20, 50_000), (50_000, 20)):
         with pytest.raises(SceneError, match=r"wave\.amplitude = 1e-07: must be at least .* in 50000 rows or columns"):

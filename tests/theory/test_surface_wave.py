@@ -25,12 +25,14 @@ APART = 2 * R - DEPTH
 GLASS = HalfSpace.of(73e3, 0.17, 2.2e-3)
 
 
-def layer(name: str = "hexagonal", density: float = DENSITY, *, apart: float = 0.0, shear: bool = True) -> Crystal:
+def layer(
+    name: str = "hexagonal", density: float = DENSITY, *, apart: float = 0.0, shear: bool = True, exact: bool = False
+) -> Crystal:
     """Return a layer on a rigid wall whose stiffness is that of silica; apart: gaps between the spheres."""
     lattice = LATTICES[name, ""]
     wall = Wall((0.0, 0.0, 2 ** (1 / 3) * DEPTH - R), (0.0, 0.0, -1.0), SILICA)
     vectors = (APART + apart) * lattice.vectors
-    return Crystal.of(vectors, [[0.0, 0.0, 0.0]], R, density, [SILICA], walls=[wall], shear=shear, true_geometry=False)
+    return Crystal.of(vectors, [[0.0, 0.0, 0.0]], R, density, [SILICA], walls=[wall], shear=shear, true_geometry=exact)
 
 
 def along(angle: float, numbers: np.ndarray) -> np.ndarray:
@@ -269,6 +271,11 @@ def test_a_film_that_has_no_wall_is_refused() -> None:
     alone = Crystal.of(APART * lattice.vectors, [[0.0, 0.0, 0.0]], R, DENSITY, [SILICA], true_geometry=False)
     with pytest.raises(ValueError, match="on one wall below"):
         Coupled(alone, GLASS)
+
+
+def test_a_film_whose_contacts_have_two_arms_is_refused() -> None:
+    with pytest.raises(ValueError, match="with equal arms"):
+        Coupled(layer(exact=True), GLASS)
 
 
 # --- the command ------------------------------------------------------------------------------------------------------

@@ -153,10 +153,10 @@ def test_tsuji_does_not_give_the_restitution_asked_for(tmp_path: Path) -> None:
 # ---------------------------------------------------------------- tests 4 and 5: oblique impacts
 
 
-def oblique(degrees: float, **changes: Any) -> dict[str, Any]:
+def oblique(degrees: float, speed: float = 3.9, **changes: Any) -> dict[str, Any]:
     """Test 4: 3.9 m/s at an angle from the normal."""
     angle = radians(degrees)
-    velocities = {"normal_velocity": 3.9 * cos(angle), "tangential_velocity": 3.9 * sin(angle)}
+    velocities = {"normal_velocity": speed * cos(angle), "tangential_velocity": speed * sin(angle)}
     return {f"collision.{name}": value for name, value in velocities.items()} | changes
 
 
@@ -202,6 +202,34 @@ def test_a_sphere_that_sticks_is_off_the_sliding_branch(shear: str, collide: Col
     result = collide("test4", oblique(20.0) | {"contact.shear": shear})
     sliding = 1 - 0.092 * 1.98 / tan(radians(20))
     assert result.velocity[-1, 0, 1] / result.velocity[0, 0, 1] > sliding + 0.1
+
+
+@verifies(
+    "Oblique impact of alumina on glass, 3.85 m/s: critical angle, largest spin",
+    reference="published: 32.5° and about 610 rad/s, of the experiment of Kharaz, Gorham and Salman 2001",
+    tolerance=0.01,
+    reason="a curve is read to 5 rad/s",
+    mutant=Mutant(
+        "granular_lmp/scene/collision.py", '{"friction": law.friction, ', '{"friction": 0.97 * law.friction, '
+    ),
+)
+def test_alumina_spins_most_below_the_angle_where_its_contact_stops(collide: Collide, measured: Measure) -> None:
+    # E* = 63 GPa and G* = 13.5 GPa of alumina on glass, as those of a sphere on a rigid plane
+    pair = {"sphere.poisson_ratio": 0.25, "sphere.youngs_modulus": 63e9 * (1 - 0.25**2), "collision.steps": 2000}
+
+    def at(degrees: float) -> Result:
+        return collide("test4", oblique(degrees, 3.85, **pair))
+
+    def slip(result: Result) -> float:
+        return float(result.velocity[-1, 0, 1] + result.spin[-1, 0] * result.collision.sphere.radius)
+
+    below, above = slip(at(32.0)), slip(at(33.0))
+    critical = 32 - below / (above - below)  # both slide all the way, and their slip is nearly a straight line
+    measured(relative(critical, 32.5))
+    spins = {degrees: -at(degrees).spin[-1, 0] for degrees in (26.0, 27.0, 28.0, 29.0, 30.0, critical)}
+    fastest = max(spins, key=lambda degrees: spins[degrees])
+    assert 26 < fastest < critical
+    measured(relative(spins[fastest], 610))
 
 
 def recoil(result: Result) -> float:

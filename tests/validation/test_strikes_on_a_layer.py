@@ -1,6 +1,7 @@
 """Strikers, a state, noise and sources move a layer on its substrate without a wave, as in the network."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -81,6 +82,12 @@ def test_another_motion_is_seen(record_of: Callable[[str], Record]) -> None:
     signals = record.signals["displacement"].copy()
     signals[..., 2] *= 1 + 1e-4
     assert max(compare(record.with_signals(displacement=signals)).error.values()) > 1e-5
+
+
+def test_spheres_that_do_not_turn_have_the_spin_0(record_of: Callable[[str], Record]) -> None:
+    record = record_of("struck from above")
+    still = replace(record, signals={name: values for name, values in record.signals.items() if name != "spin"})
+    np.testing.assert_array_equal(still.spin, np.zeros_like(record.spin), strict=True)
 
 
 def test_an_export_is_a_state_in_space(record_of: Callable[[str], Record], tmp_path: Path) -> None:

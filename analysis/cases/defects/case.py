@@ -175,7 +175,7 @@ def table(found: Sequence[Scattering]) -> str:
 
 def draw(found: Sequence[Scattering]) -> Figure:
     """Draw for each defect the scattered displacement across and along the wave, and its energy over time."""
-    figure = Figure(figsize=(12.5, 4.1 * len(found)), layout="constrained")
+    figure = Figure(figsize=(11.0, 4.0 * len(found)), layout="constrained")
     panels = figure.subplots(len(found), 3, squeeze=False)
     for row, each in zip(panels, found, strict=True):
         shown = int(np.argmin(np.abs(each.tau - 0.75 * each.tau[-1])))
@@ -208,7 +208,7 @@ def _energy(axes: Axes, each: Scattering) -> None:
         offset = np.mean(each.widths[middle] - each.theory * each.tau[middle])
         line = each.tau[middle]
         axes.plot(line, offset + each.theory * line, "--", color="tab:red", label=f"theory, $W$ = {each.theory:.3f}")
-    axes.set(xlabel=r"time $\tau$", ylabel="scattered energy / incident flux ($t_0$ lattice constants)")
+    axes.set(xlabel=r"time $\tau$", ylabel="scattered energy / incident flux\n($t_0$ lattice constants)")
     axes.set(xlim=(0, None), ylim=(0, None))
     axes.set_title("growth of the scattered energy", fontsize="medium")
     axes.legend(frameon=False, fontsize="small")

@@ -203,16 +203,16 @@ def table(found: Found) -> str:
 
 def draw(found: Found) -> Figure:
     """Draw what was found, a panel for each kind: contacts, attenuation, sound; height, shape, antiresonance."""
-    figure = Figure(figsize=(13.5, 8.2), layout="constrained")
-    panels = figure.subplots(2, 3)
-    _contacts(panels[0, 0], found)
-    _attenuation(panels[0, 1], found)
-    _sound(panels[0, 2], found)
+    figure = Figure(figsize=(8.5, 10.5), layout="constrained")  # as wide as a page, on which its letters stay as large
+    panels = figure.subplots(3, 2).flat
+    _contacts(panels[0], found)
+    _attenuation(panels[1], found)
+    _sound(panels[2], found)
     if found.harmonics:
-        _heights(panels[1, 0], found)
-        _shapes(panels[1, 1], found)
-        _antiresonance(panels[1, 2], found)
-    for axes, letter in zip(panels.flat, "abcdef", strict=True):
+        _heights(panels[3], found)
+        _shapes(panels[4], found)
+        _antiresonance(panels[5], found)
+    for axes, letter in zip(panels, "abcdef", strict=True):
         if axes.has_data():
             axes.set_title(f"({letter}) {axes.get_title('left')}", loc="left", fontsize="medium")
         else:
@@ -238,7 +238,7 @@ def _contacts(axes: Axes, found: Found) -> None:
         axes.errorbar(s, z, error, fmt=mark, color=colour, markersize=4, label=rf"$\Delta_0/2R$ = {ratio:.2g}{rubbed}")
     axes.plot(*np.transpose(list(TRIAL.items())), "k+", markersize=8, label="trial, one crystal")
     axes.axhline(4, color="black", linewidth=0.8, linestyle=":")
-    axes.text(0.045, 4.04, "isostatic without friction", fontsize="small")
+    axes.text(0.05, 4.04, "isostatic without friction", fontsize="small", transform=axes.get_yaxis_transform())
     axes.set(xscale="log", xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$", ylabel="contacts per sphere $Z$")
     axes.legend(frameon=False, fontsize="small")
 
@@ -364,7 +364,7 @@ def _antiresonance(axes: Axes, found: Found) -> None:
     floor = strength(found.perfect(places[0]).amplitudes) / perfect
     axes.axhline(floor, color="black", linewidth=0.8, linestyle=":", label="equal spheres")
     axes.set(yscale="log", xlim=(0, None), xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$")
-    axes.set_ylabel("second harmonic / resonance of equal spheres")
+    axes.set_ylabel("second harmonic /\nresonance of equal spheres")
     axes.legend(frameon=False, fontsize="small")
 
 

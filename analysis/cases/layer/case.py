@@ -23,6 +23,8 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 MEGAHERTZ = 2e6 * np.pi
+# Colours that differ in lightness too, for eyes that hardly tell red from green
+MOTIONS = {"up and down": (0.90, 0.62, 0.0), "in the plane": (0.0, 0.62, 0.45), "turning": (0.34, 0.20, 0.60)}
 AROUND = 0.02  # a frequency is looked for within this share of it
 POINTS = 120
 
@@ -82,15 +84,16 @@ def draw(setting: Setting, points: Sequence[tuple[float, float]]) -> Figure:
     modes = crystal.modes(np.array([setting.wavevector(xi) for xi in numbers]))
     size = crystal.mass[0] * np.abs(modes.shapes[..., 0, :]) ** 2
     shares = np.stack([size[..., 2], size[..., :2].sum(axis=-1), size[..., 3:].sum(axis=-1)], axis=-1)
-    shares = shares / shares.sum(axis=-1, keepdims=True)  # red: up and down, green: in the plane, blue: turning
+    colours = np.clip(shares / shares.sum(axis=-1, keepdims=True) @ np.array(list(MOTIONS.values())), 0, 1)
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     axes = figure.subplots()
-    colours = np.clip(shares[..., [0, 1, 2]] * [0.9, 0.65, 0.9], 0, 1)
     for branch in range(modes.frequencies.shape[1]):
         axes.scatter(numbers, modes.frequencies[:, branch] / MEGAHERTZ, 9, colours[:, branch], linewidths=0)
-    axes.plot(*np.array(points).T, "o", color="black", markerfacecolor="none", markersize=7)
+    axes.plot(*np.array(points).T, "o", color="black", markerfacecolor="none", markersize=7, label="LAMMPS")
+    for name, colour in MOTIONS.items():
+        axes.plot([], [], ".", color=colour, markersize=9, label=name)
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel="frequency (MHz)", xlim=(0, edge), ylim=(0, None))
-    axes.set_title("up and down red, in the plane green, turning blue; circles: LAMMPS", fontsize="medium")
+    axes.legend(loc="lower right", frameon=False, ncols=2)
     return figure
 
 

@@ -185,7 +185,7 @@ def draw(found: Tones) -> Figure:
         xlabel=r"$\Omega$ (rad per $t_0$)",
         ylabel=r"centre sphere ($D_0$)",
     )
-    for line, colour in zip(found.lines, ("tab:green", "tab:red"), strict=True):
+    for line, colour in zip(found.lines, ("tab:purple", "tab:red"), strict=True):
         left.axvline(line.frequency, color=colour, linestyle=":", linewidth=0.9)
         label = rf"{line.name}, $\Omega$ = {line.frequency:.3g}"
         right.plot(found.n, np.abs(line.rows), ".", color=colour, markersize=4, label=label)

@@ -184,7 +184,7 @@ def table(found: Comparison) -> str:
 
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    options = parser(__doc__, "figures/standing.png", run="run folder of a standing wave along y, with snapshots")
+    options = parser(__doc__, "figures/grating.png", run="run folder of a standing wave along y, with snapshots")
     chosen = options.parse_args(argv)
     return show(lambda: compare(*load_form(chosen.run, "standing")), table, draw, chosen.output, run=chosen.run)
 
