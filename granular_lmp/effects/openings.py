@@ -32,7 +32,6 @@ PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is count
 WIDER = 1.2  # times the largest pull-off distance, so that no rounding leaves a contact out
 _NEAR = 0.2  # R: pairs with a larger gap at rest do not meet
 _MAY = "  # one that hardly touches may open between looks"
-_OPEN = "variable     open equal v_changed"
 
 
 def by_pairs(scene: Scene) -> bool:
@@ -93,13 +92,13 @@ def changed_lines(problem: Prepared) -> list[str]:
     """Return the lines of v_open, the contacts that have opened or formed."""
     scene = problem.scene
     judged_singly = bounded(scene) and not scene.sphere.pull_off_distance
-    near = f"{_OPEN}{'' if judged_singly else f'+({nearly_open(scene, problem.mode):.4f}>v_overlap)'}{_MAY}"
+    near = "" if judged_singly else f"+({{}}==0)*({nearly_open(scene, problem.mode):.4f}>v_overlap){_MAY}"
     if not by_pairs(scene):
         missed = f"variable     missed atom abs(f_at_rest-c_touching){on_walls.missed(problem)}"
         return [
             f"{missed}  # contacts that a sphere had at rest and has not now, or new",
             "compute      missing inside reduce sum v_missed",
-            near.replace("v_changed", "ceil(c_missing/2)"),
+            f"variable     open equal ceil(c_missing/2){near.format('c_missing')}",
         ]
     law, axes = FORMULAS[scene.sphere.adhesion_law], _axes(scene)
     mark = law.mark(scene.space)
@@ -115,7 +114,7 @@ def changed_lines(problem: Prepared) -> list[str]:
         *([f"compute      pairs all pair/local{mark} cutoff {law.cutoff}"] if watches_part(scene) else []),
         *off,
         f"variable     changed equal {most}{'+c_missing' if left else ''}",
-        _OPEN if _lingers(scene) else near,
+        f"variable     open equal v_changed{'' if _lingers(scene) else near.format('v_changed')}",
     ]
 
 

@@ -196,7 +196,7 @@ def in_process(command: list[str], **_: Any) -> CompletedProcess[str]:
     """Do what ``python -m granular_lmp`` does, without its start."""
     error = StringIO()
     with redirect_stdout(StringIO()), redirect_stderr(error):
-        status = granular_lmp_main(command[3:])
+        status = granular_lmp_main(command[command.index("granular_lmp") + 1 :])
     return CompletedProcess(command, status, "", error.getvalue())
 
 

@@ -594,7 +594,7 @@ def test_doctor_says_whether_there_is_one(
 ) -> None:
     monkeypatch.setattr("granular_lmp.doctor.frequency_error", lambda: 0.0)  # the self-test: tests/cli
     main(["doctor"])
-    assert f"kernel       {built}: run --kernel took 0." in capsys.readouterr().out
+    assert f"kernel       {built}: run --kernel took " in capsys.readouterr().out
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     main(["doctor"])
     assert "kernel       none, with it LAMMPS's loop takes about half the time" in capsys.readouterr().out

@@ -13,6 +13,8 @@ from granular_analysis.measure.signals import recorded
 from granular_analysis.measure.swept import Swept
 from granular_lmp.runs.record import GranularError, Record, Scene
 
+PROGRAM = (sys.executable, "-P", "-m", "granular_lmp")  # -P: nothing of the folder is imported
+
 
 def load(folder: str | Path, *, unfinished: bool = False) -> Record:
     """`Record.load` for a script: what is wrong is one line and SystemExit, also a run with next to no record."""
@@ -36,7 +38,7 @@ def begun(scene: Scene, folder: str | Path) -> Record:
     short = {"time.duration": sample, "output.particles": sample, "output.checkpoint": "auto"}
     declared, run = Path(folder, "scene.toml"), Path(folder, "run")
     declared.write_text(scene.with_values(short | {"packing.rows": scene.shape.rows}).to_toml(), encoding="utf-8")
-    command = [sys.executable, "-P", "-m", "granular_lmp", "run", str(declared), "-o", str(run)]
+    command = [*PROGRAM, "run", str(declared), "-o", str(run)]
     said = subprocess.run(command, capture_output=True, text=True)
     if said.returncode:
         raise ValueError(said.stderr.strip().rpartition("\n")[2])
@@ -52,7 +54,7 @@ def run_sweep(scene: Scene, folder: Path, *over: str) -> list[Record]:
     declared = folder.with_suffix(".toml")
     declared.write_text(scene.to_toml(), encoding="utf-8")
     keys = [word for each in over for word in ("--over", each)]
-    command = [sys.executable, "-m", "granular_lmp", "sweep", str(declared), *keys, "-o", str(folder)]
+    command = [*PROGRAM, "sweep", str(declared), *keys, "-o", str(folder)]
     if subprocess.run(command, stdout=subprocess.DEVNULL).returncode:
         raise ValueError(f"{folder}: the sweep failed, as it says above")
     return sweep(str(folder))
