@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 
 from granular_lmp import Record, Scene
-from granular_lmp.effects.selection import switches
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import SCENE, STATUS
 from granular_lmp.problem import prepare
-from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.record import TRAJECTORY, write_status
-from granular_lmp.runs.seal import files_of
+from granular_lmp.runs.seal import files_of, scene_digest
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
 
@@ -28,7 +26,7 @@ COLUMNS = 3
 
 def status_of(scene: Scene) -> dict[str, Any]:
     """Return what ``run.json`` says of the scene of a run, its effects and guards, all of which were quiet."""
-    found = switches(scene)
+    found = {effect.name: (effect.on, effect.guard) for effect in prepare(scene).effects}
     return {
         "format": FORMAT,
         "scene_sha256": scene_digest(scene.to_toml()),
@@ -56,7 +54,7 @@ def leave_folder(record: Record, folder: Path) -> None:
 
 
 def of_first_format(folder: Path) -> Path:
-    """Make a folder one of release 0.1.0, which lists no files: their agreement is then all there is to judge by."""
+    """Make a folder one of release 0.1.0, which lists no files."""
     info = json.loads((folder / STATUS).read_text(encoding="utf-8"))
     for key in ("format", "files", "sealed"):
         info.pop(key, None)

@@ -91,19 +91,6 @@ def _is_on(effect: Effect, scene: Scene, called_for: bool, possible: bool) -> bo
     return possible and called_for if wanted == AUTO else bool(wanted)
 
 
-def switches(scene: Scene) -> dict[str, tuple[bool, str]]:
-    """Return for each effect whether it is on, and the title of its guard in the deck ("" without one).
-
-    Every "auto" of the scene must be decided (`granular_lmp.problem.prepare`), because no rule is evaluated.
-    """
-    on: dict[str, bool] = {}
-    found = {}
-    for effect in of(scene):
-        on[effect.name] = effect.wanted(scene) is True
-        found[effect.name] = on[effect.name], effect.guard_name(scene, on)
-    return found
-
-
 def lines(block: str, problem: Prepared) -> list[str]:
     """Return the lines of the effects for a block of the deck, in the order of the effects."""
     text: list[str] = []

@@ -11,11 +11,10 @@ from typing import Any
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, STATUS
-from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.folder import refuse_links
 from granular_lmp.runs.formats import FORMAT, format_of
 from granular_lmp.runs.manifest import triggered
-from granular_lmp.runs.seal import refuse_changed
+from granular_lmp.runs.seal import refuse_changed, refuse_other_scene
 from granular_lmp.runs.status import read_status
 
 _NOT_SAID = f"{STATUS} does not say how the run was started; repeat it with force=True"

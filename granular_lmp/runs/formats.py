@@ -9,15 +9,12 @@ What a folder of an earlier format does not say is what was true when it was wri
 from pathlib import Path
 from typing import Any
 
-from granular_lmp.effects.selection import EFFECTS, switches
+from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.lammps.outputs import SCENE
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
 FORMAT = 2  # this release writes folders of this format
-_FIRST = {"adhesion", "shear", "rotation", "tracking", "damping", "sliding", "contact_opening", "walls", "width"}
-# Effects that every finished run of a format names; others are younger, or joined it on the way
-NAMED = {1: _FIRST, 2: _FIRST | {"rolling", "twisting", "quiet_ends"}}
 
 
 def format_of(info: dict[str, Any]) -> int:
@@ -66,16 +63,6 @@ def scene_of(folder: Path) -> Scene:
 def is_one_column(scene: Scene) -> bool:
     """Return whether the scene of a run folder says one column, which release 0.1.0 ran, where this one runs more."""
     return scene.packing.columns not in (AUTO, scene.shape.columns)
-
-
-def expected_effects(info: dict[str, Any], scene: Scene) -> dict[str, tuple[bool, str]]:
-    """Return the `switches` of the scene of a run folder that its ``run.json`` has to name.
-
-    It may be silent about an effect that its format does not know where that is off. One column had no guard of width.
-    """
-    known = NAMED[format_of(info)] | info.get("effects", {}).keys()
-    found = {name: said for name, said in switches(scene).items() if name in known or said[0]}
-    return found | {"width": (False, "")} if is_one_column(scene) else found
 
 
 def as_today(info: dict[str, Any]) -> dict[str, Any]:

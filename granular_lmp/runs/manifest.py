@@ -15,8 +15,8 @@ from granular_lmp.lammps.guard_results import measured, seen_every
 from granular_lmp.lammps.guards import GUARDS, line_interval
 from granular_lmp.lammps.outputs import LOG, LOOP_SECTIONS, RunLog
 from granular_lmp.problem import Problem
-from granular_lmp.runs.agreement import Signals, scene_digest
 from granular_lmp.runs.formats import FORMAT
+from granular_lmp.runs.seal import scene_digest
 from granular_lmp.scene.at_rest import CrystalAtRest
 
 
@@ -99,6 +99,7 @@ def crystal_at_rest(crystal: CrystalAtRest) -> dict[str, Any]:
     return {"crystal": found, "centre": centre(crystal.atoms) + 1}
 
 
+Signals = dict[str, NDArray[np.float64]]
 NEAR = "a contact kept {:.2g} of the static overlap, and may have opened between two looks"
 
 

@@ -23,14 +23,8 @@ from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.outputs import DUMP, FOR_VIEWERS, SNAPSHOTS, read_centre, read_dump, writable
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs import energy, tables
-from granular_lmp.runs.agreement import (
-    refuse_other_extrapolation,
-    refuse_other_physics,
-    refuse_other_scene,
-    refuse_other_trajectory,
-)
 from granular_lmp.runs.formats import is_one_column, scene_of
-from granular_lmp.runs.seal import refuse_changed
+from granular_lmp.runs.seal import refuse_changed, refuse_other_extrapolation, refuse_other_scene
 from granular_lmp.runs.status import STATUS as STATUS
 from granular_lmp.runs.status import read_status as read_status
 from granular_lmp.runs.status import write_status as write_status
@@ -129,7 +123,7 @@ class Record(HasCard):
         Raises
         ------
         RunFolderError
-            If a file is missing or malformed, files disagree with each other (`runs.agreement`), or the run is not
+            If a file is missing or malformed, is not as the run wrote it (`runs.seal`), or the run is not
             finished (without `unfinished`).
         """
         folder = Path(folder)
@@ -139,7 +133,6 @@ class Record(HasCard):
         refuse_other_scene(folder, info)
         scene = scene_of(folder)
         refuse_changed(folder, info, lazily=scene.wave is not None)
-        refuse_other_physics(folder, info, scene)
         if scene.wave is None:
             return cls._of_spheres(folder, scene, info, whole=not unfinished)
         return cls._of_trajectory(folder, scene, info, whole=not unfinished)
@@ -175,11 +168,7 @@ class Record(HasCard):
         samples = info.get("samples", 0) if whole else None
         text, columns = tables.read_trajectory(folder / TRAJECTORY, header_of(scene), samples)
         refuse_other_extrapolation(folder / TRAJECTORY, text, info)
-        record = cls(columns.pop("tau"), columns, scene, info, folder)
-        if (folder / DUMP).is_file():
-            dumped, ended = cls.from_dump(folder, scene), info["status"] == "finished"
-            refuse_other_trajectory(folder / TRAJECTORY, record.columns, dumped.columns, whole=ended)
-        return record
+        return cls(columns.pop("tau"), columns, scene, info, folder)
 
     @classmethod
     def from_dump(

@@ -10,15 +10,42 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
-from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps.outputs import CHECKPOINTS, MONITOR, SNAPSHOTS, STATUS, writable
-from granular_lmp.runs.agreement import refuse_other_scene
+from granular_lmp.errors import RunFolderError, one_line
+from granular_lmp.lammps.outputs import CHECKPOINTS, MONITOR, SCENE, SNAPSHOTS, STATUS, writable
 from granular_lmp.runs.folder import written_files
 from granular_lmp.runs.formats import format_of
 from granular_lmp.runs.status import how_to_accept, read_status, write_status
 
 _LARGE = (SNAPSHOTS, MONITOR.partition("{")[0])  # beginnings of the names of files that few readers need
 _QUICK = 1 << 25  # bytes of such a file that every reader compares, in some hundredths of a second
+
+
+def scene_digest(text: str) -> str:
+    """Return the digest of a ``scene.toml``, or of another file, for ``run.json``: the SHA-256 of its text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def refuse_other_scene(folder: Path, info: dict[str, Any]) -> None:
+    """Raise RunFolderError unless ``run.json`` holds the digest of the folder's scene."""
+    digest = info.get("scene_sha256")
+    if digest is None:
+        missing = f"{folder / STATUS}: scene_sha256 is missing, so that {SCENE} may be any"
+        raise RunFolderError(f"{missing}; run it again with force=True")
+    try:
+        text = (folder / SCENE).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise RunFolderError(f"{folder / SCENE}: cannot be read: {one_line(error)}") from error
+    if digest != scene_digest(text):
+        raise RunFolderError(f"{folder}: {SCENE} was changed since the run began; put it back, or run with force=True")
+
+
+def refuse_other_extrapolation(path: Path, text: str, info: dict[str, Any]) -> None:
+    """Raise RunFolderError if ``trajectory.csv`` is not the extrapolation whose digest ``run.json`` holds.
+
+    Only a run with a tolerance of format 1 has that digest; a later one lists all files (`granular_lmp.runs.seal`).
+    """
+    if info.get("trajectory_sha256") not in (None, scene_digest(text)):
+        raise RunFolderError(f"{path}: was changed since its runs ended; put it back, or run with force=True")
 
 
 def files_of(folder: Path, *, stopped: bool = False) -> dict[str, dict[str, Any]]:

@@ -15,9 +15,8 @@ from granular_lmp.accuracy.recorded import write_dump
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.accuracy.rounding import judged
 from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, csv_text, replace_text
-from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.record import STATUS, TRAJECTORY, Record, read_status, write_status
-from granular_lmp.runs.seal import files_of
+from granular_lmp.runs.seal import files_of, scene_digest
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.cost_settings import ORDERED, REFERENCE, Point, Run
 from granular_lmp.studies.output_variants import OUTPUTS

@@ -127,10 +127,6 @@ def test_a_nan_in_a_forced_run_is_refused_in_one_line(small: Scene, tmp_path: Pa
     lines[3] = "1.0,nan,nan,nan"
     (tmp_path / "run" / TRAJECTORY).write_text("\n".join([*lines, ""]))
     for words in ([], ["--force"]):
-        with pytest.raises(SystemExit, match=r"^[^\n]*p = nan at tau = 1, but [^\n]* by dump\.centre[^\n]*$"):
-            compare.main([str(tmp_path / "run"), *words])
-    (tmp_path / "run" / DUMP).unlink()
-    for words in ([], ["--force"]):
         with pytest.raises(SystemExit, match=r"^[^\n]*not finite[^\n]*$"):
             compare.main([str(tmp_path / "run"), *words])
 

@@ -13,7 +13,6 @@ import pytest
 from granular_analysis.tools import compare
 from granular_lmp import Record, Scene
 from granular_lmp.cli import main
-from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.errors import LammpsError, RunFolderError
 from granular_lmp.frozen import dataclass
 from granular_lmp.problem import prepare
@@ -95,19 +94,6 @@ def test_an_old_run_lists_no_files_that_could_be_accepted(there: Path) -> None:
     with pytest.raises(RunFolderError, match=r"release 0\.1\.0, which listed no files"):
         accept(there)
     assert (there / STATUS).read_bytes() == before
-
-
-@pytest.mark.parametrize("there", ["e02a04e/run"], indirect=True)
-def test_an_old_run_must_still_name_the_effects_of_its_day(there: Path) -> None:
-    info = read_status(there)
-    write_status(there, info | {"effects": {name: e for name, e in info["effects"].items() if name != "walls"}})
-    with pytest.raises(RunFolderError, match=r"effects\.walls\.on = null, but false by scene\.toml"):
-        Record.load(there)
-
-
-def test_a_run_of_today_must_name_every_effect() -> None:
-    joined = {"late_parting"}  # is declared, and off in a run that is silent about it
-    assert {effect.name for effect in EFFECTS} - joined == formats.NAMED[formats.FORMAT]  # a new one raises the format
 
 
 @pytest.mark.parametrize("there", ["832ce44/run"], indirect=True)
