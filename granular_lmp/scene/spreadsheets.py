@@ -10,7 +10,6 @@ import csv
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from math import nan
 from pathlib import Path
 
@@ -131,6 +130,8 @@ class Heads:
 
     def near(self, head: str) -> str:
         """Return the head that is nearly the same, "" if none is."""
+        from difflib import get_close_matches  # kept out of start-up
+
         every = [f"{name}_{unit}".strip("_") for name, units in self.quantities.items() for unit in units]
         folded = {each.lower(): each for each in every}
         plain = re.sub(r"[\s_\[\]()]+", "_", head.lower()).strip("_")
