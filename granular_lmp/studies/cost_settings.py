@@ -115,7 +115,8 @@ def groups(scene: Scene) -> dict[str, dict[str, list[Changes]]]:
         few = {"packing.rows": "auto"}
         # A periodic cell keeps its rows, which fix the wavenumber
         fewest = {"packing.columns": "auto"} | ({} if scene.shape.along_y else few)
-        sizes["columns"] = {str(columns): [{"packing.columns": columns}] for columns in COLUMN_COUNTS}
+        if scene.lattice.sheet:
+            sizes["columns"] = {str(columns): [{"packing.columns": columns}] for columns in COLUMN_COUNTS}
         sizes["ends"] = {
             f"{scene.shape.rows} rows, {scene.shape.ends}": [{}],
             "rows auto, fixed": [few | {"packing.ends": "fixed"}],
