@@ -29,6 +29,7 @@ from granular_lmp.errors import LammpsMissingError, RunInterrupted  # noqa: E402
 from granular_lmp.lammps.installation import has_package  # noqa: E402
 from granular_lmp.lammps.kernel import library  # noqa: E402
 from granular_lmp.runs import routes  # noqa: E402
+from granular_lmp.runs.folder import locked  # noqa: E402
 from granular_lmp.studies import forecast  # noqa: E402
 from tests.pause import paused  # noqa: E402
 
@@ -46,6 +47,14 @@ def pytest_collection() -> Generator[None, object, object]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+def run_text(text: str, folder: Path) -> None:
+    """Run the text of a deck in this process, in a folder that may be there."""
+    folder.mkdir(exist_ok=True)
+    (folder / "in.text").write_text(text, encoding="utf-8")
+    with locked(folder) as lock:
+        routes.run_input(folder, "in.text", lock)
 
 
 @pytest.fixture(scope="session")

@@ -26,7 +26,6 @@ from granular_lmp.effects import selection
 from granular_lmp.effects.looks import fastest
 from granular_lmp.problem import Problem
 from granular_lmp.runs.components import FORCES, RATES
-from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
 
 SAFETY = 4.0  # with 3, two in 130 ladders of 35 scenes ended with up to 1.3 of the tolerance (tests/hard)
@@ -111,13 +110,6 @@ def _kind(name: str) -> str:
     """Return the kind of a signal: "rate", "force", "flux" or "motion"."""
     last = name.rpartition(".")[2]
     return "rate" if last in _RATES else "force" if last in FORCES else "flux" if last == "flux" else "motion"
-
-
-def estimate(runs: Sequence[Record]) -> Judgement:
-    """Return the answer of runs and the largest errors of the spheres that they recorded; see `judge`."""
-    counts = [run.scene.time.steps_per_sample for run in runs]
-    last = runs[-1].scene
-    return judge([run.signals for run in runs], counts, order(last), loose=last.loose)
 
 
 def _largest(values: NDArray[np.float64]) -> float:

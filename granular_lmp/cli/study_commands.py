@@ -69,9 +69,8 @@ def add_to(commands: Commands) -> None:
         "--budget",
         type=_seconds,
         metavar="SECONDS",
-        help="leave out what takes longest until this is met; that of one call, another call has its own",
+        help="start no run that would end later; the same command continues, with a budget of its own",
     )
-
     cost.add_argument(
         "--accuracy",
         type=_accuracy,
@@ -165,13 +164,13 @@ def _scatter(options: Options) -> int:
 
 def _cost(options: Options) -> int:
     from granular_lmp.studies.cost import measure, plan
-    from granular_lmp.studies.tally import failed, recommended, text
+    from granular_lmp.studies.cost_table import failed, recommended, text
 
     scene = scene_of(options)
     folder = options.output or f"costs/{scene.name}"
     repeats, budget = options.repeats or 5, options.budget or inf
     planned = plan(scene, folder, repeats=repeats, budget=budget, kernel=options.kernel)
-    say(f"{scene.name}: {len(planned.points)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
+    say(f"{scene.name}: {len(planned.settings)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
     for setting, reason in planned.left_out.items():
         remark(f"left out: {setting}: {reason}")
 

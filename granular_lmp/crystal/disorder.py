@@ -258,12 +258,8 @@ def chosen_of(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) 
     if inclusion.whole_rows and not len(inclusion.rows):
         return np.flatnonzero(within)
     if len(inclusion.rows):
-        first, last = inclusion.rows
-        if not 0 <= first <= last <= row.max():
-            raise CrystalError(
-                f"inclusion {number + 1}: rows = [{first}, {last}]: must be [first, last], from 0 to {row.max()}"
-            )
-        return np.flatnonzero(within & (first <= row) & (row <= last) & ((row - first) % inclusion.every == 0))
+        in_rows = _in_range(row, inclusion.rows, f"inclusion {number + 1}: rows")
+        return np.flatnonzero(within & in_rows & ((row - inclusion.rows[0]) % inclusion.every == 0))
     own = np.flatnonzero(within)
     index = dict(zip(zip(row[own].tolist(), column[own].tolist(), strict=True), own.tolist(), strict=True))
     if len(index) < len(own) and not inclusion.half_plane:
@@ -294,12 +290,15 @@ def _of_layers(lattice: ase.Atoms, inclusion: Inclusion, number: int) -> NDArray
     layer = lattice.arrays.get("layer", np.zeros(len(lattice), dtype=int))
     if not len(inclusion.layers):
         return np.ones(len(lattice), dtype=bool)
-    first, last = inclusion.layers
-    if not 0 <= first <= last <= layer.max():
-        raise CrystalError(
-            f"inclusion {number + 1}: layers = [{first}, {last}]: must be [first, last], from 0 to {layer.max()}"
-        )
-    return np.asarray((first <= layer) & (layer <= last))
+    return _in_range(layer, inclusion.layers, f"inclusion {number + 1}: layers")
+
+
+def _in_range(numbers: Integers, ends: Sequence[int], key: str) -> NDArray[np.bool_]:
+    """Return which numbers are from the first to the last of `ends`; raise CrystalError if there are no such."""
+    first, last = ends
+    if not 0 <= first <= last <= numbers.max():
+        raise CrystalError(f"{key} = [{first}, {last}]: must be [first, last], from 0 to {numbers.max()}")
+    return np.asarray((first <= numbers) & (numbers <= last))
 
 
 def _stream(seed: int, stream: int) -> "np.random.RandomState":

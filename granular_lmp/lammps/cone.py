@@ -61,11 +61,6 @@ def leave(scene: Scene) -> bool:
     return watches_part(scene) and not scene.packing.contact_force and not by_pairs(scene)
 
 
-def staying_lines(scene: Scene) -> list[str]:
-    """Return the line by which all spheres stay in the run of a deck that records more than its scene asks for."""
-    return ["unfix        gone"] if leave(scene) else []
-
-
 def mean_count(problem: Problem) -> float:
     """Return the number of spheres of a run, of those that leave in the share of the run in which they are there."""
     scene, crystal = problem.scene, problem.crystal

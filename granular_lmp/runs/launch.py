@@ -4,22 +4,17 @@ On either route (`granular_lmp.runs.routes`) LAMMPS reads the same ``in.NAME`` i
 record is the same to the last bit. What is done in which order is said by `granular_lmp.runs.loop`.
 """
 
-from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from granular_lmp.errors import RunInterrupted
 from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.lammps.kernel import library
-from granular_lmp.lammps.outputs import CHECKPOINTS, write_files
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs.directory import absolute
-from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.loop import begin, proceed
 from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.phases import collected, phase
 from granular_lmp.runs.record import Record
-from granular_lmp.runs.routes import check_machine, run_input
 from granular_lmp.runs.simulation import Judge, Simulation, nothing_more
 from granular_lmp.scene.scene import Scene
 
@@ -68,25 +63,3 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
         return Simulation(deck_of(prepare(scene_of(place))), judge=judge, kernel=kernel)
 
     return proceed(of, absolute(folder), progress)
-
-
-def run_files(folder: Path, files: Mapping[str, Iterable[str]], input_name: str, *, force: bool = False) -> None:
-    """Write files into a folder, which is created, and run one of them there in this process.
-
-    Raises
-    ------
-    RunFolderError
-        If the folder exists (without `force`) or cannot be written.
-    LammpsMissingError, LaunchError, LammpsError, RunInterrupted
-        As in `granular_lmp.run`.
-    """
-    check_machine()
-    with locked(folder, make=True, force=force) as lock:
-        clear(folder)
-        write_files(folder, files)
-        try:
-            run_input(folder, input_name, lock)
-        except KeyboardInterrupt as error:
-            for stray in CHECKPOINTS:
-                (folder / stray).unlink(missing_ok=True)
-            raise RunInterrupted(f"{folder}: interrupted; run it again with force=True") from error

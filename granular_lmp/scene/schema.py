@@ -17,7 +17,7 @@ import numpy as np
 
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.not_there import elsewhere, not_supported
+from granular_lmp.scene.unsupported import hint
 
 AUTO = "auto"
 LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.part takes more of them
@@ -284,8 +284,7 @@ def refuse_unknown(table: Mapping[str, Any], names: Iterable[str], prefix: str) 
 
 def unknown_key(whole: str, part: str, names: Iterable[str]) -> str:
     """Return what is wrong with a key, a part of which is none of `names`: not supported, misspelt, or not allowed."""
-    unknown = f"unknown key; {elsewhere(part) or allowed_names(part, names)}"
-    return f"{cut(whole)}: {not_supported(part) or unknown}"
+    return f"{cut(whole)}: {hint(part) or f'unknown key; {allowed_names(part, names)}'}"
 
 
 def checked_description(tables: Mapping[str, Any]) -> str:

@@ -2,44 +2,38 @@
 
 Every setting of `granular_lmp.studies.cost_settings` is run in several rounds, so that other load on the machine
 affects all settings alike. The time is the median of the rounds; the errors are those against LAMMPS itself,
-extrapolated from fine steps: of a wave relative L2 errors of p, q, φ, else the largest of velocities and spins over the
-velocity of the fastest striker, and of displacements over the largest.
+extrapolated from fine steps (`granular_lmp.studies.cost_table`).
 
-A study folder holds ``runs/HASH/N`` (a run folder for each round N), ``reference`` (a run folder whose trajectory is
-the extrapolated one), and ``cost.json`` and ``cost.csv``, which are made from those. A study that was stopped, or is
-started again, runs only what is missing; an interrupted run starts anew, because only a complete run has a time.
+A study folder holds ``runs/NAME/N`` (a run folder for each round N), of a wave ``reference`` (a run folder whose
+trajectory is the extrapolated one), and ``cost.json`` and ``cost.csv``, which are made from those. A study that was
+stopped, or is started again, runs only what is missing; an interrupted run starts anew, because only a complete run has
+a time.
 """
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
 from operator import attrgetter
 from pathlib import Path
-from statistics import median
 from time import monotonic
 from typing import Any
 
-from granular_lmp.accuracy.ladder import build
 from granular_lmp.accuracy.tolerance import run as run_scene
 from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted, ToleranceError, one_line
 from granular_lmp.frozen import dataclass
-from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import COST, replace_text, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked, refuse_long
 from granular_lmp.runs.options import core_count
-from granular_lmp.runs.record import STATUS, read_status, write_status
 from granular_lmp.scene.scene import Scene
-from granular_lmp.studies.cost_settings import REFERENCE, Point, Run, base, points, reference
+from granular_lmp.studies.cost_settings import Run, Setting, base, reference, settings
+from granular_lmp.studies.cost_table import NOT_MET, collect, is_done, place, to_csv
 from granular_lmp.studies.forecast import speed
-from granular_lmp.studies.output_variants import OUTPUTS, edited, keep_centre
 from granular_lmp.studies.sweep_points import scene_hash
-from granular_lmp.studies.tally import collect, is_done, place, taken, to_csv
 
 COST_TABLE = "cost.csv"
-_PROGRAM = 0.5  # s to start mpiexec and lmp
 
 Progress = Callable[[int, int, float], None]
 
@@ -54,53 +48,47 @@ class Plan:
         Study folder.
     scene : Scene
         Scene of the study, `granular_lmp.studies.cost_settings.base` of the declared one.
-    points : list of Point
+    settings : list of Setting
         Settings to run, the reference first.
     left_out : dict
-        Setting → reason why it is not run.
+        Setting → reason why it cannot be run.
     repeats : int
         Number of rounds.
     budget : float
-        Time for the study, s; infinite if unlimited.
-    started : float
-        Start of the budget on the clock `time.monotonic`, before the warm-up.
-    rate, overhead : float
-        Spheres times steps per second, and seconds per run beside the time loop, from a short run of the scene.
-    took : dict
-        Name of a run → seconds of each of its earlier rounds.
+        Time for the runs of a call, s; infinite if unlimited.
     kernel : bool
         True if the kernel computes the contacts of all runs.
+    rate, overhead : float
+        Spheres times steps per second, and seconds per run beside the time loop, from a short run of the scene.
     """
 
     folder: Path
     scene: Scene
-    points: list[Point]
+    settings: list[Setting]
     left_out: dict[str, str]
     repeats: int
     budget: float
-    started: float
-    rate: float
-    overhead: float
-    took: dict[str, list[float]]
-    kernel: bool = False
+    kernel: bool
+    rate: float = 1.0
+    overhead: float = 0.0
 
-    def todo(self) -> list[tuple[Run, Path]]:
-        """Return the runs that are not done with their folders, round by round."""
-        return _missing(self.folder, self.points, self.repeats)
+    def todo(self) -> dict[Path, Run]:
+        """Return folder → run of those that are not done: the reference, then each round sorted by length."""
+        first, *others = self.settings
+        runs = sorted((run for each in others for run in each.runs), key=attrgetter("work"))
+        wanted = [(run, 1) for run in first.runs]
+        wanted += [(run, turn) for turn in range(1, self.repeats + 1) for run in runs]
+        places = {place(self.folder, run, turn): run for run, turn in wanted}
+        return {there: run for there, run in places.items() if not is_done(there)}
 
     def estimate(self, run: Run) -> float:
-        """Return the time of a run by the rates of the warm-up, s."""
-        return self.overhead + run.work / self.rate + _PROGRAM * (run.ranks > 1)
-
-    def price(self, run: Run, slower: float = 1.0) -> float:
-        """Return the expected time of a run, s: that of its earlier rounds, or `slower` times the estimate."""
-        own = self.took.get(run.name)
-        return median(own) if own else slower * self.estimate(run)
+        """Return the time of a run by the short run of the scene, s."""
+        return self.overhead + run.work / self.rate
 
     @property
     def seconds(self) -> float:
         """Expected time of all runs that are not done, s."""
-        return sum(self.price(run) for run, _ in self.todo())
+        return sum(map(self.estimate, self.todo().values()))
 
 
 def plan(
@@ -117,8 +105,8 @@ def plan(
     repeats : int
         Number of rounds; the reference is run once. *Good values*: 5 or more, because times scatter.
     budget : float
-        Time in seconds for this call and its `measure`, without that of earlier calls. If the settings do not fit, the
-        longest are left out first. A run that has started is not stopped.
+        Time in seconds for the runs of `measure`. The longest settings, and later rounds, are left for another call if
+        they do not fit. A run that has started is not stopped.
     kernel : bool
         Compute contacts with the kernel (`granular_lmp.run`), whose settings have a study of their own.
 
@@ -129,45 +117,24 @@ def plan(
     RunFolderError
         If the folder exists and is not that of a study of this scene.
     LaunchError
-        If the budget is too small for the reference and one setting, or the kernel does not know a contact.
+        If the budget is too small for the reference, or the kernel does not know a contact.
     LammpsMissingError
         If the kernel is asked for and was not built.
     """
-    started = monotonic()
     folder, scene = absolute(folder), base(scene)
     _check_folder(folder, scene, kernel)
-    made, left_out = points(scene)
     if kernel:
         library.built()
-    whole = Plan(folder, scene, [reference(scene), *made], left_out, repeats, budget, started, 1.0, 0.0, {}, kernel)
-    if not whole.todo():
-        return whole
-    rate, overhead = speed(scene, kernel)
-    took = {run.name: taken(run, folder, repeats) for point in whole.points for run in point.runs}
-    return _within_budget(replace(whole, rate=rate, overhead=overhead, took=took))
-
-
-def _within_budget(whole: Plan) -> Plan:
-    """Return the plan without its longest settings, as many as needed for the rest to fit into the budget."""
-    fitting, gone = whole, monotonic() - whole.started
-    while gone + fitting.seconds > whole.budget:
-        alone = {
-            point: sum(whole.price(run) for run, _ in _missing(whole.folder, [point], whole.repeats))
-            for point in fitting.points[1:]
-        }
-        dearest = max(alone, key=lambda point: alone[point], default=None)
-        if dearest is None or len(alone) == 1:
-            raise LaunchError(
-                f"budget = {whole.budget:g}: must be at least {ceil(gone + fitting.seconds)} s, which the reference "
-                "and one setting take"
-            )
-        reason = f"about {alone[dearest]:.2g} s, beyond the budget"
-        fitting = replace(
-            fitting,
-            points=[point for point in fitting.points if point is not dearest],
-            left_out=fitting.left_out | {str(dearest): reason},
-        )
-    return fitting
+    made, left_out = settings(scene)
+    planned = Plan(folder, scene, [reference(scene), *made], left_out, repeats, budget, kernel)
+    todo = planned.todo().values()
+    if todo:
+        rate, overhead = speed(scene, kernel)
+        planned = replace(planned, rate=rate, overhead=overhead)
+    least = sum(planned.estimate(run) for run in planned.settings[0].runs if run in todo)
+    if least > budget:
+        raise LaunchError(f"budget = {budget:g}: must be at least {ceil(least)} s, which the reference takes")
+    return planned
 
 
 def measure(plan: Plan, *, progress: Progress | None = None) -> dict[str, Any]:
@@ -185,59 +152,55 @@ def measure(plan: Plan, *, progress: Progress | None = None) -> dict[str, Any]:
         If another study is at work in the folder.
     RunInterrupted
         On Ctrl-C; complete runs are kept, and the tables are made from them.
+    GranularError
+        If a run of the reference fails, without which no error is known.
 
     Notes
     -----
-    If a run fails, its message stands in the table and the others continue. If runs take longer than planned, those
-    that do not fit into the rest of the budget are left out and listed in ``left_out``. The errors are valid if the
-    error of a run is of second order in the step, which the extrapolation of the reference assumes. They are not valid
-    with sliding or opening contacts, the incremental law or dashpots.
+    If another run fails, its message stands in the table and the others continue. The errors are valid if the error of
+    a run is of second order in the step, which the extrapolation of the reference assumes. They are not valid with
+    sliding or opening contacts, the incremental law or dashpots.
     """
+    failures: dict[str, str] = {}
     with locked(plan.folder, make=True, force=True):
-        _save(plan)  # marks the folder as that of this study, even if this process is killed
-        todo, cut = plan.todo(), set[Path]()
-        plan = replace(plan, took={name: list(seconds) for name, seconds in plan.took.items()})
-        spent = estimated = 0.0
+        _save(plan, failures)  # marks the folder as that of this study, even if this process is killed
+        todo, started, spent, expected = plan.todo(), monotonic(), 0.0, 0.0
+        left = plan.seconds
         try:
-            for index, (run, folder) in enumerate(todo):
-                began, slower = monotonic(), spent / estimated if estimated else 1.0
-                if began - plan.started + plan.price(run, slower) <= plan.budget:
-                    _run(run, folder, plan.kernel)
-                    seconds = monotonic() - began
-                    plan.took.setdefault(run.name, []).append(seconds)
-                    spent, estimated = spent + seconds, estimated + plan.estimate(run)
-                else:
-                    cut.add(folder)
+            for done, (folder, run) in enumerate(todo.items(), 1):
+                began, estimate, slower = monotonic(), plan.estimate(run), spent / expected if expected else 1.0
+                if began - started + slower * estimate <= plan.budget:
+                    _run(run, folder, plan, failures)
+                    spent, expected = spent + monotonic() - began, expected + estimate
+                left -= estimate
                 if progress is not None:
-                    left = sum(plan.price(run, slower) for run, _ in todo[index + 1 :])
-                    progress(index + 1, len(todo), min(left, plan.started + plan.budget - monotonic()))
+                    progress(done, len(todo), min(slower * left, started + plan.budget - monotonic()))
         except (KeyboardInterrupt, RunInterrupted) as error:
             raise RunInterrupted(
                 f"{plan.folder}: interrupted; {len(todo) - len(plan.todo())} of {len(todo)} runs were done and are "
                 "kept, the same command again does the rest"
             ) from error
         finally:
-            result = _save(replace(plan, left_out=plan.left_out | _cut_off(plan, cut)))
+            result = _save(plan, failures)
     return result
 
 
-def _cut_off(plan: Plan, cut: set[Path]) -> dict[str, str]:
-    """Return setting → number of missing rounds, for settings whose runs were left out during the study."""
-    reasons = {}
-    for point in plan.points:
-        rounds = 1 if point.knob == REFERENCE else plan.repeats
-        turns = range(1, rounds + 1)
-        lacking = sum(any(place(plan.folder, run, turn) in cut for run in point.runs) for turn in turns)
-        if lacking:
-            reasons[str(point)] = f"{lacking} of {rounds} rounds not run, beyond the budget"
-    return reasons
+def _run(run: Run, folder: Path, plan: Plan, failures: dict[str, str]) -> None:
+    """Do one run; if it fails, note its message."""
+    try:
+        run_scene(run.scene, folder, force=True, kernel=plan.kernel)
+    except GranularError as error:
+        if isinstance(error, RunInterrupted) or run in plan.settings[0].runs:
+            raise
+        # A tolerance that no step meets is an answer of the study, not a failure of it
+        failures[run.name] = NOT_MET * isinstance(error, ToleranceError) + str(error)
 
 
-def _save(plan: Plan) -> dict[str, Any]:
+def _save(plan: Plan, failures: dict[str, str]) -> dict[str, Any]:
     """Write the tables from the complete runs and return the contents of ``cost.json``."""
     result: dict[str, Any] = {"scene": plan.scene.given(), "cores": core_count(), "left_out": plan.left_out}
     result |= {"kernel": True} if plan.kernel else {}
-    result |= collect(plan.folder, plan.points, plan.repeats)
+    result |= collect(plan.folder, plan.settings, plan.repeats, failures)
     with writable(plan.folder):
         replace_text(plan.folder / COST, json.dumps(result, indent=1, allow_nan=False) + "\n")
         replace_text(plan.folder / COST_TABLE, to_csv(result["points"]))
@@ -263,35 +226,3 @@ def _check_folder(folder: Path, scene: Scene, kernel: bool) -> None:
             raise RunFolderError(
                 f"{folder}: holds a study {'without' if kernel else 'with'} the kernel; choose another"
             )
-
-
-def _missing(folder: Path, points: Iterable[Point], repeats: int) -> list[tuple[Run, Path]]:
-    """Return the runs that are not done and their folders, round by round, sorted by their length."""
-    once = {run.name: run for point in points if point.knob == REFERENCE for run in point.runs}
-    often = {run.name: run for point in points if point.knob != REFERENCE for run in point.runs}
-    by_work = attrgetter("work")
-    wanted = [(run, 1) for name, run in once.items() if name not in often]
-    wanted += [(run, turn) for turn in range(1, repeats + 1) for run in sorted(often.values(), key=by_work)]
-    places = [(run, place(folder, run, turn)) for run, turn in wanted]
-    return [(run, there) for run, there in places if not is_done(run, there)]
-
-
-def _run(run: Run, folder: Path, kernel: bool) -> None:
-    """Do one run; if it fails, its folder holds the message."""
-    try:
-        if run.output == "probe":
-            run_scene(run.scene, folder, ranks=run.ranks, force=True, kernel=kernel)
-        else:
-            deck, output = build(run.scene), OUTPUTS[run.output]
-            assert isinstance(deck, Deck)
-            record = run_scene(edited(deck, output), folder, ranks=run.ranks, force=True, kernel=kernel)
-            keep_centre(deck, record, output)
-    except RunInterrupted:
-        raise
-    except GranularError as error:
-        with writable(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-        there = read_status(folder) if (folder / STATUS).is_file() else {}
-        # A tolerance that no step meets is an answer of the study, not a failure of it
-        met = {"tolerance_met": False} if isinstance(error, ToleranceError) else {}
-        write_status(folder, there | met | {"status": "failed", "message": str(error)})

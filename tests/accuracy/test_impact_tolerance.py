@@ -16,7 +16,8 @@ from granular_analysis.theory.network_motion import integrate as network_motion
 from granular_analysis.theory.network_state import start
 from granular_lmp import ImpactRecord, ImpactScene, resume, run_impact
 from granular_lmp.accuracy import halving
-from granular_lmp.accuracy.collisions import estimate, order
+from granular_lmp.accuracy.collisions import judge, order
+from granular_lmp.accuracy.extrapolation import Judgement
 from granular_lmp.accuracy.ladder import RUNGS, plan, planned
 from granular_lmp.accuracy.richardson import combined_record
 from granular_lmp.cli import main
@@ -114,6 +115,11 @@ def test_the_estimate_of_a_sheet_is_above_its_error(changes: dict[str, Any], tmp
     said = record.info["error_estimate"]
     assert error < said["velocity"] <= 1e-3
     assert ("spin" in said) == ("effects.friction" in changes)
+
+
+def estimate(runs: list[ImpactRecord]) -> Judgement:
+    counts = [run.scene.time.steps_per_sample for run in runs]
+    return judge([run.signals for run in runs], counts, order(runs[-1].scene))
 
 
 def answer(runs: list[ImpactRecord]) -> ImpactRecord:

@@ -602,8 +602,8 @@ def test_doctor_says_whether_there_is_one(
 
 def test_cost_takes_it_and_keeps_its_study_apart(small: Scene, tmp_path: Path) -> None:
     made = cost.plan(small, tmp_path / "cost", repeats=1, kernel=True)
-    fastest = min(made.points[1:], key=lambda point: sum(run.work for run in point.runs))
-    result = cost.measure(replace(made, points=[made.points[0], fastest]))
+    fastest = min(made.settings[1:], key=lambda setting: sum(run.work for run in setting.runs))
+    result = cost.measure(replace(made, settings=[made.settings[0], fastest]))
     assert result["kernel"] is True
     runs = list((tmp_path / "cost" / "runs").glob("*/1"))
     assert runs

@@ -22,7 +22,7 @@ import pytest
 
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.effects.selection import EFFECTS
-from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
 from granular_lmp.lammps import installation, outputs
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.deck import Deck
@@ -487,20 +487,6 @@ def test_a_dump_cut_off_in_the_middle_loses_only_its_last_snapshot(small: Scene,
     whole = read_centre(dump)
     dump.write_text(dump.read_text()[:-40])
     np.testing.assert_array_equal(read_centre(dump)["ux"], whole["ux"][:-1])
-
-
-def test_files_that_are_run_on_their_own_leave_no_checkpoint_when_interrupted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupt(folder: Path, input_name: str, lock: int) -> None:
-        (folder / "checkpoint.a").touch()
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(launch, "run_input", interrupt)
-    with pytest.raises(RunInterrupted, match="interrupted; run it again with force=True"):
-        launch.run_files(tmp_path / "run", {"in.two": ["run ", "0\n"]}, "in.two")
-    assert [path.name for path in (tmp_path / "run").iterdir()] == ["in.two"]
-    assert (tmp_path / "run" / "in.two").read_text() == "run 0\n"
 
 
 ENDLESS = """\

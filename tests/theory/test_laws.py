@@ -12,8 +12,7 @@ from granular_analysis.measure.norms import relative_error, slope
 from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import LAWS, Contact
 from granular_analysis.theory.wave import Wave, antiresonance, generated, second_harmonic
-from granular_lmp.runs.launch import run_files
-from tests.conftest import latin, members
+from tests.conftest import latin, members, run_text
 from tests.polarisations import forgetful, spoilt
 
 NU = 0.17
@@ -186,7 +185,7 @@ def lammps(style, folder, xi, timestep=0.05, phase=0.0, last=60):
     values = {"xi": xi, "timestep": timestep, "phase": phase, "rows": rows, "duration": last}
     given = "".join(f"variable {name} index {value}\n" for name, value in values.items())
     deck = given + text.replace("tangential mindlin NULL", f"tangential {style} NULL")
-    run_files(folder / "run", {"in.wave": [deck]}, "in.wave", force=True)
+    run_text(deck, folder / "run")
     times, *displacements = np.loadtxt(folder / "run/trajectory.csv", delimiter=",", skiprows=1).T
     assert times == pytest.approx(times_to(last), abs=1e-9)
     return np.stack(displacements)

@@ -13,7 +13,7 @@ from granular_analysis.measure.norms import relative_error
 from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import Contact
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.runs.launch import run_files
+from tests.conftest import run_text
 from tests.manual import Measure, Mutant, verifies
 
 DECK = Path(__file__).parents[2] / "lammps_inputs/in.plane_wave"
@@ -68,7 +68,7 @@ def lammps(tmp_path_factory: pytest.TempPathFactory) -> Lammps:
         values |= {"duration": 30, "rows": 51}
         # As -var sets them, before the deck's own
         given = "".join(f"variable {name} index {value}\n" for name, value in values.items())
-        run_files(folder / "run", {"in.wave": [given + text]}, "in.wave", force=True)
+        run_text(given + text, folder / "run")
         tau, *displacements = np.loadtxt(folder / "run/trajectory.csv", delimiter=",", skiprows=1).T
         return tau, np.stack(displacements)
 

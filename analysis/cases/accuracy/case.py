@@ -2,7 +2,7 @@
 
     granular-analysis accuracy runs/cost [-o FILE] [--wanted 1e-3] [--json FILE]
 
-prints which setting gives which accuracy in how many seconds, and draws error over time, a marker for each knob.
+prints which setting gives which accuracy in how many seconds, and draws error over time, a marker for each group.
 
 Two references. A setting of a run is measured against LAMMPS extrapolated from two fine steps: what it lacks is its own
 fault. The level of model, a formula, the exact lattice at some tolerance of its integrator, LAMMPS, is measured against
@@ -49,12 +49,12 @@ REPEATS = 9
 GAIN = 0.9  # an error must fall by that to count as better
 FORMULA, LATTICE, LAMMPS = "closed form", "exact lattice", "LAMMPS"
 NOT_CLOSED = ("exact-lattice", "hierarchy")
-TOLERANCE = "tolerance, strip"  # the knob whose settings say how good they are
+TOLERANCE = "tolerance, strip"  # the group whose settings say how good they are
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One point: its family (a knob, or a level of model), seconds of several rounds, relative errors of p, q, φ.
+    """One point: its family (a group of settings, or a level of model), seconds of rounds, relative errors of p, q, φ.
 
     An error that is None is of a component that is not there, by symmetry or because nothing recorded it.
     """
@@ -222,10 +222,6 @@ STYLES = {
     TOLERANCE: ("D", "#000000"),
     "columns": ("|", "#009e73"),
     "ends": ("^", "#cc79a7"),
-    "output": ("v", "#e69f00"),
-    "effects": ("X", "#56b4e9"),
-    "ranks": ("P", "#999999"),
-    "strip or sheet": (">", "#ffffff"),
     FORMULA: ("$f$", "#000000"),
     LATTICE: ("h", "#ffffff"),
 }
@@ -234,9 +230,6 @@ BEYOND = 1.5  # times the error of most settings of its family, a setting is nam
 # Where the name stands, in points from the marker, and which of its ends is there
 NAMES: dict[str, tuple[tuple[float, float], str]] = {
     "ends": ((8, 2), "left"),
-    "output": ((-4, 9), "right"),
-    "effects": ((6, -9), "left"),
-    "strip or sheet": ((0, 10), "center"),
     "second-order": ((0, 9), "left"),
     "frequency-shift": ((0, -9), "left"),
     "three-mode": ((-2, -9), "right"),
