@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 
-from granular_lmp.cli.output import remark, say_profile
+from granular_lmp.cli.output import notes_of_log, remark, say_profile
 from granular_lmp.cli.parser import parsers
 from granular_lmp.errors import GranularError, RunFolderError
 from granular_lmp.runs.phases import collected
@@ -37,7 +37,7 @@ def main(argv: list[str] | None = None) -> int:
         options = parsers(words)[0].parse_args(words)
         _refuse_deleted_folder()
         command: Callable[[argparse.Namespace], int] = options.command
-        with collected() as seconds:
+        with collected() as seconds, notes_of_log():
             try:
                 return command(options)
             finally:
