@@ -234,6 +234,17 @@ def test_what_opens_or_slides_is_refused_exactly_with_the_kernel_and_within_a_ma
     assert (plain.info["status"] == "failed", kernel.info["status"] == "failed") == refused
 
 
+def test_an_edited_deck_may_take_what_the_guards_of_lammps_compute(tmp_path: Path) -> None:
+    """The kernel has other guards, and computes the contacts beside those of LAMMPS here."""
+    deck = build(brief(short("tr_periodic")))
+    mine = deck.edited(before={"run": 'fix mine all print ${look} "$(f_looks[4])" file mine.txt screen no'})
+    plain, kernel = (run(mine, tmp_path / str(each), kernel=each) for each in (False, None))
+    assert "kernel" in kernel.info
+    assert largest_difference(plain, kernel) < ROUNDING
+    written = [np.loadtxt(tmp_path / str(each) / "mine.txt") for each in (False, None)]
+    np.testing.assert_allclose(*written, atol=1e-6)  # printed to six digits
+
+
 def test_monitors_read_the_contacts_of_the_kernel(tmp_path: Path) -> None:
     both(short("quiet_ends"), tmp_path)
     forces = [
