@@ -57,10 +57,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     with TemporaryDirectory(prefix="earlier-") as scratch:
         jobs: dict[str, Callable[[Path], float]] = {
             options.commit: partial(command, taken_out(options.commit, Path(scratch)), ()),
-            "today": partial(command, ROOT, ()),
+            "today": partial(command, ROOT, ("--no-kernel",)),
         }
         if lack := missing_kernel():
-            print(f"without --kernel: {lack}", file=sys.stderr)
+            print(f"without the kernel: {lack}", file=sys.stderr)
         else:
             jobs["today, --kernel"] = partial(command, ROOT, ("--kernel",))
         interleave(jobs, 1)  # bytecode is compiled

@@ -121,7 +121,7 @@ def cheapest(ways: Sequence[Spent], worst: float) -> Spent | None:
 
 def sheet(spheres: int, folder: Path) -> Sheet:
     """Solve a sheet of unequal spheres by the cell and by the network."""
-    record = run(sized(spheres), folder / "run")
+    record = run(sized(spheres), folder / "run", kernel=False)
     tau = np.arange(21.0)
     begun = time.process_time()
     cell = by_cell(record, tau)

@@ -142,7 +142,7 @@ def _kernel() -> str:
         share = min(speed(scene)[0] / speed(scene, kernel=True)[0] for _ in range(2))
     except GranularError as missing:
         return f"none, with it LAMMPS's loop takes about half the time: {missing}"
-    return f"{place}: run --kernel took {share:.2f} of LAMMPS's loop in {scene.name} just now"
+    return f"{place}: it took {share:.2f} of LAMMPS's loop in {scene.name} just now"
 
 
 def _untested(version: str) -> list[str]:
@@ -170,7 +170,7 @@ def frequency_error() -> float:
     scene = Scene.loads(SELF_TEST)
     mode = prepare(scene).mode
     with TemporaryDirectory() as scratch:
-        record = run(scene, Path(scratch) / "run")
+        record = run(scene, Path(scratch) / "run", kernel=False)
     phase = np.unwrap(np.arctan2(record.phi / mode.f, record.q / -mode.ux))
     slope = np.polynomial.Polynomial.fit(record.tau, phase, 1).convert().coef[1]
     return float(slope / mode.frequency - 1)

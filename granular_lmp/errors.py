@@ -24,6 +24,7 @@ _OPTIONS = {
     "force=True": "--force",
     "scene=SCENE": "--scene SCENE",
     "kernel=True": "--kernel",
+    "kernel=False": "--no-kernel",
     "launcher='lmp'": "--lmp",
     "ranks=": "--np ",
     "changes={KEY: VALUE}": "--set KEY=VALUE",

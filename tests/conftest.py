@@ -1,12 +1,11 @@
 """Scenes and LAMMPS runs that several tests share."""
 
-import fcntl
 import gc
 import os
 import shutil
 import signal
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from itertools import chain, product
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,9 @@ os.environ.setdefault("MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT", "100"
 # Tests and the package are compiled once, whatever the environment says: not by each process that a test starts
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+# A cache of the tests' own, in which runs find no kernel: they take LAMMPS's contacts unless a test asks for `kernel`
+CACHE = Path(__file__).parents[1] / ".pytest_cache"
+os.environ["XDG_CACHE_HOME"] = str(CACHE / "without_kernel")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a script; programs under test inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -114,60 +116,19 @@ def latin(*lists: Iterable[Any]) -> list[Any]:
     return found
 
 
-@pytest.fixture(scope="session")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], object]], Path]:
-    """Folders that all workers share, made by the first that asks: ``shared(name, make)``, where make fills it."""
-    base = tmp_path_factory.getbasetemp()
-    place = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-
-    def folder(name: str, make: Callable[[Path], object]) -> Path:
-        done = place / name
-        with (place / f"{name}.lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)  # until the file is closed
-            if not done.exists():
-                part = place / f"{name}.part"
-                shutil.rmtree(part, ignore_errors=True)  # of a worker that failed
-                part.mkdir()
-                make(part)
-                part.rename(done)
-        return done
-
-    return folder
-
-
-@pytest.fixture(scope="module")
-def kernel(shared: Callable[[str, Callable[[Path], object]], Path]) -> Iterator[Path]:
-    """The kernel of this source in a cache of all tests: that of the user, or else built once.
+@pytest.fixture
+def kernel(monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The kernel of this source, which runs of the test take; it stays in its cache for later tests.
 
     A test that asks for it is left out where it cannot be built.
     """
     if lack := kernel_lacks():
         pytest.skip(lack)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("CXX", raising=False)
-
-        def fill(cache: Path) -> None:
-            try:
-                there = library.built().read_bytes()
-            except LammpsMissingError:
-                there = b""
-            patch.setenv("XDG_CACHE_HOME", str(cache))
-            if there:
-                place_kernel(there)
-            else:
-                library.build()
-
-        patch.setenv("XDG_CACHE_HOME", str(shared("kernel", fill)))
-        yield library.built()
-
-
-def place_kernel(content: bytes) -> Path:
-    """Put a kernel where the cache of now has it."""
-    place = library.library()
-    place.parent.mkdir(mode=0o755, parents=True)
-    place.write_bytes(content)
-    place.chmod(0o755)
-    return place
+    monkeypatch.setenv("XDG_CACHE_HOME", str(CACHE / "with_kernel"))
+    if not library.is_built():
+        monkeypatch.delenv("CXX", raising=False)
+        library.build()
+    return library.built()
 
 
 @pytest.fixture

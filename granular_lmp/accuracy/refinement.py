@@ -20,6 +20,7 @@ from granular_lmp.accuracy.recorded import write_answer
 from granular_lmp.accuracy.richardson import combined_record
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.lammps.kernel import library
+from granular_lmp.lammps.laws import contacts
 from granular_lmp.lammps.outputs import writable
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs import launch
@@ -39,6 +40,7 @@ def to_tolerance(scene: Scene, folder: Path, options: Options) -> Record:
     plan(problem)  # raises before anything is written
     if scene.wave is not None:
         check_floor(problem.scene, linear_signals(problem.scene))
+    options = replace(options, kernel=library.chosen(options.kernel, "\n".join(contacts(problem))))
     kernel = {"kernel": library.description()} if options.kernel else {}
     with begun(problem.scene, folder, options) as info:
         return refine(problem, folder, one_of(options, problem), options.progress, info | kernel)

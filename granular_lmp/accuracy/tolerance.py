@@ -29,7 +29,7 @@ def run(
     ranks: int = 1,
     force: bool = False,
     progress: Progress | None = None,
-    kernel: bool = False,
+    kernel: bool | None = None,
 ) -> Record:
     """Run a scene, or a deck whose text may have been edited, and return the record of the centre sphere.
 
@@ -52,9 +52,10 @@ def run(
         Run again in an existing folder: the files of the earlier run are deleted, all other files are kept.
     progress : callable, optional
         Callback ``progress(step, steps)``, called about ten times a second; `steps` grows if more runs are needed.
-    kernel : bool
+    kernel : bool, optional
         Compute contacts with the library that `granular_lmp.lammps.kernel.library.build` made: the same numbers in less
-        time (docs/how-long.md).
+        time (docs/how-long.md). By default it is taken if it was built and knows the contacts. True demands it, False
+        turns it off, and ``info["kernel"]`` says that it was taken.
 
     Returns
     -------

@@ -60,8 +60,12 @@ def folder_arguments(parser: argparse.ArgumentParser, text: str) -> None:
 
 
 def kernel_argument(parser: argparse.ArgumentParser) -> None:
-    """Add ``--kernel``."""
-    parser.add_argument("--kernel", action="store_true", help="compute contacts faster, with what build-kernel made")
+    """Add ``--kernel`` and ``--no-kernel``; None is neither."""
+    parser.add_argument(
+        "--kernel",
+        action=argparse.BooleanOptionalAction,
+        help="compute contacts faster, with what build-kernel made, or not; by default wherever it knows them",
+    )
 
 
 def json_argument(parser: argparse.ArgumentParser) -> None:

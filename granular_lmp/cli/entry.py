@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 
-from granular_lmp.cli.output import remark, say_profile
+from granular_lmp.cli.output import notes_of_log, remark, say_profile
 from granular_lmp.errors import GranularError, RunFolderError
 from granular_lmp.runs.phases import collected
 
@@ -38,7 +38,7 @@ def _command(argv: list[str] | None = None) -> int:
     options = parsers(words)[0].parse_args(words)
     _refuse_deleted_folder()
     command: Callable[[argparse.Namespace], int] = options.command
-    with collected() as seconds:
+    with collected() as seconds, notes_of_log():
         try:
             return command(options)
         finally:

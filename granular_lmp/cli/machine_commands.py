@@ -14,7 +14,7 @@ def add_to(commands: Commands) -> None:
         commands,
         "build-kernel",
         _build_kernel,
-        "compile what computes contacts faster, for run --kernel; needs a compiler",
+        "compile what computes contacts faster, which all runs then take; needs a compiler",
     )
 
     text = 'print what completes commands, options and scenes in a shell: eval "$(granular-lmp completion bash)"'
@@ -38,7 +38,7 @@ def _doctor(options: Options) -> int:
 def _build_kernel(options: Options) -> int:
     from granular_lmp.lammps.kernel.library import build
 
-    say(f"{build()}: granular-lmp run --kernel takes it")
+    say(f"{build()}: runs take it wherever it knows their contacts")
     return 0
 
 

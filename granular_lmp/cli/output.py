@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from granular_lmp.errors import OutputError
+from granular_lmp.errors import GranularError, OutputError
 from granular_lmp.progress import ProgressBar
 
 
@@ -31,6 +31,31 @@ def remark(line: str, end: str = "\n") -> None:
     """Write a line beside the answer; it is dropped where it cannot be written, for it is no reason to stop."""
     with suppress(OSError):
         print(line, end=end, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def notes_of_log() -> Iterator[None]:
+    """Say what the package writes to its log at level INFO, each sentence once."""
+    import logging  # kept out of --help
+
+    said = set[str]()
+
+    class Notes(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            sentence = GranularError(record.getMessage()).in_options()
+            if sentence not in said:
+                said.add(sentence)
+                remark(f"note: {sentence}")
+
+    log, notes = logging.getLogger("granular_lmp"), Notes(logging.INFO)
+    before = log.level
+    log.addHandler(notes)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.removeHandler(notes)
+        log.setLevel(before)
 
 
 def say_profile(seconds: Mapping[str, float], total: float) -> None:

@@ -144,8 +144,8 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
     yield "time", f"{seconds}{found.basis}"
     if found.needs_kernel:
         yield "kernel", f"needed: {found.needs_kernel}"
-    elif found.kernel is not None:
-        yield "kernel", f"about {found.kernel:.2g} s on one rank with --kernel, {found.share}"
+    elif found.slower is not None:
+        yield "kernel", f"{found.share}; about {found.slower:.2g} s with --no-kernel"
     elif found.without_kernel:
         yield "kernel", f"none: {found.without_kernel}"
     for ranks, how in ((4, ""), (64, ", extrapolated")):
@@ -211,7 +211,6 @@ def _build(options: Options) -> int:
     from pathlib import Path
 
     from granular_lmp.accuracy.ladder import build
-    from granular_lmp.errors import LaunchError
     from granular_lmp.lammps.kernel.library import only_here
     from granular_lmp.runs.folder import clear, locked
 
@@ -223,7 +222,7 @@ def _build(options: Options) -> int:
         deck.write(folder, force=True)
     say(f"{folder}: {', '.join(deck.files())}")
     if alone := only_here(deck.input_text):
-        say(f"plain LAMMPS cannot run it: {LaunchError(alone).in_options()}")
+        say(f"plain LAMMPS cannot run it: {alone}")
     return 0
 
 

@@ -209,7 +209,7 @@ def _collide(options: Options) -> int:
     if collision.contact.normal == "jkr" and collision.contact.parting == "load":
         remark(
             "note: LAMMPS ends the contact at the largest pull, and loses half of the energy of JKR's theory; "
-            'contact.parting = "distance" with --kernel loses all'
+            'contact.parting = "distance" with the kernel loses all'
         )
     say(f"{'after the collision':24}{'':>18}{'change with the step':>22}")
     for name, value in result.numbers().items():

@@ -6,6 +6,8 @@ deck itself, ``in.NAME``, stays one for any LAMMPS; the input that the run takes
 this block.
 """
 
+import re
+
 from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import GUARD as SLIP
@@ -23,13 +25,22 @@ def watched_text(problem: Problem, text: str, checkpoint: str = "") -> str:
     """Return the input of a deck, or of its continuation, with the guards of the kernel in place of LAMMPS's.
 
     The text is returned as it is where LAMMPS's guards stay: of spheres that meet, of contacts with walls, which are
-    LAMMPS's own, and of contacts without shear in the DMT law, of which nobody knows whether they touched before.
+    LAMMPS's own, of contacts without shear in the DMT law, of which nobody knows whether they touched before, and where
+    other lines of an edited deck take something of the guards.
     """
     sphere, on = problem.scene.sphere, problem.on
     past = not problem.scene.loose and (on["shear"] or sphere.adhesion_law == "jkr")
     if not past or Reading.of(problem).walls:
         return text
-    return text.replace("\n".join(guards(problem, checkpoint)), "\n".join(_guards(problem)))
+    theirs, own = guards(problem, checkpoint), _guards(problem)
+    changed = text.replace("\n".join(theirs), "\n".join(own))
+    gone = _named(theirs) - _named(own)
+    return text if gone & set(re.findall(r"\b[cfv]_\w+", changed)) else changed
+
+
+def _named(lines: list[str]) -> set[str]:
+    """Return what lines define, as others take it: c_NAME, f_NAME, v_NAME."""
+    return {"_".join(found) for line in lines for found in re.findall(r"^([cfv])(?:ompute|ix|ariable) +(\w+)", line)}
 
 
 def columns(problem: Problem) -> list[str]:

@@ -95,6 +95,7 @@ _MONITOR = _entries(
 )
 _SECONDS = _entries({}, {"total": _NUMBER, "loop": _MAYBE, "other": _MAYBE, "phases": _table_of(_NUMBER)})
 _BUDGET = _entries({"name": _TEXT, "p": _MAYBE, "q": _MAYBE, "phi": _MAYBE, "to_halve": _TEXT})
+_QUIET = _entries({"rows": _COUNT, "strength": _NUMBER, "power": _NUMBER, "ends": _list_of(_TEXT)})
 _CRYSTAL = _entries({}, {"contacts_per_sphere": _NUMBER})
 
 FIELDS: dict[str, Check] = {
@@ -121,6 +122,7 @@ FIELDS: dict[str, Check] = {
         (_list_of(_BUDGET), "error_budget"),
         (_SECONDS, "wall_seconds"),
         (_CRYSTAL, "crystal"),
+        (_QUIET, "quiet_ends"),
         (_table_of(_entries({"bytes": _COUNT, "sha256": _TEXT})), "files"),
         (_entries({"from": _TEXT, "variables": _table_of(_TEXT)}), "adopted"),
     )

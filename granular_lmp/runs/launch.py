@@ -4,6 +4,7 @@ On either route (`granular_lmp.runs.routes`) LAMMPS reads the same ``in.NAME`` i
 record is the same to the last bit. What is done in which order is said by `granular_lmp.runs.loop`.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 from granular_lmp.lammps.deck import Deck, deck_of
@@ -34,11 +35,8 @@ def launch(what: Scene | Problem | Deck, folder: str | Path, options: Options, j
         with phase("build"):
             problem = prepare(what) if isinstance(what, Scene) else what
             deck, edits = (problem, problem.all_edits()) if isinstance(problem, Deck) else (deck_of(problem), [])
-        if options.kernel:
-            library.refuse_other_contacts(deck.input_text)
-        else:
-            library.refuse_own_contacts(deck.input_text)
-        return begin(Simulation(deck, edits, judge, options.kernel), folder, options, seconds)
+        kernel = library.chosen(options.kernel, deck.input_text)
+        return begin(Simulation(deck, edits, judge, kernel), folder, replace(options, kernel=kernel), seconds)
 
 
 def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge = nothing_more) -> Record:

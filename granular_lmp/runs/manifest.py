@@ -17,7 +17,9 @@ from granular_lmp.lammps.outputs import LOG, LOOP_SECTIONS, RunLog
 from granular_lmp.problem import Problem
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.seal import scene_digest
+from granular_lmp.scene.absorption import quiet_end_of, quiet_side
 from granular_lmp.scene.at_rest import CrystalAtRest
+from granular_lmp.scene.scene import Scene
 
 
 def description(problem: Problem, edits: list[str], launcher: str, ranks: int) -> dict[str, Any]:
@@ -36,8 +38,18 @@ def description(problem: Problem, edits: list[str], launcher: str, ranks: int) -
         **_of_start(problem),
         "effects": effects_of(problem),
         "remarks": problem.warnings(),
+        **_quiet_ends(scene),
         **({"edited": edits} if edits else {}),
     }
+
+
+def _quiet_ends(scene: Scene) -> dict[str, Any]:
+    """Return the layer that absorbs waves and the ends that have it: row n of its L rows damps by c (n/L)^p."""
+    end = quiet_end_of(scene)
+    if end is None:
+        return {}
+    ends = {"abs(y)": ["first", "last"], "y": ["last"], "-y": ["first"]}[quiet_side(scene)]
+    return {"quiet_ends": {"rows": end.rows, "strength": end.strength, "power": end.power, "ends": ends}}
 
 
 def _of_start(problem: Problem) -> dict[str, Any]:

@@ -28,7 +28,7 @@ class Options:
     ranks: int = 1
     force: bool = False
     progress: Progress | None = None
-    kernel: bool = False
+    kernel: bool | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranks", plain_value(self.ranks))

@@ -50,7 +50,7 @@ class Contact:
 
     normal: str = choice("with adhesion, without, with adhesion beyond contact", NORMAL_LAWS, default="dmt")
     shear: str = choice("what the shear force follows", TANGENTIAL_LAWS, default="secant")
-    parting: str = choice("where jkr ends: largest pull, or distance (with --kernel)", (LOAD, DISTANCE), default=LOAD)
+    parting: str = choice("where jkr ends: largest pull, or distance (by the kernel)", (LOAD, DISTANCE), default=LOAD)
     friction: float = number("", "mu", 0.0, 1e4, default=0.0)
     restitution: float = number("", "e of an impact along the normal", 0.01, 1.0, default=1.0)
     shear_damping: float = number("", "of shear over that of normal motion", 0.0, 100.0, default=0.0)

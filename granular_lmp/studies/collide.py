@@ -162,7 +162,7 @@ def scene_of(collision: Collision) -> Scene:
         raise SceneError(f"collision: as a scene, {error}") from error
 
 
-def run(collision: Collision, folder: str | Path, *, force: bool = False, kernel: bool = False) -> Result:
+def run(collision: Collision, folder: str | Path, *, force: bool = False, kernel: bool | None = None) -> Result:
     """Run the scene of a collision in `folder`, which is created, and return its course.
 
     The folder is a run folder as any other, and holds ``collision.toml`` and ``collision.csv`` too. `kernel` is that of

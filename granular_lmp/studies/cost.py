@@ -23,7 +23,9 @@ from granular_lmp.accuracy.tolerance import run as run_scene
 from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted, ToleranceError, one_line
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.kernel import library
+from granular_lmp.lammps.laws import contacts
 from granular_lmp.lammps.outputs import COST, replace_text, writable
+from granular_lmp.problem import prepare
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked, refuse_long
 from granular_lmp.runs.options import core_count
@@ -92,7 +94,7 @@ class Plan:
 
 
 def plan(
-    scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = float("inf"), kernel: bool = False
+    scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = float("inf"), kernel: bool | None = None
 ) -> Plan:
     """Return the plan of a study with its expected time, from a short run of the scene; the folder is not touched.
 
@@ -107,8 +109,9 @@ def plan(
     budget : float
         Time in seconds for the runs of `measure`. The longest settings, and later rounds, are left for another call if
         they do not fit. A run that has started is not stopped.
-    kernel : bool
-        Compute contacts with the kernel (`granular_lmp.run`), whose settings have a study of their own.
+    kernel : bool, optional
+        Compute contacts with the kernel (`granular_lmp.run`), whose settings have a study of their own. By default a
+        study continues as it began.
 
     Raises
     ------
@@ -122,7 +125,7 @@ def plan(
         If the kernel is asked for and was not built.
     """
     folder, scene = absolute(folder), base(scene)
-    _check_folder(folder, scene, kernel)
+    kernel = _check_folder(folder, scene, kernel)
     if kernel:
         library.built()
     made, left_out = settings(scene)
@@ -207,12 +210,13 @@ def _save(plan: Plan, failures: dict[str, str]) -> dict[str, Any]:
     return result
 
 
-def _check_folder(folder: Path, scene: Scene, kernel: bool) -> None:
-    """Raise RunFolderError if the folder exists and is not that of such a study of this scene."""
+def _check_folder(folder: Path, scene: Scene, kernel: bool | None) -> bool:
+    """Return whether the study of a folder takes the kernel.
+
+    Raises RunFolderError if the folder exists and is not that of such a study of this scene.
+    """
     refuse_long(folder)
-    if not folder.exists():
-        return
-    if not folder.is_dir() or (any(folder.iterdir()) and not (folder / COST).is_file()):
+    if folder.exists() and (not folder.is_dir() or (any(folder.iterdir()) and not (folder / COST).is_file())):
         raise RunFolderError(f"{folder}: is there already; choose another folder")
     if (folder / COST).is_file():
         try:
@@ -222,7 +226,9 @@ def _check_folder(folder: Path, scene: Scene, kernel: bool) -> None:
             raise RunFolderError(f"{folder / COST}: cannot be read: {one_line(error)}") from error
         if scene_hash(there) != scene_hash(scene):
             raise RunFolderError(f"{folder}: holds a study of another scene, {there.name}; choose another folder")
-        if ("kernel" in said) != kernel:
+        if kernel not in (None, "kernel" in said):
             raise RunFolderError(
                 f"{folder}: holds a study {'without' if kernel else 'with'} the kernel; choose another"
             )
+        return "kernel" in said
+    return library.chosen(kernel, "\n".join(contacts(prepare(scene))))

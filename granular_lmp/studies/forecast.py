@@ -17,8 +17,8 @@ from granular_lmp.errors import GranularError, LaunchError
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.checkpoints import minutes_between
 from granular_lmp.lammps.cone import mean_count
-from granular_lmp.lammps.deck import written_text
 from granular_lmp.lammps.kernel import library
+from granular_lmp.lammps.laws import contacts
 from granular_lmp.problem import Problem
 from granular_lmp.scene.scene import Scene
 
@@ -67,14 +67,14 @@ class Forecast:
         Bytes.
     checkpoint : float
         Minutes between two checkpoints.
-    kernel : float or None
-        Seconds on one rank with the kernel.
+    slower : float or None
+        Seconds on one rank without the kernel, where a run takes it by default, and may do without.
     share : str
         Share of LAMMPS's loop that the kernel took in the short run, in words.
     without_kernel : str
-        Why there are none: it was not built, or does not know a contact of the deck.
+        Why a run takes none: it was not built, or does not know a contact of the deck; "" if the seconds are with it.
     needs_kernel : str
-        What the kernel alone knows, and the seconds are then those with it; "" if LAMMPS runs the deck.
+        What the kernel alone knows; "" if LAMMPS runs the deck.
     """
 
     spheres: int
@@ -87,7 +87,7 @@ class Forecast:
     basis: str
     memory: float
     checkpoint: float
-    kernel: float | None = None
+    slower: float | None = None
     share: str = ""
     without_kernel: str = ""
     needs_kernel: str = ""
@@ -126,12 +126,12 @@ def forecast(problem: Problem) -> Forecast:
     runs = 1 if declared.time.tolerance is None else RUNS
     records = scene.time.samples + 1
     kept = len(problem.recorded) * records if problem.mode is None else 0  # snapshots of a wave are not read
-    (lack, alone), faster = _kernel(problem), None
+    (lack, alone), plain = _kernel(problem), None
     try:
         if alone and lack:
             raise LaunchError(lack)
-        rate, overhead, basis = _tried(scene, kernel=bool(alone))
-        faster = None if lack or alone else _tried(scene, kernel=True)[0]
+        rate, overhead, basis = _tried(scene, kernel=not lack)
+        plain = None if lack or alone else _tried(scene, kernel=False)[0]
     except GranularError as error:
         rate, overhead, basis = inf, nan, f"unknown: {error}"
     start = runs * overhead
@@ -148,24 +148,22 @@ def forecast(problem: Problem) -> Forecast:
         basis=basis,
         memory=_PROCESS + of_sphere * spheres + (_READ + _KEPT * (runs - 1)) * kept,
         checkpoint=minutes_between(scene.output.checkpoint, spheres),
-        kernel=start + mean_count(problem) * steps / faster if faster else None,
-        share=f"{rate / faster:.2f} of the loop in a short run just now" if faster else "",
+        slower=start + mean_count(problem) * steps / plain if plain else None,
+        share=f"{plain / rate:.2f} of LAMMPS's loop in a short run just now" if plain else "",
         without_kernel=lack,
-        needs_kernel=LaunchError(alone).in_options(),
+        needs_kernel=alone,
     )
 
 
 def _kernel(problem: Problem) -> tuple[str, str]:
     """Return why a run of the problem takes no kernel, and what needs it, each "" if nothing does."""
-    alone = ""
+    text = "\n".join(contacts(problem))
+    lack, alone = library.unknown_in(text), library.only_here(text)
     try:
-        text = written_text(problem)
-        alone = library.only_here(text)
-        library.refuse_other_contacts(text)
         library.built()
     except GranularError as error:
-        return error.in_options(), alone
-    return "", alone
+        lack = lack or error.in_options()
+    return lack, alone
 
 
 def _snapshots(scene: Scene) -> int:

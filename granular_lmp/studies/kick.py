@@ -58,7 +58,9 @@ def kicked(scene: Scene, seed: int = 0) -> Scene:
     )
 
 
-def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool = False, kernel: bool = False) -> Path:
+def run_kicked(
+    scene: Scene, folder: str | Path, seed: int = 0, *, force: bool = False, kernel: bool | None = None
+) -> Path:
     """Kick the sheet of a scene, run it, and return the path of ``sheet.npz``.
 
     A run of the same sheet that was stopped is continued, and one that is finished is read.
@@ -74,7 +76,7 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
         Seed of the random velocities.
     force : bool
         Run again in an existing folder.
-    kernel : bool
+    kernel : bool, optional
         As in `granular_lmp.run`.
 
     Returns

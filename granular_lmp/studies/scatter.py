@@ -138,7 +138,7 @@ def scatter(
     tones: int = 0,
     force: bool = False,
     progress: Progress | None = None,
-    kernel: bool = False,
+    kernel: bool | None = None,
 ) -> Scatter:
     """Run a scene with and without its inclusions, and return what passes them and what comes back.
 
@@ -157,7 +157,7 @@ def scatter(
         Run again in an existing folder.
     progress : callable, optional
         Callback ``progress(step, steps)`` of each run.
-    kernel : bool
+    kernel : bool, optional
         As in `granular_lmp.run`.
 
     Raises

@@ -24,7 +24,7 @@ from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.card import HasCard
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted
 from granular_lmp.frozen import dataclass
-from granular_lmp.lammps.kernel.library import built
+from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import SWEEP, csv_text, replace_text, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked
@@ -216,7 +216,7 @@ def sweep(
     force: bool = False,
     progress: Progress | None = None,
     remark: Callable[[str], None] | None = None,
-    kernel: bool = False,
+    kernel: bool | None = None,
 ) -> Sweep:
     """Run `scene` with every combination of the values in `over`; finished runs are not repeated.
 
@@ -241,7 +241,7 @@ def sweep(
         Callback ``progress(runs done, runs, seconds left)``.
     remark : callable, optional
         Callback for each of `Sweep.notes`, before the first run.
-    kernel : bool
+    kernel : bool, optional
         As in `granular_lmp.run`. Runs that are finished are kept, with it or without, as their numbers are the same.
 
     Raises
@@ -264,7 +264,7 @@ def sweep(
     """
     folder = absolute(folder)
     if kernel:
-        built()
+        library.built()
     asked = {key: plain_value([*values]) for key, values in over.items()}
     request = {"over": asked, "scene": scene.given()}
     say = remark or (lambda sentence: None)
@@ -286,6 +286,8 @@ def sweep(
             return done
 
         todo = {name: each for name, each in made.items() if rows[name]["status"] != "finished"}
+        if todo and kernel is None and library.is_built():  # runs in other processes say nothing here
+            library.say_taken()
         cost = {name: sphere_steps(each) + _OVERHEAD for name, each in todo.items()}
         total = left = sum(cost.values())
         started = saved = time.monotonic()
@@ -328,7 +330,9 @@ def _found(folder: Path, scene: Scene, request: dict[str, Any], say: Callable[[s
     return found
 
 
-def _results(folder: Path, todo: dict[str, Scene], executor: Executor, kernel: bool) -> Iterator[tuple[str, Point]]:
+def _results(
+    folder: Path, todo: dict[str, Scene], executor: Executor, kernel: bool | None
+) -> Iterator[tuple[str, Point]]:
     """Yield name and row of each run as it ends.
 
     The futures are polled, because the futures of some executors have no callbacks.
@@ -358,7 +362,7 @@ def _results(folder: Path, todo: dict[str, Scene], executor: Executor, kernel: b
             future.cancel()
 
 
-def _submitted(executor: Executor, scene: Scene, folder: Path, kernel: bool) -> "Future[Point]":
+def _submitted(executor: Executor, scene: Scene, folder: Path, kernel: bool | None) -> "Future[Point]":
     """Return the future of a run; of one that fails at once or is refused, a future that holds the error."""
     try:
         return executor.submit(run_point, scene, folder, kernel)
@@ -375,7 +379,7 @@ def ready() -> None:
     check_machine()
 
 
-def run_point(scene: Scene, folder: Path, kernel: bool = False) -> Point:
+def run_point(scene: Scene, folder: Path, kernel: bool | None = None) -> Point:
     """Do one run of a sweep, or the rest of it, and return its row; the executor calls this function.
 
     Raises
@@ -398,7 +402,7 @@ def run_point(scene: Scene, folder: Path, kernel: bool = False) -> Point:
     return summary_of(scene, record.info, record)
 
 
-def _continued(scene: Scene, folder: Path, heed: Callable[[int, int], None], kernel: bool) -> Record:
+def _continued(scene: Scene, folder: Path, heed: Callable[[int, int], None], kernel: bool | None) -> Record:
     """Continue a run from its checkpoint, however it ended, or begin it."""
     status = info_of(folder).get("status", "finished")
     if status != "finished":

@@ -94,6 +94,18 @@ def test_analysis_imports_record_and_sphere_at_most():
     assert of_analysis(forbidden_in_analysis) == {}
 
 
+def decks_named(source: str) -> set[str]:
+    """Return the strings of a source that name a deck, ``in.NAME``."""
+    return set(re.findall(r"""["'](?:[^"'\s]*/)?in\.[\w*{]""", source))
+
+
+def test_analysis_reads_no_deck() -> None:
+    """What a run is, its scene, data, dumps and run.json say. The case *impact* writes a deck of its own."""
+    assert {path.parent.name for path in of_analysis(decks_named)} == {"impact"}
+    assert all(decks_named(each) for each in ('glob("in.*")', "f'{a}/in.{b}'", 'f"in.{name}"'))
+    assert not decks_named('"""Holds in.NAME."""')
+
+
 PREPARED = ("problem", "rest", "energies", "energy", "kinetic_energy")  # of a record: what the package makes of a scene
 
 

@@ -1,14 +1,18 @@
 """A network read from the first snapshot of a run moves as the run does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from granular_analysis.measure.snapshot import read_network
+from granular_analysis.measure.snapshot import first_snapshot, read_network
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network import Material
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import forces
 from granular_lmp import Scene, run
+from granular_lmp.problem import prepare
+from granular_lmp.scene.absorption import quiet_end_of
 from tests.manual import Mutant, off, verifies
 
 STEEL = Material(210e3, 0.3, 100.0)
@@ -124,3 +128,61 @@ def test_another_file_is_refused(dump, old, new, message):
 def test_a_dump_without_masses_needs_a_density(dump):
     with pytest.raises(ValueError, match="density = None: must be given for a dump without the column mass"):
         read_network(dump, [SILICA])
+
+
+BRIEF = {"time.duration": 0.5, "time.sample": 0.5, "output.particles": 0.5}
+LAYER = BRIEF | {"packing.rows": 8, "packing.columns": 6, "packing.ends": "periodic", "wave.wavenumber": np.pi / 4}
+UNEQUAL = {"disorder.radius": 5e-5}
+WALLED = {"packing.rows": 9, "packing.first": "wall", "packing.last": "wall", "time.allow_echo": True}
+STANDING = {
+    "a layer": ("monolayer_rocking", LAYER),
+    "an unequal layer of JKR spheres": ("monolayer_rocking", LAYER | UNEQUAL | {"sphere.adhesion_law": "jkr"}),
+    "an unequal layer between two plates": ("monolayer_rocking", LAYER | UNEQUAL | {"substrate.sides": "both"}),
+    "unequal rows between walls": ("tr_nonresonant", BRIEF | WALLED | UNEQUAL | {"packing.columns": 6}),
+}
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_walls_stand_where_the_spheres_on_them_are_at_rest(name, tmp_path):
+    shipped, changes = STANDING[name]
+    scene = Scene.load(shipped).with_values(changes)
+    record = run(scene, tmp_path / "run")
+    for deck in (tmp_path / "run").glob("in.*"):  # which says where they are
+        deck.unlink()
+    first = first_snapshot(record)
+    radius, overlap = first.radius, first.radius * scene.sphere.static_overlap / scene.sphere.radius
+    found = {
+        ("xyz"[k], each.normal[k]): each.point[k] for each in first.network.walls for k in np.flatnonzero(each.normal)
+    }
+    places = prepare(scene).planes
+    assert {f"{axis}{'lo' if way < 0 else 'hi'}" for axis, way in found} == set(places)
+    for (axis, way), place in found.items():
+        # Rounding of places in a crystal of 10 radii, and what is left of the forces at rest, 2e-10 of k1 Delta0
+        assert place == pytest.approx(places[f"{axis}{'lo' if way < 0 else 'hi'}"] * radius, abs=1e-8 * overlap)
+
+
+def test_a_substrate_is_where_adhesion_and_repulsion_balance(tmp_path):
+    scene = Scene.load("monolayer_rocking").with_values(LAYER)
+    first = first_snapshot(run(scene, tmp_path / "run"))
+    (wall,), sphere, under = first.network.walls, scene.sphere, scene.substrate
+    modulus = 1 / sum((1 - each.poisson_ratio**2) / each.youngs_modulus for each in (sphere, under))
+    adhesion = np.sqrt(sphere.work_of_adhesion * under.work_of_adhesion)
+    # 2 pi w R = (4/3) E* R^(1/2) d^(3/2)
+    depth = (1.5 * np.pi * adhesion * np.sqrt(sphere.radius) / modulus) ** (2 / 3)
+    assert wall.point[2] == pytest.approx(-(1 - depth / sphere.radius) * first.radius, rel=1e-12)
+
+
+def test_quiet_ends_damp_as_the_run_says(tmp_path):
+    scene = Scene.load("quiet_ends").with_values(BRIEF)
+    record = run(scene, tmp_path / "run")
+    for deck in (tmp_path / "run").glob("in.*"):
+        deck.unlink()
+    first, end = first_snapshot(record), quiet_end_of(prepare(scene).scene)
+    damped = first.network.drag * ~first.network.held * first.time
+    rows = damped.reshape(scene.shape.rows, -1)
+    np.testing.assert_allclose(rows.max(axis=1), rows.min(axis=1))
+    np.testing.assert_allclose(rows[-end.rows - 1 : -1, 0], end.rates(), rtol=1e-12)
+    np.testing.assert_allclose(rows[1 : end.rows + 1, 0], end.rates()[::-1], rtol=1e-12)
+    assert not rows[end.rows + 1 : -end.rows - 1].any()
+    with pytest.raises(TheoryError, match=r"absorb.rows: run.json does not say .* run the scene again"):
+        first_snapshot(replace(record, info={**record.info, "quiet_ends": None}))

@@ -95,7 +95,7 @@ class Path_:
         """Run a scene or a deck on this path, and return its run folder."""
         if self.name == "sweep":
             assert isinstance(what, AnyScene)
-            table = sweep(what, {"time.sample": [what.time.sample]}, folder)
+            table = sweep(what, {"time.sample": [what.time.sample]}, folder, kernel=self.kernel)
             return Path(folder) / table.rows[0]["run"]
         options = Options(self.launcher, self.ranks, kernel=self.kernel)
         if self.name == "thread":
@@ -105,8 +105,8 @@ class Path_:
     def command(self, scene: Path, setting: str) -> list[str]:
         """Return the words of a command that runs a scene file with a setting."""
         if self.name == "sweep":
-            return ["sweep", str(scene), "--over", setting, "-o", str(scene.parent / "runs")]
-        switches = [*(["--lmp"] if self.launcher == "lmp" else []), *(["--kernel"] if self.kernel else [])]
+            return ["sweep", str(scene), "--over", setting, "-o", str(scene.parent / "runs"), "--no-kernel"]
+        switches = [*(["--lmp"] if self.launcher == "lmp" else []), "--kernel" if self.kernel else "--no-kernel"]
         ranks = ["--np", str(self.ranks)] if self.ranks > 1 else []
         return ["run", str(scene), "--set", setting, "-o", str(scene.parent / "run"), *switches, *ranks]
 
@@ -122,7 +122,7 @@ def _beside_another(run: Callable[[Path], Path], folder: Path) -> Path:
     """Run into a relative folder in one thread while another thread runs another scene beside it."""
     other = PAPER.with_values({**CELL, "wave.amplitude": 0.1})
     with chdir(folder.parent), ThreadPoolExecutor(2) as threads:
-        beside = threads.submit(run_one, other, Path(f"{folder.name}_beside"), Options())
+        beside = threads.submit(run_one, other, Path(f"{folder.name}_beside"), Options(kernel=False))
         mine = threads.submit(run, Path(folder.name))
         beside.result()
         mine.result()

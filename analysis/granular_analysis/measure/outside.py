@@ -1,14 +1,12 @@
 """Read what acts on the spheres of a run from outside: sources, a driven row, walls, loads, quiet ends.
 
 All of it is said by the scene, in τ, D0, k1 D0 and k1 D0 R, but for the drag of quiet ends: its strength is a choice of
-the run, which its deck holds.
+the run, which its ``run.json`` holds. Walls stand where the spheres on them are at rest.
 """
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,16 +17,15 @@ from granular_analysis.theory import green
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.lattices import LATTICES
 from granular_analysis.theory.network import RIGID, Material, Network, Wall
+from granular_analysis.theory.network_laws import LAWS
 from granular_analysis.theory.network_outside import Drive, Function
+from granular_analysis.theory.network_state import contacts, resultants, search
 from granular_analysis.theory.scenes import Setting
 from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 FREE, WALL, CHAIN = "free", "wall", "chain"
-_DEPTH = re.compile(r"variable +depth +atom round\(\((-?y|abs\(y\))-([-+.\de]+)\)/([-+.\de]+)\)")
-_PLANE = re.compile(r"\b([xyz])plane +(\S+) +(\S+)")
-_LOSS = re.compile(r"variable +loss +atom \$\(([-+.\de]+)\*v_step/v_t0/2:%\.17g\)\*\(v_depth/(\d+)\)\^([.\d]+)")
 
 
 @dataclass(frozen=True)
@@ -53,14 +50,16 @@ class Scales:
 def outside(record: Record, network: Network, scales: Scales) -> dict[str, Any]:
     """Return the walls, drives, drag and factors of measured stiffnesses of a run, as `Network` takes them.
 
-    Raises TheoryError for a place that is not in the lattice, and for quiet ends whose drag the deck does not say.
+    Raises TheoryError for a place that is not in the lattice, for quiet ends whose drag the run does not say, and for a
+    wall that does not touch what must be at rest on it.
     """
     scene = record.scene
     driven = [] if scene.wave is None or scene.wave.form != "driven" else [_driven_row(scene, network, scales)]
     drives = *driven, *_sources(scene, network, scales), *_loads(scene, network)
     drag = _drag(record, network, scales) if scene.absorb.rows else None
-    walls = *(_walls(scene, network) if scene.loose else _rigid(record, network)), *_substrates(record, network, scales)
-    return {"walls": walls, "drives": drives, "drag": drag, "factors": _factors(record, network, scales)}
+    own = replace(network, factors=_factors(record, network, scales))
+    walls = *(_walls(scene, own) if scene.loose else _rigid(scene, own)), *_substrates(scene, own, scales)
+    return {"walls": walls, "drives": drives, "drag": drag, "factors": own.factors}
 
 
 def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
@@ -204,39 +203,92 @@ def face(scene: Scene, name: str) -> str:
 
 def _walls(scene: Scene, network: Network) -> Iterator[Wall]:
     """Yield the rigid planes that the outermost spheres of a side touch, or are pressed on."""
+    for normal in _sides(scene, network):
+        surface = network.position @ np.array(normal) + network.radius
+        outermost = int(np.argmax(surface))
+        place = surface[outermost] - _pressed(scene, network, outermost, Wall(normal, normal))
+        yield Wall(tuple(place * np.array(normal)), normal)
+
+
+def _sides(scene: Scene, network: Network) -> Iterator[tuple[float, ...]]:
+    """Yield the outward normal of each face that is a rigid plane."""
     for axis, low, high in ((1, "first", "last"), (0, "sides", "sides")):
-        middle, radius = network.position[:, axis], network.radius
-        for name, side, outermost in ((low, 1, np.argmin(middle - radius)), (high, -1, np.argmax(middle + radius))):
+        for name, way in ((low, -1.0), (high, 1.0)):
             if face(scene, name) == WALL:
-                outer = float(middle[outermost] - side * radius[outermost])
-                place, normal = np.zeros((2, network.dimension))
-                normal[axis] = -side
-                place[axis] = outer + side * _pressed(scene, network, int(outermost), Wall(tuple(place), tuple(normal)))
-                yield Wall(tuple(place), tuple(normal))
+                yield tuple(way * np.eye(network.dimension)[axis])
 
 
-def _substrates(record: Record, network: Network, scales: Scales) -> Iterator[Wall]:
-    """Yield the half-spaces under and above the spheres of a run."""
-    declared = record.scene.substrate
+def _substrates(scene: Scene, network: Network, scales: Scales) -> Iterator[Wall]:
+    """Yield the half-spaces under and above the spheres of a run.
+
+    Raises TheoryError for unequal spheres between two plates that were not free to move while they came to rest.
+    """
+    declared = scene.substrate
     if declared is None:
         return
-    material, planes = scales.material(declared), list(_planes(record, "z"))
-    if not planes:
-        raise TheoryError("substrate: the deck of the run does not say on which height it is")
+    material = scales.material(declared)
     ends = (network.materials[0], material), (scales.radius, np.inf)
     factors = scaled(*ends, network.adhesion, 0.0, _stiffnesses(declared, scales))
-    for place, way in planes:
-        yield Wall((0.0, 0.0, place), (0.0, 0.0, way), material, _varied(record.scene, network, factors))
+    law = material, _varied(scene, network, factors)
+    low, high = (Wall(normal, normal, *law) for normal in ((0.0, 0.0, -1.0), (0.0, 0.0, 1.0)))
+    if declared.sides == "both" and scene.packing.layers in (1, "auto"):
+        unequal = np.ptp(network.radius) > 0 or len({kind[:3] for kind in kinds_of(scene)}) > 1
+        if unequal and scene.packing.relax != "box":
+            raise TheoryError(f'packing.relax = "{scene.packing.relax}": must be "box" between two plates')
+        every = np.flatnonzero(network.mobility[0] > 0)  # no force is on either plate
+        yield from (_where(network, wall, every, 0.0) for wall in (low, high))
+        return
+    forces = _forces(network)
+    yield from (_at_rest(network, forces, wall) for wall in ((low, high) if declared.sides == "both" else (low,)))
 
 
-def _rigid(record: Record, network: Network) -> Iterator[Wall]:
+def _rigid(scene: Scene, network: Network) -> Iterator[Wall]:
     """Yield the rigid planes at the faces of a crystal at rest, which adhere as its spheres do."""
-    material = replace(RIGID, work_of_adhesion=network.materials[0].work_of_adhesion)
-    for axis, name in enumerate("xy"):
-        for place, way in _planes(record, name):
-            point, normal = np.zeros((2, network.dimension))
-            point[axis], normal[axis] = place, way
-            yield Wall(tuple(point), tuple(normal), material, _varied(record.scene, network, (1.0, 1.0)))
+    law = replace(RIGID, work_of_adhesion=network.materials[0].work_of_adhesion), _varied(scene, network, (1.0, 1.0))
+    walls = [Wall(normal, normal, *law) for normal in _sides(scene, network)]
+    forces = _forces(network) if walls else network.position
+    yield from (_at_rest(network, forces, wall) for wall in walls)
+
+
+def _forces(network: Network) -> Floats:
+    """Return the forces of the spheres on each other at rest, (N, d)."""
+    count, dimension = network.position.shape
+    pairs, still = search(network, np.zeros((dimension, count))), np.zeros((2 * network.freedoms, count))
+    now = contacts(network, still, pairs, np.zeros((dimension - 1, len(pairs.first))), begun=True)
+    return resultants(pairs, now, count)[:dimension].T
+
+
+def _at_rest(network: Network, forces: Floats, wall: Wall) -> Wall:
+    """Return a wall where the outermost sphere is at rest on it: its P(δ) balances the force of the other spheres."""
+    free, normal = network.mobility[0] > 0, np.array(wall.normal)
+    sphere = np.array([np.argmax(np.where(free, network.position @ normal + network.radius, -np.inf))])
+    return _where(network, wall, sphere, float((forces[sphere] @ normal)[0]))
+
+
+def _where(network: Network, wall: Wall, spheres: Integers, pushed: float) -> Wall:
+    """Return a wall at the place where spheres, of which all touch it, press it with a force.
+
+    Raises TheoryError if they do at none.
+    """
+    from scipy.optimize import brentq  # slow to import, and only walls need it
+
+    normal, closed = np.array(wall.normal), np.ones(len(spheres), dtype=bool)
+    surface, longest = network.position[spheres] @ normal + network.radius[spheres], float(network.radius.max())
+    A, _, F = network.on_wall(wall, spheres)
+    law = LAWS[network.adhesion](A, F)
+
+    def left(place: float) -> float:
+        overlap = surface - place
+        return float(law.repulsion(overlap, law.radius(overlap, closed), closed).sum()) - pushed
+
+    farthest = float(np.min(surface - law.end))
+    try:
+        place = brentq(left, farthest - longest, farthest, xtol=1e-15 * longest, rtol=1e-15)
+    except ValueError as error:
+        raise TheoryError(
+            "walls: do not hold all spheres at rest that must touch them, so that their places cannot be told"
+        ) from error
+    return wall._replace(point=tuple(place * normal))
 
 
 def _varied(scene: Scene, network: Network, factors: tuple[float, float]) -> Floats | tuple[float, float]:
@@ -245,13 +297,6 @@ def _varied(scene: Scene, network: Network, factors: tuple[float, float]) -> Flo
         return factors
     own = np.tile(deviates(), len(network.materials) // CLASSES)
     return np.asarray(np.multiply.outer(1 + scene.disorder.stiffness * own, factors))
-
-
-def _planes(record: Record, axis: str) -> Iterator[tuple[float, float]]:
-    """Yield the place along an axis of each wall in the deck of a run, and −1 of a lower face, 1 of an upper one."""
-    for named, *places in dict.fromkeys(_PLANE.findall(deck_of(record))):
-        ends = zip(places, (-1.0, 1.0), strict=True)
-        yield from ((float(place), way) for place, way in ends if place != "NULL" and named == axis)
 
 
 def _factors(record: Record, network: Network, scales: Scales) -> Floats | tuple[float, float]:
@@ -311,20 +356,15 @@ def _loads(scene: Scene, network: Network) -> Iterator[Drive]:
 
 
 def _drag(record: Record, network: Network, scales: Scales) -> Floats:
-    """Return the rate at which velocity and spin of each sphere decay in quiet ends, as the deck has it."""
-    text = deck_of(record)
-    depth, loss = _DEPTH.search(text), _LOSS.search(text)
-    if not (depth and loss):
-        raise TheoryError("absorb.rows: the deck of the run does not say the drag of its quiet ends")
-    y = network.position[:, 1]
-    inward = {"y": y, "-y": -y, "abs(y)": np.abs(y)}[depth[1]]
-    rows = np.maximum(np.rint((inward - float(depth[2])) / float(depth[3])), 0.0)
-    strength, most, power = map(float, loss.groups())
-    return np.asarray(strength * (rows / most) ** power / scales.time)
+    """Return the rate at which velocity and spin of each sphere decay in quiet ends, c (n/L)^p in row n of L.
 
-
-def deck_of(record: Record) -> str:
-    """Return the deck of a run, "" if its folder has none."""
-    folder = Path(record.folder or ".")
-    deck = next(iter(sorted(folder.glob("in.*")) or sorted(folder.glob("*_per_sample/in.*"))), None)
-    return deck.read_text(encoding="utf-8") if deck else ""
+    As in the deck, rows are counted from the centre to the ends that are quiet, and row L is the one before the last.
+    """
+    said = record.info.get("quiet_ends")
+    if said is None:
+        raise TheoryError("absorb.rows: run.json does not say the drag of quiet ends; run the scene again")
+    y, last, centre = network.position[:, 1], int(record.scene.packing.rows) - 1, record.scene.shape.centre_row
+    row = np.rint((y - y.min()) / (y.max() - y.min()) * last)
+    from_centre = {"first": centre - row, "last": row - centre}
+    deep = np.max([from_centre[end] for end in said["ends"]], axis=0) - (last - centre - said["rows"] - 1)
+    return np.asarray(said["strength"] * (np.maximum(deep, 0.0) / said["rows"]) ** said["power"] / scales.time)

