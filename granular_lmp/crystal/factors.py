@@ -164,16 +164,13 @@ def dissection(positions: Floats, i: Integers, j: Integers) -> Integers:
 def _upper_half(positions: Floats, part: Integers) -> NDArray[np.bool_]:
     """Return which spheres are in the upper half of their part, cut across its longest side."""
     _, part, count = np.unique(part, return_inverse=True, return_counts=True)
-    start = np.concatenate([[0], np.cumsum(count)[:-1]])
-    axes = positions.shape[1]
-    rank = np.empty((axes, len(part)), dtype=np.int64)
-    extent = np.empty((axes, len(count)))
-    for axis in range(axes):
-        order = np.lexsort((positions[:, axis], part))
-        rank[axis, order] = np.arange(len(part)) - np.repeat(start, count)
-        extent[axis] = positions[order[start + count - 1], axis] - positions[order[start], axis]
-    longest = np.argmax(extent, axis=0)[part]
-    return rank[longest, np.arange(len(part))] >= count[part] // 2
+    start = np.cumsum(count) - count
+    grouped = positions[np.argsort(part, kind="stable")]
+    extent = np.maximum.reduceat(grouped, start) - np.minimum.reduceat(grouped, start)
+    along = positions[np.arange(len(part)), np.argmax(extent, axis=1)[part]]
+    upper = np.empty(len(part), dtype=bool)
+    upper[np.lexsort((along, part))] = np.arange(len(part)) >= np.repeat(start + count // 2, count)
+    return upper
 
 
 def _rows_of(spheres: Integers, freedoms: int) -> Integers:

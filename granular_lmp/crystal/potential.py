@@ -25,7 +25,7 @@ wall is a pair with it whose vector has a component across the wall only. A plan
 Units here: length Δ0, force k1 Δ0 and energy k1 Δ0², each of the contact between two spheres of the first material.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property, reduce
 
 import ase
@@ -97,18 +97,6 @@ class Pairs:
             searched=self.searched,
         )
 
-    def closed(self, overlap: Floats) -> NDArray[np.bool_]:
-        """Return which pairs touch at overlaps (C,), and push."""
-        return np.asarray(self.bearing & self.law.closed(overlap))
-
-    def contact_stiffness(self, overlap: Floats) -> Floats:
-        """Return d²V/dδ² at overlaps (C,), 0 where a pair does not touch."""
-        return np.asarray(self.closed(overlap) * self.law.normal_stiffness(self.law.nearest(overlap)))
-
-    def shear_stiffness(self, overlap: Floats) -> Floats:
-        """Return df_S/ds at overlaps (C,), 0 where a pair does not touch."""
-        return np.asarray(self.closed(overlap) * self.law.shear_stiffness(self.law.nearest(overlap)))
-
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -144,7 +132,16 @@ class State:
     @property
     def normal_stiffness(self) -> Floats:
         """d²V/dδ² of each pair, (C,), 0 where it does not touch."""
-        return self.pairs.contact_stiffness(self.overlap)
+        return self._closed(self.pairs.law.normal_stiffness)
+
+    @property
+    def shear_stiffness(self) -> Floats:
+        """df_S/ds of each pair, (C,), 0 where it does not touch."""
+        return self._closed(self.pairs.law.shear_stiffness)
+
+    def _closed(self, stiffness: Callable[[Floats], Floats]) -> Floats:
+        law = self.pairs.law
+        return np.asarray(self.pairs.bearing & law.closed(self.overlap)) * stiffness(law.nearest(self.overlap))
 
     @property
     def stiffness_across(self) -> Floats:
