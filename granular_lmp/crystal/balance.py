@@ -36,13 +36,14 @@ between two kernels of OpenBLAS; with these none of 48 do, s = 2 to 12.
 
 from collections.abc import Callable, Iterator
 from itertools import chain, islice
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.disorder import AVALANCHES, WHOLE
 from granular_lmp.crystal.factors import Factors, conjugate_gradients, order_of
-from granular_lmp.crystal.let_go import Progress, let_go_near
+from granular_lmp.crystal.let_go import SETTLED, Progress, let_go_near
 from granular_lmp.crystal.potential import Potential, State
 from granular_lmp.crystal.tangent import Tangent
 from granular_lmp.errors import CrystalError
@@ -83,7 +84,7 @@ def balance(potential: Potential, state: State, by: str, progress: Progress | No
     CrystalError
         When a force above `BALANCED` is left after `STEPS`.
     """
-    way = chain([state], _RULES[by](potential, state))
+    way = chain([state], RULES[by].steps(potential, state))
     for step, now in enumerate(islice(way, STEPS + 1)):
         largest = potential.residual(now)
         if progress:
@@ -91,7 +92,7 @@ def balance(potential: Potential, state: State, by: str, progress: Progress | No
         if largest <= BALANCED:
             return now, step
     raise CrystalError(
-        f"the crystal does not come to rest: after {step} {IN_WORDS[by]} a force of {largest:.3g} of the contact "
+        f"the crystal does not come to rest: after {step} {RULES[by].in_words} a force of {largest:.3g} of the contact "
         f"stiffness times the overlap at rest is left, and {BALANCED} is allowed; let the spheres differ less"
     )
 
@@ -193,5 +194,16 @@ def _moved(potential: Potential, state: State, change: Floats, share: float = 1.
     return potential.state(state.pairs, state.u + share * (bound * u), state.e + share * (bound * e))
 
 
-_RULES: dict[str, Callable[[Potential, State], Iterator[State]]] = {WHOLE: _whole, AVALANCHES: _by_avalanches}
-IN_WORDS = {WHOLE: "damped Newton steps", AVALANCHES: "steps that let the spheres of each avalanche go"}
+class Rule(NamedTuple):
+    """A rule for the steps, how far spheres settle before them (root mean square force, k1 Δ0), and its name."""
+
+    steps: Callable[[Potential, State], Iterator[State]]
+    settled: float
+    in_words: str
+
+
+RULES = {
+    WHOLE: Rule(_whole, SETTLED, "damped Newton steps"),
+    # From here on they take less time than spheres that move longer
+    AVALANCHES: Rule(_by_avalanches, 4 * SETTLED, "steps that let the spheres of each avalanche go"),
+}

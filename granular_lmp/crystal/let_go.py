@@ -17,7 +17,6 @@ from granular_lmp.crystal.sphere import INERTIA_RATIO
 Floats = NDArray[np.float64]
 Progress = Callable[[str, int, float, float], None]
 SETTLED = 1e-3  # k1 Δ0, root mean square: from here Newton steps find the rest that the spheres are settling to
-ROUGHLY_SETTLED = 4e-3  # the same for steps by avalanches, which take less time from here than this motion
 DRAG = 1.0  # √(k1 m)
 # N m (2R)², and √(k1/m) of that. A box of a hundredth of this inertia tears contacts by its swing (Z = 4.5 for 5.0 at
 # s = 2); one that is damped three times as much takes three times as long, to contacts that differ by 0.03 a sphere.

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from granular_lmp.crystal import balance
-from granular_lmp.crystal.balance import IN_WORDS
+from granular_lmp.crystal.balance import RULES
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.disorder import AVALANCHES, WAYS, WHOLE, Disorder, Inclusion, imperfect
 from granular_lmp.crystal.equilibrium import BALANCED, Equilibrium, relax
@@ -91,7 +91,7 @@ def test_no_force_is_left_on_any_free_sphere_nor_on_the_box(s: float, ends: str,
     assert np.abs(forces(rest)[free]).max() < BALANCED + ROUNDED
     assert np.abs(rest.box_load).max() < 2 * BALANCED * len(rest.lattice) * FORCE * 2 * SILICA.radius
     assert not rest.displacement[~free].any()
-    assert f"{IN_WORDS[by]}; the box breathes" in rest.protocol
+    assert f"{RULES[by].in_words}; the box breathes" in rest.protocol
 
 
 def test_a_summary_says_how_a_crystal_came_to_rest_in_what_json_holds() -> None:
@@ -379,7 +379,7 @@ def test_a_crystal_that_does_not_come_to_rest_says_what_steps_were_taken(
     by: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(balance, "STEPS", 1)
-    with pytest.raises(CrystalError, match=f"after 1 {IN_WORDS[by]} a force of"):
+    with pytest.raises(CrystalError, match=f"after 1 {RULES[by].in_words} a force of"):
         disordered(2.0, by=by, seed=9)
 
 
@@ -397,7 +397,7 @@ def test_a_scene_names_the_way_and_an_older_scene_keeps_its_own() -> None:
         rest = crystal_of(scene).equilibrium
         assert scene.packing.relax_by == by
         assert rest is not None
-        assert IN_WORDS[by] in rest.protocol
+        assert RULES[by].in_words in rest.protocol
 
 
 # --- LAMMPS ----------------------------------------------------------------------------------------------------------
