@@ -21,28 +21,26 @@ from granular_lmp.errors import CrystalError
 Floats = NDArray[np.float64]
 
 
-def slipped(
-    potential: Potential, pairs: Pairs, slip: Floats, before: State, after: State, turn: Floats, friction: float
-) -> Floats:
+def slipped(potential: Potential, slip: Floats, before: State, after: State, turn: Floats, friction: float) -> Floats:
     """Return the slips (C,) after a short step in which the spheres turn by angles (N,).
 
     `friction` is μ; inf for contacts that never slide.
     """
-    radius = potential.crystal.arrays["radius"]
+    pairs, radius = after.pairs, potential.crystal.arrays["radius"]
     # t·(d after − d before) = −t·d before, as t is across the contact after the step
     along = (after.vector[1] * before.vector[0] - after.vector[0] * before.vector[1]) / after.length
     moved = slip + along - radius[pairs.i] * turn[pairs.i] - radius[pairs.j] * turn[pairs.j]
-    stiffness = pairs.shear_stiffness(after.overlap)
+    stiffness = after.shear_stiffness
     touching = stiffness > 0
     limit = np.full_like(slip, np.inf)
     np.divide(friction * (after.contact_force + 2 * pairs.law.pull_off_force), stiffness, out=limit, where=touching)
     return np.where(touching, np.clip(moved, -limit, limit), 0.0)
 
 
-def shear_forces(potential: Potential, pairs: Pairs, slip: Floats, state: State) -> tuple[Floats, Floats, Floats]:
+def shear_forces(potential: Potential, slip: Floats, state: State) -> tuple[Floats, Floats, Floats]:
     """Return what slips (C,) do to the free spheres and the box: forces (N, 2), torques (N,) and stress (2,)."""
-    count, radius = len(state.u), potential.crystal.arrays["radius"]
-    push = pairs.shear_stiffness(state.overlap) * slip
+    pairs, count, radius = state.pairs, len(state.u), potential.crystal.arrays["radius"]
+    push = state.shear_stiffness * slip
     across = np.stack([-state.vector[1], state.vector[0]]) * (push / state.length)  # on i; the opposite on j
     force = np.stack([np.bincount(pairs.i, part, count) - np.bincount(pairs.j, part, count) for part in across], axis=1)
     half = state.overlap * potential.unit / 2
@@ -57,14 +55,13 @@ def shear_forces(potential: Potential, pairs: Pairs, slip: Floats, state: State)
     )
 
 
-def stiffest(pairs: Pairs, state: State) -> Floats:
+def stiffest(state: State) -> Floats:
     """Return the normal stiffness of each pair, (C,), that vibrates at least as fast as its two springs do.
 
     A contact of two free spheres of mass 1 adds at most 2 k to the square of a frequency through its normal spring and
     2 (1 + 1/Ĩ) k through its shear spring.
     """
-    across = (1 + 1 / INERTIA_RATIO) * pairs.shear_stiffness(state.overlap)
-    return np.maximum(pairs.contact_stiffness(state.overlap), across)
+    return np.maximum(state.normal_stiffness, (1 + 1 / INERTIA_RATIO) * state.shear_stiffness)
 
 
 def carried_over(old: Pairs, new: Pairs, slip: Floats) -> Floats:

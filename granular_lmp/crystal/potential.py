@@ -25,10 +25,8 @@ wall is a pair with it whose vector has a component across the wall only. A plan
 Units here: length Δ0, force k1 Δ0 and energy k1 Δ0², each of the contact between two spheres of the first material.
 """
 
-from collections.abc import Sequence
-from dataclasses import field
+from collections.abc import Callable, Sequence
 from functools import reduce
-from typing import Any
 
 import ase
 import numpy as np
@@ -66,6 +64,8 @@ class Pairs:
         False between two held spheres, which bear all and do not push.
     face : (W,) int array
         Index of the wall of each of the last W pairs.
+    searched : ((N, D) array, (D,) array)
+        u and e at which the pairs were searched.
     """
 
     i: Integers
@@ -75,24 +75,27 @@ class Pairs:
     overlap: Floats
     law: AdhesionLaw
     bearing: NDArray[np.bool_]
-    face: Integers = field(default_factory=lambda: np.empty(0, dtype=int))
+    face: Integers
+    searched: tuple[Floats, Floats]
 
     @property
     def between(self) -> int:
         """Number of pairs of two spheres, which are the first."""
         return len(self.i) - len(self.face)
 
-    def closed(self, overlap: Floats) -> NDArray[np.bool_]:
-        """Return which pairs touch at overlaps (C,), and push."""
-        return np.asarray(self.bearing & self.law.closed(overlap))
-
-    def contact_stiffness(self, overlap: Floats) -> Floats:
-        """Return d²V/dδ² at overlaps (C,), 0 where a pair does not touch."""
-        return np.asarray(self.closed(overlap) * self.law.normal_stiffness(self.law.nearest(overlap)))
-
-    def shear_stiffness(self, overlap: Floats) -> Floats:
-        """Return df_S/ds at overlaps (C,), 0 where a pair does not touch."""
-        return np.asarray(self.closed(overlap) * self.law.shear_stiffness(self.law.nearest(overlap)))
+    def of(self, which: Integers) -> "Pairs":
+        """Return some of the pairs, by ascending indices."""
+        return Pairs(
+            i=self.i[which],
+            j=self.j[which],
+            vector=np.ascontiguousarray(self.vector[:, which]),
+            length=self.length[which],
+            overlap=self.overlap[which],
+            law=self.law.of(which),
+            bearing=self.bearing[which],
+            face=self.face[which[which >= self.between] - self.between],
+            searched=self.searched,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +128,30 @@ class State:
     def energy(self) -> Floats:
         """Energy of each pair, (C,); few steps of a relaxation ask for it."""
         return np.asarray(self.pairs.bearing * self.pairs.law.energy(self.overlap))
+
+    @property
+    def normal_stiffness(self) -> Floats:
+        """d²V/dδ² of each pair, (C,), 0 where it does not touch."""
+        return self._closed(self.pairs.law.normal_stiffness)
+
+    @property
+    def shear_stiffness(self) -> Floats:
+        """df_S/ds of each pair, (C,), 0 where it does not touch."""
+        return self._closed(self.pairs.law.shear_stiffness)
+
+    def _closed(self, stiffness: Callable[[Floats], Floats]) -> Floats:
+        law = self.pairs.law
+        return np.asarray(self.pairs.bearing & law.closed(self.overlap)) * stiffness(law.nearest(self.overlap))
+
+    @property
+    def stiffness_across(self) -> Floats:
+        """−f_N/|d| of each pair, (C,): contacts that push turn away."""
+        return -self.contact_force / self.length
+
+    @property
+    def all_forces(self) -> Floats:
+        """Forces on all u, and then on e, (DN + D,)."""
+        return np.append(self.force, self.stress)
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,31 +219,25 @@ class Potential:
         on_box = state.stress / self.neighbour / len(state.u)
         return float(max(np.abs(state.force).max(), np.abs(on_box).max()))
 
-    def moved(self, before: State, after: State) -> float:
-        """Return how far a sphere can have moved towards another one between two states, in radii."""
-        alone = np.abs(after.u - before.u).max() * self.unit
+    def renewed(self, state: State) -> State:
+        """Return the state with its pairs searched anew before any is missed; else the same object."""
+        u, e = state.pairs.searched
         # A strain moves neighbours by a part of their distance, of about two radii
-        return float(alone + np.abs(after.e - before.e).max() * 2)
+        moved = np.abs(state.u - u).max() * self.unit + np.abs(state.e - e).max() * 2
+        return state if moved <= SKIN / 4 else self.at(state.u, state.e)
 
-    def renewed(self, pairs: Pairs, searched: State, state: State) -> tuple[Pairs, State, State]:
-        """Return the pairs, the state in which they were searched and that of now, searched anew before any is missed.
-
-        The pairs are the same object unless they were searched anew.
-        """
-        if self.moved(searched, state) <= SKIN / 4:
-            return pairs, searched, state
-        pairs = self.pairs(state.u, state.e)
-        state = self.state(pairs, state.u, state.e)
-        return pairs, state, state
-
-    def start(self) -> tuple[Floats, Floats]:
-        """Return u and e from which spheres are let go: at their places, or put against the wall that they touch."""
+    def start(self) -> State:
+        """Return the state from which spheres are let go: at their places, or against the wall that they touch."""
         u, beside = np.zeros((len(self.free), self.axes)), [face.touches(self.crystal) for face in self.faces]
         larger = (self.crystal.arrays["radius"] - 1) / self.unit
         for face, touches in zip(self.faces, beside, strict=True):
             alone = np.flatnonzero(touches & (np.sum(beside, axis=0) == 1))
             u[alone, face.axis] = -face.way * larger[alone]
-        return u, np.zeros(self.axes)
+        return self.at(u, np.zeros(self.axes))
+
+    def at(self, u: Floats, e: Floats) -> State:
+        """Return the state at a displacement and a strain, with the pairs that are near each other there."""
+        return self.state(self.pairs(u, e), u, e)
 
     def pairs(self, u: Floats, e: Floats) -> Pairs:
         """Return the pairs that touch or are less than `SKIN` apart; two held spheres, which bear all, do not push."""
@@ -250,6 +271,7 @@ class Potential:
             law=joined(laws).scaled(unit, force),
             bearing=self.free[i] | self.free[j],
             face=face,
+            searched=(u, e),
         )
 
     def state(self, pairs: Pairs, u: Floats, e: Floats) -> State:
@@ -280,44 +302,6 @@ class Potential:
                 stress[axis] = np.einsum("c,c", part, vector[axis]) / (1 + e[axis]) - self.load[axis]
         force *= self.free[:, None] * scale.T
         return State(pairs, u, e, vector, length, overlap, push, force, stress)
-
-    def stiffness(self, pairs: Pairs, state: State, normal: Floats, across: Floats) -> tuple[Any, Floats, Floats]:
-        """Return second derivatives of the energy: by u (sparse, DN × DN), by u and e (DN, D), and by e (D, D).
-
-        `normal` and `across` are the stiffnesses of each pair along its normal and across it, (C,): at the state itself
-        `Pairs.contact_stiffness` and −f_N/|d|. A pair without the first has none of both. Rows of held spheres, and of
-        axes along which the box does not breathe, are zero.
-        """
-        import scipy.sparse as sparse  # slow to import, and only crystals at rest need it
-
-        on, count, axes = np.flatnonzero(normal > 0), len(self.free), self.axes
-        i, j, vector, length = pairs.i[on], pairs.j[on], state.vector[:, on], state.length[on]
-        across = np.where(on < pairs.between, across[on], 0.0)  # a wall is as near everywhere
-        direction = vector / length
-        spring = (normal[on] - across) * direction[:, None] * direction + np.eye(axes)[..., None] * across
-
-        scale, breathing = 1 + state.e, self.breathing / (1 + state.e)
-        strained = spring * vector * breathing[:, None]  # by component of the force and axis of the strain
-        by_e = np.einsum("ac,abc->ab", vector * breathing[:, None], strained)
-        by_both = np.empty((count, axes, axes))
-        for a, b in np.ndindex(axes, axes):
-            by_both[:, a, b] = np.bincount(j, strained[a, b], count) - np.bincount(i, strained[a, b], count)
-        by_both *= self.free[:, None, None] * scale[:, None]
-        # A strain also turns and stretches the displacements themselves; at rest this term is zero
-        by_both[:, range(axes), range(axes)] -= breathing * state.force
-
-        blocks = np.moveaxis(spring * np.multiply.outer(scale, scale)[..., None], -1, 0)
-        mutual = blocks * (self.free[i] & self.free[j])[:, None, None]
-        own = np.empty((count, axes, axes))
-        for a, b in np.ndindex(axes, axes):
-            own[:, a, b] = np.bincount(i, blocks[:, a, b], count) + np.bincount(j, blocks[:, a, b], count)
-        own *= self.free[:, None, None]
-        row, column = np.concatenate([np.arange(count), i, j]), np.concatenate([np.arange(count), j, i])
-        data = np.concatenate([own, -mutual, -mutual])
-        order = np.argsort(row, kind="stable")
-        starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))])
-        by_u = sparse.bsr_matrix((data[order], column[order], starts), shape=(axes * count, axes * count))
-        return by_u, by_both.reshape(axes * count, axes), by_e
 
 
 def displaced(lattice: ase.Atoms, displacement: Floats, strain: Floats) -> ase.Atoms:

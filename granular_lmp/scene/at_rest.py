@@ -26,8 +26,8 @@ from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from granular_lmp.crystal.balance import Progress
     from granular_lmp.crystal.equilibrium import Equilibrium
+    from granular_lmp.crystal.let_go import Progress
 
 
 @dataclass(frozen=True, eq=False)
