@@ -27,6 +27,7 @@ from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, STATUS
 from granular_lmp.problem import Problem
 from granular_lmp.runs import launch, loop, manifest
+from granular_lmp.runs.folder import locked
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.record import TRAJECTORY, read_status, write_status
 from granular_lmp.studies import sweep
@@ -310,7 +311,7 @@ def test_a_scene_with_a_tolerance_fails_as_its_runs_do(
 
 def test_two_scenes_with_a_tolerance_do_not_share_a_folder(small: Scene, tmp_path: Path) -> None:
     scene = small.with_values({"time.tolerance": 1e-3})
-    with launch.locked(tmp_path / "run", make=True):
+    with locked(tmp_path / "run", make=True):
         for each in (scene, small):
             with pytest.raises(RunFolderError, match="another run is at work there"):
                 run_any(each, tmp_path / "run", force=True)
@@ -511,7 +512,7 @@ def test_no_command_writes_into_the_folder_of_a_run_at_work(
     folder = tmp_path / "run"
     run(small, folder)
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    with launch.locked(folder):
+    with locked(folder):
         assert main([*command.split(), "-o", str(folder), "--force"]) == 2
     assert "another run is at work there" in capsys.readouterr().err
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
