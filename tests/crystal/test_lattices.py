@@ -39,7 +39,7 @@ from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.initial_fields import initial_fields
-from granular_lmp.scene.linear import mode_of, unit_contacts
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.studies.kick import run_kicked
 from tests.crystal.test_sphere import SILICA
@@ -255,7 +255,7 @@ def test_stiff_shear_makes_no_wave_faster_than_its_front(name: str, rotation: bo
         assert sphere.stiffness_ratio == pytest.approx(kappa, rel=1e-12)
         for degrees in (0.0, 30.0, 45.0, 90.0):
             k = np.array([lattice.vector(each, degrees).components for each in xi]) / lattice_constant(sphere)
-            found = bloch_modes(unit_lattice(sphere, lattice), sphere, k, scene.physics)[0]
+            found = bloch_modes(unit_lattice(sphere, lattice), sphere, k, physics_of(scene))[0]
             fastest = max(fastest, float(np.abs(np.diff(found, axis=0) / np.diff(xi)[:, None]).max()))
         # The arm of the torque adds a share of η = 2.5e-4. Long waves of spheres that do not turn reach the bound
         assert fastest < lattice.fastest * (1 + 1e-3)
