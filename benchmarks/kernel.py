@@ -25,8 +25,8 @@ from granular_analysis.measure.norms import relative_error
 from granular_lmp import Scene, build
 from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.lammps.kernel import library
+from granular_lmp.lammps.kernel_guards import watched_text
 from granular_lmp.lammps.outputs import DUMP, read_centre
-from granular_lmp.lammps.watched import watched_text
 from granular_lmp.units import units_for
 
 KINDS = {"granular": "pair_style granular", "overlay": "gran/hertz/history with a table", "kernel": "the kernel"}

@@ -257,5 +257,5 @@ def _effects(options: Options) -> int:
         say("A source takes the time of as many more spheres.")
     if law := law_words(scene.material, scene.effects):
         say(f"{law}.")
-    say("A guard fails the run when an effect that is off, and was not called for, is there after all.")
+    say("The run fails if an effect that was left out occurs.")
     return 0

@@ -46,10 +46,10 @@ class Effect:
     name : str
         Name, and its key in ``[effects]`` unless `switch` names another.
     called_for : callable, optional
-        Rule that decides whether a crystal at rest under load calls for the effect, Case → Finding; None where it is
-        none there.
+        Rule that decides whether a crystal at rest under load calls for the effect, Case → Finding; None if the effect
+        cannot occur there.
     loose : callable, optional
-        The rule for loose spheres (`Scene.loose`); None where it is none there.
+        Rule for scenes that are not held at rest (`Scene.loose`); None if the effect cannot occur there.
     cost : str
         Cost in time as a factor, measured (docs/verification.md), or the word for a cost that depends on the scene.
     loss : callable

@@ -2,8 +2,8 @@
 
 A guard is a number that LAMMPS computes from contacts or spheres at *looks*, and the limit above which it triggers. A
 guard is in the deck only if its effect is not. Each look is a line of the thermo table: `granular_lmp.effects.looks`
-says when they are, and `granular_lmp.lammps.cone` which spheres they judge, those whose state can still affect the
-record. The guards are defined with their effects (`granular_lmp.effects`).
+says when they are, and `granular_lmp.lammps.region_of_influence` which spheres they judge, those whose state can still
+affect the record. The guards are defined with their effects (`granular_lmp.effects`).
 """
 
 from collections.abc import Mapping
@@ -17,8 +17,8 @@ from granular_lmp.effects.openings import counted_lines
 from granular_lmp.effects.reading import Reading, contact_lines, overlap_lines
 from granular_lmp.effects.selection import guards as all_guards
 from granular_lmp.effects.sliding import GUARD as SLIP
-from granular_lmp.lammps.cone import inside_lines
 from granular_lmp.lammps.outputs import CONTACTS, UNWAVED_CONTACTS
+from granular_lmp.lammps.region_of_influence import inside_lines
 from granular_lmp.problem import Problem
 
 GUARDS = all_guards()

@@ -67,8 +67,7 @@ def variables(problem: Problem) -> list[str]:
         *(f"variable {key:{width}} index {value}" for key, value in files.items()),
         *(_snapshots(problem) if wave else []),
         f"variable checkpoint index {checkpoint_steps(problem)}  # steps between checkpoints, here for one core",
-        f"variable {'marked':{width}} index unmarked  # a group without spheres, by which a checkpoint tells of which "
-        "scene it is",
+        f"variable {'marked':{width}} index unmarked  # empty group whose name identifies the scene in a checkpoint",
         *([_refusal(), f'print "{_said(problem)}"'] if wave else []),
         *(clock(problem) if problem.scene.loose else []),
     ]
@@ -93,7 +92,7 @@ def _refusal() -> str:
     """Return the line that ends a run with a variable that the deck has not."""
     tried = " || ".join(f"is_defined(variable,{name})" for name in NO_VARIABLES)
     names = " or ".join(NO_VARIABLES)
-    said = f"ERROR: this deck is of one wave in one lattice: {names} is no variable of it"
+    said = f"ERROR: this deck has no variable {names}; build another deck"
     return f'if "$({tried})" then "print \'{said}\'" "quit 1"'
 
 

@@ -115,7 +115,7 @@ def adopt(
         raise RunFolderError(f"{dump}: missing; the record is made from it")
     for name in monitor_files(problem.scene):
         if not (source / name).is_file():
-            raise RunFolderError(f"{source / name}: missing; the scene has the monitor that it is of")
+            raise RunFolderError(f"{source / name}: the file of a monitor of the scene is missing")
     _refuse_other_beginning(source, dump.name, problem)
     info = description(deck.problem, deck.all_edits(), "lmp", _ranks(log)) | {
         "adopted": {"from": str(source), "variables": values}

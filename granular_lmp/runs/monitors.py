@@ -35,7 +35,7 @@ from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshot
 from granular_lmp.runs.components import by_axis, components, rates
 from granular_lmp.runs.contact_forces import ContactForces
 from granular_lmp.runs.formats import scene_of
-from granular_lmp.runs.moved import at_the_instant, moved_spheres
+from granular_lmp.runs.prescribed_motion import at_the_instant, moved_spheres
 from granular_lmp.runs.scales import force_of, length_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.snapshots import dimensionless, finest, step_of

@@ -177,7 +177,7 @@ class Record(HasCard):
         """Make the record of a run folder from its dump: of the centre sphere, or of the recorded spheres."""
         folder = Path(folder)
         if scene.wave is None:
-            from granular_lmp.runs.moved import at_the_instant, moved_spheres  # kept out of start-up
+            from granular_lmp.runs.prescribed_motion import at_the_instant, moved_spheres  # kept out of start-up
             from granular_lmp.runs.snapshots import dimensionless, force_on, step_of
 
             table = read_dump(folder / (dump or SNAPSHOTS), None, *_sphere_columns(scene.space), but=FOR_VIEWERS)
@@ -303,7 +303,7 @@ class Record(HasCard):
     @cached_property
     def _motion_of_centre(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Displacement, velocity, rotation and spin of the centre sphere from its dump."""
-        from granular_lmp.runs.moved import at_the_instant, moved_spheres  # kept out of start-up
+        from granular_lmp.runs.prescribed_motion import at_the_instant, moved_spheres  # kept out of start-up
         from granular_lmp.runs.snapshots import dimensionless
 
         if self.folder is None or not (self.folder / DUMP).is_file():

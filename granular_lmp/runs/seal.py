@@ -74,7 +74,7 @@ def refuse_changed(folder: Path, info: dict[str, Any], *, lazily: bool = False) 
         return
     if info["status"] == "finished" and "files" not in info:
         cure = how_to_accept(folder, info)
-        raise RunFolderError(f"{folder / STATUS}: files is missing, so that they may be any; {cure}")
+        raise RunFolderError(f"{folder / STATUS}: has no list of files, so changes cannot be detected; {cure}")
     for name, said in info.get("files", {}).items():
         large = name.startswith(_LARGE) and said["bytes"] > _QUICK
         _refuse_other(folder, name, info, whole=not (lazily and large))

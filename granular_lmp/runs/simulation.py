@@ -15,9 +15,9 @@ from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.binary_dump import mend_binary
 from granular_lmp.lammps.checkpoints import checkpoint_steps
 from granular_lmp.lammps.deck import Deck, resume_text
+from granular_lmp.lammps.kernel_guards import watched_text
 from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import DUMP, SCENE, SNAPSHOTS, RunLog, mend_dump
-from granular_lmp.lammps.watched import watched_text
 from granular_lmp.runs import manifest
 from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record

@@ -29,7 +29,7 @@ from granular_lmp.lammps.outputs import (
 )
 from granular_lmp.runs.components import components, rates
 from granular_lmp.runs.formats import scene_of
-from granular_lmp.runs.moved import Moved, at_the_instant, moved_spheres
+from granular_lmp.runs.prescribed_motion import Moved, at_the_instant, moved_spheres
 from granular_lmp.runs.scales import length_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.tables import Many, places_of

@@ -75,7 +75,7 @@ def spectrum(tau: Floats, signals: Floats) -> Spectrum:
     """
     count = len(tau)
     if count < FEWEST or len(signals) != count:
-        raise ValueError(f"tau: {count} records, signals: {len(signals)}; must be as many, and at least {FEWEST}")
+        raise ValueError(f"tau: {count} records, signals: {len(signals)}; must have equal length, at least {FEWEST}")
     steps = np.diff(tau)
     if not np.allclose(steps, steps.mean(), rtol=1e-6, atol=0.0):
         raise ValueError(f"tau: steps from {steps.min():.6g} to {steps.max():.6g}; must be even")

@@ -1,7 +1,7 @@
 """The quiet ends of a scene: which waves reach them, and the layer that absorbs these.
 
 Sources make waves of every mode, at their frequencies; a burst those of its main lobe too. Those along y are absorbed
-to the reflection that is wanted. Oblique ones are absorbed as well, but nobody has said to what.
+to the reflection that is wanted. Oblique waves are absorbed too; their reflection is not known.
 
 Rows, strength and power follow from the lattice, so that all runs of one scene have the same layer whatever their time
 step is. What it reflects is said for the step that runs, and "auto" takes as many rows as that step needs. With a

@@ -3,8 +3,8 @@
 A monitor has spheres, and records at every sample of the run
 
     motion      displacement, velocity, angle and spin of each
-    contacts    that, and the force of each of their contacts
-    flux        that, of whole rows, whence the energy flux through each row (`granular_lmp.runs.monitors`)
+    contacts    as motion, and the force of each of their contacts
+    flux        as contacts, for whole rows; gives the energy flux through each row (`granular_lmp.runs.monitors`)
 
 Recording changes no motion. What a run leaves is read by `granular_lmp.runs.monitors`.
 """

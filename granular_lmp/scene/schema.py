@@ -124,7 +124,7 @@ class Rule:
 class Bare:
     """A key of a scene without ``[wave]``: its rule, and its default, `MISSING` where the key must be given.
 
-    Without a rule the key is none of such a scene. `only` is true if it is none of a scene with a wave.
+    `rule` is None if the key does not exist without ``[wave]``; `only` is true if it exists only there.
     """
 
     rule: Rule | None

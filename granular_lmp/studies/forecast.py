@@ -16,9 +16,9 @@ from granular_lmp.crystal.lattice import Lattice
 from granular_lmp.errors import GranularError, LaunchError
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.checkpoints import minutes_between
-from granular_lmp.lammps.cone import mean_count
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.laws import contacts
+from granular_lmp.lammps.region_of_influence import mean_count
 from granular_lmp.problem import Problem
 from granular_lmp.scene.scene import Scene
 

@@ -324,8 +324,8 @@ def _running(windows: _Windows, scene: Scene, frequencies: Floats) -> Floats:
                 found.append(float(frequency))
     if not found:
         raise SceneError(
-            f'wave.mode = "{name}": must be a wave along y at the frequency of the source, {frequencies.mean():.6g} '
-            "rad per t0; is none there"
+            f'wave.mode = "{name}": no {name} wave along y exists at the frequency of the source, '
+            f"{frequencies.mean():.6g} rad per t0"
         )
     return np.array(found)
 

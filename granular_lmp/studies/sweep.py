@@ -32,8 +32,8 @@ from granular_lmp.runs.record import Record, optional_package, write_status
 from granular_lmp.runs.routes import check_machine
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import plain_value
-from granular_lmp.studies.coinciding import remarks
 from granular_lmp.studies.executors import Here, Workers, stop_requested, terminable
+from granular_lmp.studies.rounding_warnings import remarks
 from granular_lmp.studies.sweep_memory import KNOWN, recalled, remember
 from granular_lmp.studies.sweep_points import points
 from granular_lmp.studies.sweep_request import TABLE, claim, read_request

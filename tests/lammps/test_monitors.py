@@ -333,7 +333,7 @@ def test_adopted_and_forced_runs_take_their_monitors_along(record: Record, tmp_p
     short = SHEET.with_values({"time.duration": 2.0, "monitor": []})
     run(short, tmp_path / "run", force=True)
     assert list(files_of(tmp_path / "run")) == ["monitor.mine.bin"]
-    with pytest.raises(RunFolderError, match=r"monitor.line.bin: missing; the scene has the monitor"):
+    with pytest.raises(RunFolderError, match=r"monitor.line.bin: the file of a monitor of the scene is missing"):
         adopt(tmp_path / "run", tmp_path / "again", scene=short.with_values({"monitor": [LINE]}))
 
 

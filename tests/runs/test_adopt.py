@@ -261,7 +261,7 @@ def test_a_variable_that_a_deck_does_not_have_is_refused_by_lammps(name: str, sm
     command = [*lmp_command(1), "-in", "in.small", "-screen", "none", "-var", name, "1"]
     done = subprocess.run(command, cwd=tmp_path / "deck", check=False)
     assert done.returncode == 1
-    assert "is no variable of it" in (tmp_path / "deck/log.lammps").read_text()
+    assert "this deck has no variable" in (tmp_path / "deck/log.lammps").read_text()
     assert not (tmp_path / "deck/dump.centre").exists()
 
 

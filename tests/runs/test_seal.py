@@ -148,7 +148,7 @@ def test_a_run_json_that_says_less_is_refused(key: str, copied: Path) -> None:
             read_all(copied / kind)
     if key == "files":
         write_status(copied / "steps", json.loads((copied / "steps" / STATUS).read_text()))
-        refused(copied / "steps", STATUS, "files is missing")
+        refused(copied / "steps", STATUS, "has no list of files")
 
 
 def test_only_the_first_release_wrote_no_format(copied: Path) -> None:

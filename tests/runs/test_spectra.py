@@ -57,7 +57,7 @@ def test_the_floor_is_that_of_noise_whatever_the_tones() -> None:
 @pytest.mark.parametrize(
     ("tau", "signals", "message"),
     [
-        (TAU[:5], TAU[:5], "tau: 5 records, signals: 5; must be as many, and at least 8"),
+        (TAU[:5], TAU[:5], "tau: 5 records, signals: 5; must have equal length, at least 8"),
         (TAU, TAU[:-1], "tau: 400 records, signals: 399"),
         (TAU**2, TAU, "tau: steps from 0.25 to 199.25; must be even"),
         (TAU, np.full_like(TAU, np.nan), "signals: not finite"),

@@ -48,7 +48,7 @@ IN_SPACE = (
 )
 SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))
 QUIET = {"absorb.rows", "absorb.reflection", "effects.quiet_ends"}  # rows at the ends that absorb the wave
-HELD = {said("packing.ends", "fixed"), "effects.walls"}  # rows that the centre does not hear, or a note says so
+HELD = {said("packing.ends", "fixed"), "effects.walls"}  # walls whose echo arrives after the run, or a note says so
 FACES = {f"packing.{name}" for name in ("first", "last", "sides")}  # A finite sheet has no wave of the infinite lattice
 
 _CONTACTS = frozenset(f"effects.{name}" for name in ("adhesion", "shear", "rotation", "tracking", "width"))

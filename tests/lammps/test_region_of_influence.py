@@ -12,8 +12,8 @@ import pytest
 from granular_lmp import Deck, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps.cone import leave, mean_count
 from granular_lmp.lammps.outputs import DUMP, LOG, MONITOR, read_log
+from granular_lmp.lammps.region_of_influence import leave, mean_count
 from granular_lmp.problem import prepare
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import Record

@@ -12,8 +12,8 @@ from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import mu_line
-from granular_lmp.lammps.cone import inside_lines
 from granular_lmp.lammps.guards import GUARDS, guards, judged_lines, look_lines, thermo_lines
+from granular_lmp.lammps.region_of_influence import inside_lines
 from granular_lmp.problem import Problem
 
 # Elements of the kernel's fix: the extreme of a guard, and the step at which it triggered first

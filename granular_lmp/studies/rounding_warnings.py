@@ -1,4 +1,4 @@
-"""Points of a sweep that are one run: a sentence for each cell, or sample, that rounds them to the same values.
+"""Warnings about points of a sweep that round to the same run, one for each cell or sample.
 
 A periodic cell carries only phase advances of 2πk/rows and 2πj/columns, so that close wave numbers and directions run
 as one wave. A time step is rounded down to a whole number to a sample.
