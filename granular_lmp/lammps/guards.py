@@ -69,8 +69,8 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
 
 def look_lines(problem: Problem) -> list[str]:
     """Return the line of v_look, the steps between two looks: `look_interval`, for another step by -var too."""
-    steps = f"{longest(problem.scene, problem.mode)!r}*v_t0/v_step"
-    return [f"variable     look equal $(floor({steps})+(1>{steps}))  # steps between two looks"]
+    time = repr(longest(problem.scene, problem.mode))
+    return [f"variable     look equal $(1+floor(abs({time}*v_t0/v_step-1)))  # steps between two looks, at least 1"]
 
 
 def thermo_lines(names: list[str], seen: Mapping[str, str]) -> list[str]:

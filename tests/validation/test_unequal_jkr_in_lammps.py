@@ -66,7 +66,8 @@ def test_a_crystal_that_is_not_perfect_moves_as_its_network(feature: str, tmp_pa
 @pytest.mark.parametrize(
     "changes",
     [
-        pytest.param({"inclusion": [OTHER]}, marks=pytest.mark.more),  # its like stands above
+        # Its like stands above; at rest a contact is pulled so hard that it may open between two looks
+        pytest.param({"inclusion": [OTHER], "effects.contact_opening": True}, marks=pytest.mark.more),
         CHAIN,
         {"packing.contact_force": 5e-8},
         pytest.param({"packing.relax_friction": 0.3}, marks=pytest.mark.more),
