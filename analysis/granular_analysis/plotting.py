@@ -43,7 +43,7 @@ def parser(
 
 def scene_of(source: str, options: argparse.Namespace) -> Scene:
     """Return a scene, a file or a shipped one, with what ``--set`` changes."""
-    return Scene.load(source).with_values(changes_of(options))
+    return Scene.load(source, changes_of(options))
 
 
 def start(main: Callable[[], int | None]) -> NoReturn:

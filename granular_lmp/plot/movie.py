@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from PIL import Image
 
-from granular_lmp.errors import ViewError
+from granular_lmp.errors import ViewError, one_line
 from granular_lmp.lammps.outputs import whole
 from granular_lmp.plot.signals import Picture, resized
 
@@ -69,6 +69,8 @@ def write_movie(
                         writer.grab_frame()
     except CalledProcessError as error:
         raise ViewError(f"{path}: ffmpeg failed with exit status {error.returncode}") from error
+    except RuntimeError as error:  # a user's settings of matplotlib may need LaTeX
+        raise ViewError(f"{path}: cannot be drawn: {one_line(error)}") from error
 
 
 def _write_gif(figure: Picture, frames: Iterable[Picture], path: Path, colours: str, fps: float) -> None:

@@ -90,7 +90,7 @@ def adopt(
         When an effect that the deck leaves out was there.
     """
     source = absolute(source)
-    declared = scene or _scene(source)
+    declared = scene or _scene(source, changes)
     place = absolute(folder or f"runs/{declared.name}")
     log = _text(source / LOG)
     said = said_variables(log)
@@ -146,10 +146,10 @@ def adopt(
             return execute(simulation, job, copy, info, seconds)
 
 
-def _scene(source: Path) -> Scene:
+def _scene(source: Path, changes: Mapping[str, Any] | None) -> Scene:
     if not (source / SCENE).is_file():
         raise RunFolderError(f"{source}: holds no {SCENE}; give the scene of its deck, scene=SCENE")
-    return Scene.load(source)
+    return Scene.load(source, changes)
 
 
 def _text(path: Path) -> str:

@@ -61,6 +61,7 @@ class Table:
 
 def value_of(cell: str) -> float:
     """Return the number in a cell, nan if it holds none."""
+    cell = cell.replace("\N{MINUS SIGN}", "-")
     return float(cell) if _NUMBER.fullmatch(cell) else nan
 
 

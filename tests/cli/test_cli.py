@@ -231,6 +231,20 @@ def test_set_reaches_the_scene_of_each_script_of_analysis(name: str, capsys: pyt
     assert "--set KEY=VALUE" in help_texts()[f"granular-analysis {name}"]
 
 
+@pytest.mark.parametrize("name", OF_A_SCENE)
+def test_set_comes_before_any_check_in_each_script_of_analysis(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    *before, scene = OF_A_SCENE[name][: 1 + (name == "fit")]
+    text = Scene.load(scene).to_toml().replace("poisson_ratio = 0.17", "poisson_ratio = 0.9")
+    (tmp_path / "wrong.toml").write_text(text, encoding="utf-8")
+    words = [name, *before, str(tmp_path / "wrong.toml"), *OF_A_SCENE[name][1 + (name == "fit") :]]
+    with pytest.raises((SystemExit, SceneError), match="sphere.poisson_ratio = 0.9"):
+        analysis(words)
+    with pytest.raises((SystemExit, SceneError), match="sphere.poisson_ratio = 0.8"):
+        analysis([*words, "--set", "sphere.poisson_ratio=0.8"])
+
+
 def test_set_is_what_a_script_of_analysis_computes_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = {}
     for amplitude in ("0.1", "0.05"):

@@ -57,7 +57,7 @@ def harmonic(targets: Sequence[str], by: str | None = None, changes: Mapping[str
             raise ValueError(f"--by {by} is of one scene or run, not of {len(folders)}")
         return by_runs([load(folder) for folder in folders])
     if not (folders[0] / STATUS).is_file():
-        return _of_scene(Scene.load(targets[0]).with_values(changes or {}), by)
+        return _of_scene(Scene.load(targets[0], changes), by)
     record = load(folders[0])
     return _first(record.scene, by, lambda: record, record.tau)
 
