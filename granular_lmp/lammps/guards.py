@@ -23,9 +23,8 @@ from granular_lmp.problem import Problem
 
 GUARDS = all_guards()
 LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
-BOUND = (
-    3.0  # times the largest ratio of one contact, the hardest shear is over the smallest sliding force (make guards)
-)
+# The hardest shear over the smallest sliding force is at most this times the largest ratio of one contact (make guards)
+BOUND = 3.0
 
 
 def line_interval(problem: Problem) -> int:
