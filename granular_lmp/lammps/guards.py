@@ -50,7 +50,7 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
     names, how = problem.guards, Reading.of(problem)
     text: list[str] = []
     for guard in (GUARDS[name] for name in names):
-        of_contacts = [*contact_lines("inside", how), *overlap_lines(how)] if guard.of_contacts else []
+        of_contacts = [*contact_lines(how), *overlap_lines(how)] if guard.of_contacts else []
         text += [line for line in (*of_contacts, *guard.lines(problem)) if line not in text]
     seen = {name: f"f_looks[{place}]" for place, name in enumerate(_measured(problem), 1)}
     return [
