@@ -73,9 +73,12 @@ def alike(scene: Scene) -> bool:
     return len(crystal.materials) == 1 and bool(np.ptp(crystal.atoms.arrays["radius"]) == 0)
 
 
-def bounded(scene: Scene) -> bool:
-    """Return whether the smallest overlap that the guards of a scene know is only a lower bound."""
-    return scene.effects.damping is True and not alike(scene)
+def judged_singly(scene: Scene) -> bool:
+    """Return whether openings are judged contact by contact: the smallest overlap of all is only a lower bound.
+
+    Contacts that hold beyond an overlap of 0 are counted.
+    """
+    return scene.effects.damping is True and not alike(scene) and not scene.sphere.pull_off_distance
 
 
 def contact_lines(how: Reading) -> list[str]:
