@@ -30,8 +30,10 @@ from granular_lmp import Record, Scene, run  # noqa: E402
 from granular_lmp.errors import LammpsMissingError, RunInterrupted  # noqa: E402
 from granular_lmp.lammps.installation import has_package  # noqa: E402
 from granular_lmp.lammps.kernel import library  # noqa: E402
+from granular_lmp.lammps.outputs import LOG  # noqa: E402
 from granular_lmp.runs import routes  # noqa: E402
 from granular_lmp.runs.folder import locked  # noqa: E402
+from granular_lmp.runs.options import Options  # noqa: E402
 from granular_lmp.studies import forecast  # noqa: E402
 from tests.pause import paused  # noqa: E402
 
@@ -51,12 +53,17 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
+def run_input(folder: Path, input_name: str, lock: int) -> None:
+    """Run an input in its locked folder in this process; LAMMPS writes ``log.lammps`` there."""
+    routes.route_of(Options())(routes.Job(folder, input_name, LOG, lock, lambda step: None))
+
+
 def run_text(text: str, folder: Path) -> None:
     """Run the text of a deck in this process, in a folder that may be there."""
     folder.mkdir(exist_ok=True)
     (folder / "in.text").write_text(text, encoding="utf-8")
     with locked(folder) as lock:
-        routes.run_input(folder, "in.text", lock)
+        run_input(folder, "in.text", lock)
 
 
 @pytest.fixture(scope="session")

@@ -27,7 +27,7 @@ DOORS = {
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one script of `analysis`; returns its exit status."""
+    """Run one script of the package or of a case; returns its exit status."""
     words = sys.argv[1:] if argv is None else argv
     known = DOORS if words and words[0] in DOORS else scripts()
     parser = argparse.ArgumentParser(

@@ -1,6 +1,8 @@
 """Shared parts of the scripts: their colours, options, start and end, and how a figure or text file is written."""
 
 import argparse
+import csv
+import io
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -137,6 +139,13 @@ def write(path: Path, text: str) -> None:
     """Write a text file; its folder is made. Raises SystemExit with one line when it cannot be written."""
     with _whole(path) as draft:
         draft.write_text(text, encoding="utf-8")
+
+
+def write_csv(path: Path, head: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+    """Write a table as CSV, every number with all its digits, as `write` does."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([head, *rows])
+    write(path, text.getvalue())
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.errors import GranularError, SceneError
+from granular_lmp.errors import SceneError
 from granular_lmp.scene.linear import mode_of, plane_along_y
 from granular_lmp.scene.resolution import farthest_rounding, position_rounding
 from granular_lmp.scene.scene import Scene
@@ -81,17 +81,15 @@ def floor(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> dict[str,
     return {"rounding": max(rounding(scene, signals).values(), default=0.0), "walls": walls(scene)}
 
 
-def check_floor(
-    scene: Scene, signals: Mapping[str, NDArray[np.float64]], failure: type[GranularError] = SceneError
-) -> None:
-    """Raise an error of the type `failure` if no time step can meet the scene's tolerance for these signals."""
+def check_floor(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> None:
+    """Raise a SceneError if no time step can meet the scene's tolerance for these signals."""
     remedies = {
         "rounding": "a larger wave.amplitude or fewer packing.rows",
         "walls": 'packing.ends = "periodic"' + ("" if scene.shape.infinite else ' and packing.sides = "periodic"'),
     }
     for source, value in floor(scene, signals).items():
         if scene.time.tolerance is not None and scene.time.tolerance < value:
-            raise failure(
+            raise SceneError(
                 f"time.tolerance = {scene.time.tolerance!r}: must be at least {value:.2g}, which {source} leaves in "
                 f"this scene, or take {remedies[source]}"
             )

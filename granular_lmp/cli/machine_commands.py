@@ -1,7 +1,7 @@
 """Commands about this machine: doctor, build-kernel, completion."""
 
 from granular_lmp.cli.arguments import Commands, Options, add, json_argument
-from granular_lmp.cli.completion import SHELLS
+from granular_lmp.cli.completion import SHELLS, script
 from granular_lmp.cli.output import say, say_json
 
 
@@ -43,7 +43,6 @@ def _build_kernel(options: Options) -> int:
 
 
 def _completion(options: Options) -> int:
-    from granular_lmp.cli.completion import script
     from granular_lmp.scene.shipped import shipped
 
     scenes, collisions, impacts = map(shipped, ("*/scene.toml", "collisions/*.toml", "impacts/*/scene.toml"))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from granular_lmp.cli.arguments import Commands, Options, add, json_argument, scene_arguments, scene_of
 from granular_lmp.cli.output import say, say_json
-from granular_lmp.errors import OutputError
+from granular_lmp.errors import OutputError, SceneError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -228,7 +228,6 @@ def _speeds(scene: "Scene", table: Table) -> list[str]:
 def _branches_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     """Say the branches along a path through the zone, or their density."""
     from granular_lmp.crystal.zone import CHARACTERS, along_path, density_of_states
-    from granular_lmp.errors import SceneError
     from granular_lmp.scene.linear import physics_of, wave_contacts
 
     if scene.loose:

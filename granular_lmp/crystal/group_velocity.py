@@ -17,12 +17,13 @@ from granular_lmp.crystal.modes import FULL, MODES, Physics, bloch_modes, branch
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, zone_edge
 
+_DIRECTIONS = 360  # of k, all around, even
 _SAMPLES = 160  # points of |k| between Γ and the edge of the zone; a crossing is interpolated linearly between two
 _STEP = 1e-4  # 1/R, of central differences
 
 
 def fronts(
-    lattice: Contacts, sphere: Sphere, frequency: float, physics: Physics = FULL, *, directions: int = 360
+    lattice: Contacts, sphere: Sphere, frequency: float, physics: Physics = FULL
 ) -> dict[str, NDArray[np.float64]]:
     """Return the group velocities of the waves of a frequency in the hexagonal lattice, by name of their mode.
 
@@ -34,8 +35,6 @@ def fronts(
         Ω, rad/t0.
     physics : Physics
         Degrees of freedom.
-    directions : int
-        Number of directions of k, all around, even. Good values: 180 to 720.
 
     Returns
     -------
@@ -45,7 +44,7 @@ def fronts(
         several k gives several rows. To about 1e-3: |k| is interpolated.
     """
     # Half of them, as −k has the frequency of k and the opposite velocity; none is along a mirror line
-    degrees = np.linspace(-180, 0, directions // 2, endpoint=False) + 180 / directions
+    degrees = np.linspace(-180, 0, _DIRECTIONS // 2, endpoint=False) + 180 / _DIRECTIONS
     along = np.column_stack([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
     edge = np.array([zone_edge(each) for each in degrees]) / ROW_SPACING / lattice_constant(sphere)
     share = np.linspace(0.01, 1.0, _SAMPLES)

@@ -24,7 +24,9 @@ from granular_lmp.frozen import dataclass
 Floats = NDArray[np.float64]
 CHARACTERS = ("along", "across", "vertical", "rocking", "torsion")  # shares of the kinetic energy of a mode
 _STEP = 1e-4  # 1/R, of central differences: 1e-8 of a frequency of rounding, 1e-8 of curvature
-_SAMPLES = 1_000_000  # of a density of states: 5000 in each of its bins, whose scatter no figure shows
+_POINTS = 60  # of a path, from corner to corner
+_BINS = 200  # of a density of states
+_SAMPLES = 1_000_000  # of it: 5000 in each of its bins, whose scatter no figure shows
 _HEXAGON = {"M": (0.0, 2 * pi / sqrt(3)), "K": (4 * pi / 3, 0.0)}
 _FCC = {"X": (0, 0, 1), "L": (0.5, 0.5, 0.5), "W": (0.5, 0, 1), "K": (0.75, 0.75, 0), "U": (0.25, 0.25, 1)}
 _CUBIC = {"X": (0, 1, 0), "M": (1, 1, 0), "R": (1, 1, 1)}
@@ -88,8 +90,8 @@ def corners_of(lattice: Lattice) -> dict[str, Floats]:
     return {key: np.array(place) for key, place in found.items()}
 
 
-def path_of(lattice: Lattice, names: str = "") -> tuple[Floats, tuple[str, ...]]:
-    """Return the corners of a path, "G-M-K-G", and their names; by default through all of them and back to Γ.
+def path_of(lattice: Lattice, names: str) -> tuple[Floats, tuple[str, ...]]:
+    """Return the corners of a path, "G-M-K-G", and their names; of "" through all of them and back to Γ.
 
     Raises
     ------
@@ -106,13 +108,11 @@ def path_of(lattice: Lattice, names: str = "") -> tuple[Floats, tuple[str, ...]]
     return np.array([corners[name] for name in asked]), asked
 
 
-def along_path(
-    crystal: Contacts, sphere: Sphere, physics: Physics, lattice: Lattice, names: str = "", points: int = 60
-) -> Branches:
-    """Return the branches along a path through the zone, `points` from corner to corner."""
+def along_path(crystal: Contacts, sphere: Sphere, physics: Physics, lattice: Lattice, names: str) -> Branches:
+    """Return the branches along a path through the zone, `_POINTS` from corner to corner."""
     places, asked = path_of(lattice, names)
     places = places / lattice_constant(sphere)
-    share = np.linspace(0, 1, points)[:, None]
+    share = np.linspace(0, 1, _POINTS)[:, None]
     wavevector = np.vstack([start + share * (end - start) for start, end in pairwise(places)])
     edges = np.linalg.norm(np.diff(places, axis=0), axis=1)
     ends = np.concatenate([[0.0], np.cumsum(edges)])
@@ -153,7 +153,7 @@ def group_velocities(crystal: Contacts, sphere: Sphere, wavevector: Floats, phys
 
 
 def density_of_states(
-    crystal: Contacts, sphere: Sphere, physics: Physics, lattice: Lattice, points: int, bins: int = 200
+    crystal: Contacts, sphere: Sphere, physics: Physics, lattice: Lattice, points: int
 ) -> tuple[Floats, Floats]:
     """Return the middles of bins, rad/t0, and the share of all modes in each over its width, whose integral is 1.
 
@@ -171,7 +171,7 @@ def density_of_states(
         for part in np.array_split(shares, max(1, len(shares) // 512))
     ]
     frequencies = np.concatenate(found).reshape(*[points] * len(vectors), -1)
-    count, edges = np.histogram(_between(frequencies), bins=bins, density=True)
+    count, edges = np.histogram(_between(frequencies), bins=_BINS, density=True)
     return (edges[1:] + edges[:-1]) / 2, np.asarray(count)
 
 

@@ -25,8 +25,8 @@ from granular_lmp.scene.sources import ROTATION
 # μ = 5a (adhesion) to 10a (compression) keeps F_t under 0.6 of the sliding force for every mode. Much larger is wrong
 # too: LAMMPS skips turning the shear history with the contact while its normal part is below 1e-10 of the sliding
 # force, which then freezes it.
-_FEW = 300  # contacts whose slip is sought phase by phase to half a degree; of more it is to four
 FRICTION_PER_AMPLITUDE = 10.0
+_FEW = 300  # contacts whose slip is sought phase by phase to half a degree; of more it is to four
 NOTHING = 1e-12  # rounding of a number of order 1 that vanishes by symmetry
 
 

@@ -9,7 +9,7 @@ from granular_lmp.effects.case import NOTHING, Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.guard import Guard
 from granular_lmp.effects.openings import changed_lines
-from granular_lmp.effects.reading import bounded
+from granular_lmp.effects.reading import judged_singly
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.scene import Scene
 
@@ -21,8 +21,7 @@ GUARD = Guard(
     meaning="contacts opened or formed, so that no closed form holds and shear forces are lost",
     cure="set effects.contact_opening = true, or take a smaller wave.amplitude or a slower striker",
     of_contacts=True,
-    # LAMMPS counts them; whether one hardly touches is judged contact by contact, unless it holds beyond
-    per_contact=lambda scene: bounded(scene) and not scene.sphere.pull_off_distance,
+    per_contact=judged_singly,
 )
 
 

@@ -1,7 +1,7 @@
 """The effect: one record per effect.
 
 An effect decides by a number whether a scene calls for it. It writes its lines into the deck, adds its term to the
-linear problem, and names the guard that proves its absence harmless, its cost, and the loss without it. Each of the
+linear problem, and names the guard that looks whether it occurs, its cost, and the loss without it. Each of the
 other files here defines one effect; `granular_lmp.effects.selection` lists them and chooses. A theory covers an effect
 only if its line in `granular_analysis.theory.catalogue` names it.
 """
@@ -70,9 +70,9 @@ class Effect:
     concerns : callable
         Scene → True if the effect is one of such scenes.
     guard : Guard, optional
-        Guard that proves that the effect did not occur.
+        Guard that looks whether the effect occurs.
     instead : (callable, Guard), optional
-        Scene → True if another guard proves it there, and that guard.
+        Scene → True if another guard looks there, and that guard.
     always : bool
         True if the guard also measures, without judging, while the effect is on.
     in_all : bool

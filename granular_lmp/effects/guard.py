@@ -1,4 +1,4 @@
-"""The guard: a number that LAMMPS measures to prove that an effect left out of a deck did not occur.
+"""The guard: a number that LAMMPS measures to see whether an effect that a deck leaves out occurs.
 
 Each guard is defined in the file of its effect. `granular_lmp.lammps.guards` writes it into the deck and judges its
 result.

@@ -66,8 +66,8 @@ class OnWall:
                     found.append(cls(f"{face}{m + 1}", inward, formulas, pull, loss, rest))
         return tuple(found)
 
-    def lines(self, group: str) -> list[str]:
-        """Return the lines that measure the smallest push and the largest shear force of a group."""
+    def lines(self) -> list[str]:
+        """Return the lines that measure the smallest push and the largest shear force in the group inside."""
         least, axis = "min" if self.inward > 0 else "max", FACES[self.face][0]
         across = " ".join(f"f_{self.name}[{number + 2}]" for number in range(3) if number != axis)
         push, lines = f"f_{self.name}[{axis + 2}]", []
@@ -76,11 +76,11 @@ class OnWall:
             lines.append(f"variable     push_{self.name} atom {at}*{push}+(1-{at})*({rest})")
             push = f"v_push_{self.name}"
         lines += [
-            f"compute      press_{self.name} {group} reduce {least} {push}",
-            f"compute      drag_{self.name} {group} reduce maxabs {across}",
+            f"compute      press_{self.name} inside reduce {least} {push}",
+            f"compute      drag_{self.name} inside reduce maxabs {across}",
         ]
         if self.dashpot:
-            lines.append(f"compute      lift_{self.name} {group} reduce maxabs v{self.name[0]}")
+            lines.append(f"compute      lift_{self.name} inside reduce maxabs v{self.name[0]}")
         return lines
 
     def overlap(self) -> str:

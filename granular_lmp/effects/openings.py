@@ -24,7 +24,7 @@ from granular_lmp.effects import on_walls
 from granular_lmp.effects.guard import Prepared, watches_part
 from granular_lmp.effects.law_formulas import FORMULAS
 from granular_lmp.effects.looks import LOOKS, nearly_open
-from granular_lmp.effects.reading import alike, bounded
+from granular_lmp.effects.reading import alike, judged_singly
 from granular_lmp.scene.at_rest import contacts_of, crystal_of, law_at_rest
 from granular_lmp.scene.scene import Scene
 
@@ -91,8 +91,7 @@ def at_rest_lines(problem: Prepared) -> list[str]:
 def changed_lines(problem: Prepared) -> list[str]:
     """Return the lines of v_open, the contacts that have opened or formed."""
     scene = problem.scene
-    judged_singly = bounded(scene) and not scene.sphere.pull_off_distance
-    near = "" if judged_singly else f"+({{}}==0)*({nearly_open(scene, problem.mode):.4f}>v_overlap){_MAY}"
+    near = "" if judged_singly(scene) else f"+({{}}==0)*({nearly_open(scene, problem.mode):.4f}>v_overlap){_MAY}"
     if not by_pairs(scene):
         missed = f"variable     missed atom abs(f_at_rest-c_touching){on_walls.missed(problem)}"
         return [

@@ -73,24 +73,27 @@ def alike(scene: Scene) -> bool:
     return len(crystal.materials) == 1 and bool(np.ptp(crystal.atoms.arrays["radius"]) == 0)
 
 
-def bounded(scene: Scene) -> bool:
-    """Return whether the smallest overlap that the guards of a scene know is only a lower bound."""
-    return scene.effects.damping is True and not alike(scene)
+def judged_singly(scene: Scene) -> bool:
+    """Return whether openings are judged contact by contact: the smallest overlap of all is only a lower bound.
+
+    Contacts that hold beyond an overlap of 0 are counted.
+    """
+    return scene.effects.damping is True and not alike(scene) and not scene.sphere.pull_off_distance
 
 
-def contact_lines(group: str, how: Reading) -> list[str]:
-    """Return the lines that measure the contacts of a group: lengths, shear forces, perhaps normal forces."""
+def contact_lines(how: Reading) -> list[str]:
+    """Return the lines that measure the contacts of the group inside: lengths, shear forces, perhaps normal forces."""
     forces = f" force{how.formulas.mark(how.axes)} cutoff {how.formulas.cutoff}" if how.forces else ""
     lines = [
-        f"compute      contact {group} pair/local dist p4{forces}",
-        f"compute      extreme {group} reduce max c_contact[1] c_contact[2] inputs local",
+        f"compute      contact inside pair/local dist p4{forces}",
+        "compute      extreme inside reduce max c_contact[1] c_contact[2] inputs local",
     ]
     if how.forces:
-        lines.append(f"compute      weakest {group} reduce min c_contact[3] inputs local")
+        lines.append("compute      weakest inside reduce min c_contact[3] inputs local")
     if how.dashpots:
         velocity = " ".join(f"v{axis}" for axis in "xyz"[: how.axes])
-        lines.append(f"compute      swift {group} reduce maxabs {velocity}")
-    return lines + [line for each in how.walls for line in each.lines(group)]
+        lines.append(f"compute      swift inside reduce maxabs {velocity}")
+    return lines + [line for each in how.walls for line in each.lines()]
 
 
 def overlap_lines(how: Reading) -> list[str]:

@@ -23,9 +23,8 @@ from granular_lmp.problem import Problem
 
 GUARDS = all_guards()
 LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
-BOUND = (
-    3.0  # times the largest ratio of one contact, the hardest shear is over the smallest sliding force (make guards)
-)
+# The hardest shear over the smallest sliding force is at most this times the largest ratio of one contact (make guards)
+BOUND = 3.0
 
 
 def line_interval(problem: Problem) -> int:
@@ -51,7 +50,7 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
     names, how = problem.guards, Reading.of(problem)
     text: list[str] = []
     for guard in (GUARDS[name] for name in names):
-        of_contacts = [*contact_lines("inside", how), *overlap_lines(how)] if guard.of_contacts else []
+        of_contacts = [*contact_lines(how), *overlap_lines(how)] if guard.of_contacts else []
         text += [line for line in (*of_contacts, *guard.lines(problem)) if line not in text]
     seen = {name: f"f_looks[{place}]" for place, name in enumerate(_measured(problem), 1)}
     return [

@@ -39,7 +39,7 @@ from granular_lmp.runs.prescribed_motion import at_the_instant, moved_spheres
 from granular_lmp.runs.scales import force_of, length_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.snapshots import dimensionless, finest, step_of
-from granular_lmp.runs.tables import Many, places_of
+from granular_lmp.runs.tables import HasTables, Many, places_of
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.monitors import Monitor, row_step
 from granular_lmp.scene.places import spheres_at
@@ -53,7 +53,7 @@ Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, repr=False)
-class MonitorRecord:
+class MonitorRecord(HasTables):
     """Record of a monitor, read when it is used.
 
     Attributes
@@ -341,28 +341,6 @@ class MonitorRecord:
         flux one for each time and row: tau, row, flux. In a crystal of several layers the layer stands beside column.
         """
         return self._many.columns()
-
-    def to_pandas(self) -> Any:
-        """Return `columns` as a ``pandas.DataFrame``.
-
-        Raises
-        ------
-        PackageMissingError
-            If pandas is not installed.
-        """
-        return self._many.to_pandas()
-
-    def to_xarray(self) -> Any:
-        """Return `columns` as an ``xarray.Dataset`` over tau and "sphere", "contact" or "row", with units.
-
-        Its attributes hold the scales that turn it into SI units, and ``scene``, the scene as TOML.
-
-        Raises
-        ------
-        PackageMissingError
-            If xarray is not installed.
-        """
-        return self._many.to_xarray()
 
     @property
     def _many(self) -> Many:

@@ -84,17 +84,6 @@ class Job:
 Route = Callable[[Job], None]
 
 
-def run_input(folder: Path, input_name: str, lock: int) -> None:
-    """Run an input in its locked folder in this process; LAMMPS writes ``log.lammps`` there.
-
-    Raises
-    ------
-    LammpsMissingError, LammpsError
-        As in `granular_lmp.run`.
-    """
-    route_of(Options())(Job(folder, input_name, LOG, lock, lambda step: None))
-
-
 def check_machine() -> None:
     """Raise LammpsMissingError or LaunchError if LAMMPS cannot run in this process."""
     route_of(Options())

@@ -1,9 +1,9 @@
 """The seal of a run that ended: ``run.json`` lists each file that the run wrote, with its size and its digest.
 
 It also holds a digest of itself, and that of a run to a tolerance lists the ``run.json`` of each of its steps. A reader
-compares the files, large ones of snapshots and monitors when it reads them. What is not listed is the
-user's. A run that was stopped lists its checkpoints too; of one that was killed nothing is known. A folder of format 1
-lists nothing, and is read as it was (`granular_lmp.runs.formats`).
+compares the files, large ones of snapshots and monitors when it reads them. What is not listed is the user's. A run
+that was stopped lists its checkpoints too; of one that was killed nothing is known. A folder of format 1 lists nothing,
+and is read as it was (`granular_lmp.runs.formats`).
 """
 
 import hashlib

@@ -9,7 +9,7 @@ types and ``v_theta``. Here a snapshot is read when it is used, and is dimension
 from collections.abc import Sequence
 from math import ceil
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import ase
 import numpy as np
@@ -32,7 +32,7 @@ from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.prescribed_motion import Moved, at_the_instant, moved_spheres
 from granular_lmp.runs.scales import length_of
 from granular_lmp.runs.seal import refuse_changed_record
-from granular_lmp.runs.tables import Many, places_of
+from granular_lmp.runs.tables import HasTables, Many, places_of
 from granular_lmp.scene.at_rest import crystal_of, sphere_count
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.scene import Scene
@@ -141,7 +141,7 @@ def finest(folder: Path, name: str) -> Path | None:
 
 
 @dataclass(frozen=True, repr=False)
-class Snapshots(HasCard):
+class Snapshots(HasCard, HasTables):
     """Snapshots of a run: ``snapshots[i]`` reads one, ``snapshots.tau`` holds their times.
 
     Attributes
@@ -240,28 +240,6 @@ class Snapshots(HasCard):
         """Return several attributes, each as of `stack`, from one reading of the file, which takes most of the time."""
         read = [[getattr(each, name) for name in names] for each in map(self.__getitem__, range(len(self)))]
         return [np.array([values[k] for values in read]) for k in range(len(names))]
-
-    def to_pandas(self) -> Any:
-        """Return a ``pandas.DataFrame`` with a line for each time and sphere, with the columns of a monitor of motion.
-
-        Raises
-        ------
-        PackageMissingError
-            If pandas is not installed.
-        """
-        return self._many.to_pandas()
-
-    def to_xarray(self) -> Any:
-        """Return an ``xarray.Dataset`` of displacements, rotations and their rates over tau and "sphere", with units.
-
-        Its attributes hold the scales that turn it into SI units, and ``scene``, the scene as TOML.
-
-        Raises
-        ------
-        PackageMissingError
-            If xarray is not installed.
-        """
-        return self._many.to_xarray()
 
     @property
     def _many(self) -> Many:

@@ -93,6 +93,36 @@ class Many:
         return _told(self.scene, f"{unit}/t0" if rate else unit, f"rate of {meaning}" if rate else f"{meaning}{axis}")
 
 
+class HasTables:
+    """A record of many spheres, contacts or rows, which other programs take as a table."""
+
+    def to_pandas(self) -> Any:
+        """Return a ``pandas.DataFrame`` with a line for each time and sphere, contact or row; columns as of a monitor.
+
+        Raises
+        ------
+        PackageMissingError
+            If pandas is not installed.
+        """
+        return self._many.to_pandas()
+
+    def to_xarray(self) -> Any:
+        """Return an ``xarray.Dataset`` of the same numbers over tau and "sphere", "contact" or "row", with units.
+
+        Its attributes hold the scales that turn it into SI units, and ``scene``, the scene as TOML.
+
+        Raises
+        ------
+        PackageMissingError
+            If xarray is not installed.
+        """
+        return self._many.to_xarray()
+
+    @property
+    def _many(self) -> Many:
+        raise NotImplementedError
+
+
 def columns(record: Any) -> Columns:
     """Return columns of one length by name, dimensionless."""
     if "displacement" not in record.signals:

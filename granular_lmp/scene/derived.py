@@ -299,18 +299,16 @@ class Derived(Document):
         return words.shaken(self.source, self.striker, self.start, self.wave)
 
     @property
-    def _wave_words(self) -> str:
-        """Name of the wave for titles: "TR wave along y, xi = 0.802 rad per row, D0 = 0.2 Delta0"."""
-        return (
-            f"{self._shaken}{self.wave.words} {self.envelope.kind} along {self.along}, "
-            f"xi = {self.wavenumber!r} rad per row, D0 = {self.wave.amplitude!r} Delta0"
-        )
-
-    @property
     def words(self) -> str:
-        """Return the scene in words, for titles: its wave, or size and strikers."""
+        """The scene in words, for titles: size and strikers, or its wave.
+
+        "TR wave along y, xi = 0.802 rad per row, D0 = 0.2 Delta0"
+        """
         if self.wave is not None:
-            return self._wave_words
+            return (
+                f"{self._shaken}{self.wave.words} {self.envelope.kind} along {self.along}, "
+                f"xi = {self.wavenumber!r} rad per row, D0 = {self.wave.amplitude!r} Delta0"
+            )
         held = words.held_by(self.sphere, self.disorder.radius if self.loose and self.lattice.sheet else 0.0)
         return words.of_strikes(self.shape, held, self.striker, self.start, self.source)
 

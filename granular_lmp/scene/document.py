@@ -94,13 +94,9 @@ class Document:
         return cls.from_dict(cls.changed(tables, changes), default_name(file))
 
     @classmethod
-    def loads(cls, text: str, default: str | None = None, folder: Path | None = None) -> Self:
-        """Return the document in TOML text; `default` is its name if the text declares none.
-
-        Files that it names are relative to `folder`, by default the current one.
-        """
-        tables = toml_tables(text)
-        return cls.from_dict(cls._located(tables, folder) if folder else tables, default)
+    def loads(cls, text: str) -> Self:
+        """Return the document in TOML text; files that it names are relative to the current folder."""
+        return cls.from_dict(toml_tables(text))
 
     @classmethod
     def _located(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:

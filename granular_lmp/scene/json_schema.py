@@ -12,7 +12,7 @@ from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene import samples
-from granular_lmp.scene.document import Document, note
+from granular_lmp.scene.document import note
 from granular_lmp.scene.records import declared_keys
 from granular_lmp.scene.refusals import NEEDS_REST, NEEDS_WAVE, UNWAVED
 from granular_lmp.scene.scene import Scene
@@ -52,15 +52,16 @@ class Key:
     required: bool
 
 
-def keys(document: type[Document] = Scene, *, bare: bool = False, loose: bool = True) -> Iterator[Key]:
-    """Yield every key of a kind of file, section by section.
+def keys(*, bare: bool = False, loose: bool = True) -> Iterator[Key]:
+    """Yield every key of a scene file, section by section.
 
     `bare` is true for a scene without ``[wave]``, and then `loose` for one whose spheres are not at rest under load.
     """
-    absent = (document.layout.lacking, *NEEDS_WAVE, *(NEEDS_REST if loose else ())) if bare else ()
-    for section, kind in {**document.layout.sections, **document.layout.repeated}.items():
+    layout = Scene.layout
+    absent = (layout.lacking, *NEEDS_WAVE, *(NEEDS_REST if loose else ())) if bare else ()
+    for section, kind in {**layout.sections, **layout.repeated}.items():
         own = bare and (loose or section in UNWAVED)
-        found = declared_keys(kind, document.layout.rules.get(section), bare=own) if section not in absent else []
+        found = declared_keys(kind, layout.rules.get(section), bare=own) if section not in absent else []
         for each in (each for each in found if f"{section}.{each.name}" not in absent):
             required = each.default is MISSING or (
                 each.default not in _NOTHING and not _allowed(each.rule, each.default)
@@ -76,27 +77,25 @@ def _allowed(rule: Rule, value: Any) -> bool:
     return True
 
 
-def json_schema(document: type[Document] = Scene) -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of a kind of scene file.
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a scene file.
 
     A scene with ``[wave]`` and one without it have other keys: "then" holds the first, "else" the second. There "then"
     holds those of a crystal at rest under load, "else" those of loose spheres.
     """
     head = {"$schema": DIALECT, "title": "A scene of granular-lmp"}
-    if not document.layout.lacking:
-        return head | _tables(document, bare=False)
-    at_rest, loose = (_marked(_tables(document, bare=True, loose=loose), document) for loose in (False, True))
+    at_rest, loose = (_marked(_tables(bare=True, loose=loose)) for loose in (False, True))
     without = {"if": _AT_REST, "then": at_rest, "else": loose}
     return head | {
-        "if": {"required": [document.layout.lacking]},
-        "then": _tables(document, bare=False),
+        "if": {"required": [Scene.layout.lacking]},
+        "then": _tables(bare=False),
         "else": without,
     }
 
 
-def _marked(tables: dict[str, Any], document: type[Document]) -> dict[str, Any]:
+def _marked(tables: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a scene without a wave, which has one of the tables that move its spheres."""
-    return tables | {"anyOf": [{"required": [mark]} for mark in document.layout.marks if mark in tables["properties"]]}
+    return tables | {"anyOf": [{"required": [mark]} for mark in Scene.layout.marks if mark in tables["properties"]]}
 
 
 def _having(table: str, **values: dict[str, Any]) -> dict[str, Any]:
@@ -114,20 +113,20 @@ _AT_REST = {
 }
 
 
-def _tables(document: type[Document], *, bare: bool, loose: bool = True) -> dict[str, Any]:
-    layout = document.layout
+def _tables(*, bare: bool, loose: bool = True) -> dict[str, Any]:
+    layout = Scene.layout
     properties: dict[str, Any] = {
         "name": {"type": "string", "pattern": f"^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$"},
         "description": {"type": "string", "maxLength": LONGEST_DESCRIPTION},
     }
     sections: dict[str, dict[str, Any]] = {}
     needed: dict[str, list[str]] = {}
-    for key in keys(document, bare=bare, loose=loose):
+    for key in keys(bare=bare, loose=loose):
         sections.setdefault(key.section, {})[key.name] = _value(key)
         needed.setdefault(key.section, []).extend([key.name] if key.required else [])
     for section, inner in sections.items():
         table: dict[str, Any] = {"type": "object", "properties": inner, "additionalProperties": False}
-        if document is Scene and section == "wave":  # a wave vector replaces wave number and direction
+        if section == "wave":  # a wave vector replaces wave number and direction
             pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
             inner["wavevector"] = pair | {"description": note("wave.wavevector", Scene)}
             needed["wave"].remove("wavenumber")
@@ -177,14 +176,14 @@ def _values(rule: Rule) -> dict[str, Any]:
     return {"anyOf": [numbers, *others]} if others else numbers
 
 
-def reference(document: type[Document] = Scene, *, bare: bool = False) -> str:
+def reference(*, bare: bool = False) -> str:
     """Return tables of all keys in Markdown, one per section: key, unit, default, allowed values, meaning."""
     lines: list[str] = []
     section = ""
-    for key in keys(document, bare=bare):
+    for key in keys(bare=bare):
         if key.section != section:
             section = key.section
-            title = f"[[{section}]]" if section in document.layout.repeated else f"[{section}]"
+            title = f"[[{section}]]" if section in Scene.layout.repeated else f"[{section}]"
             lines += ["", f"## `{title}`", "", "| key | unit | default | allowed | meaning |"]
             lines.append("|---|---|---|---|---|")
         default = "must be given" if key.required else "–" if key.default in _NOTHING else f"`{toml(key.default)}`"

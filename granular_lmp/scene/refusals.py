@@ -3,7 +3,7 @@
 Each line is a function that returns what is wrong, "" if nothing is. `refuse` raises the first.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from math import sqrt
 from typing import Any, Literal
 
@@ -84,9 +84,9 @@ def _line(because: Because, *, loose: bool = True) -> Callable[[Callable[[Derive
     return joined
 
 
-def refuse(scene: Derived, lines: Iterable[Refusal] = REFUSALS) -> None:
+def refuse(scene: Derived) -> None:
     """Raise a SceneError for the first line that refuses a scene without a wave."""
-    for line in lines:
+    for line in REFUSALS:
         if (scene.loose or not line.loose) and (sentence := line.says(scene)):
             raise SceneError(sentence)
 

@@ -97,7 +97,7 @@ class Source(AtPlaces):
     sweep: float = number("", "last frequency of a chirp over its first", 0.01, 100, default=2.0)
     told: str = ""  # of a measured drive that `in_units` has converted: how long and how large it is
 
-    def in_units(self, scene: "Scaled") -> "Source":
+    def in_units(self, scene: Scaled) -> "Source":
         """Return the source with the samples of a measured drive in τ and in the unit of its amplitude.
 
         Raises SceneError for a force that is measured in m, and its like.

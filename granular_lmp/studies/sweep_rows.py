@@ -38,18 +38,14 @@ _OF_WAVE = {
 }
 
 
-def columns_of(scene: Scene) -> tuple[str, ...]:
-    """Return the columns of a scene in the table; read-outs of its monitors follow."""
-    return (*_units_of(scene), "guards")
-
-
-def _units_of(scene: Scene) -> dict[str, str]:
-    return _FIRST | (far_sphere.COLUMNS if scene.wave is None else _OF_WAVE)
+def units_of(scene: Scene) -> dict[str, str]:
+    """Return the columns of a scene in the table, and their units; read-outs of its monitors follow."""
+    return _FIRST | (far_sphere.COLUMNS if scene.wave is None else _OF_WAVE) | {"guards": ""}
 
 
 def said_of(column: str, scene: Scene) -> dict[str, str]:
     """Return the attributes of a column in a data set: its name in the table, its unit, and what a swept key means."""
-    known, key = _units_of(scene) | {"guards": ""}, column.removesuffix(ASKED)
+    known, key = units_of(scene), column.removesuffix(ASKED)
     said = {"long_name": column}
     if column in known:
         said["units"] = known[column]

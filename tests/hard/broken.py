@@ -14,7 +14,7 @@ from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import DUMP
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import read_status
-from granular_lmp.runs.routes import run_input
+from tests.conftest import run_input
 
 MEMORY = 4 * 10**9  # bytes of addresses: a broken deck must not take the machine with it
 LIMIT = 60  # s for a run of 10 ms: it hangs

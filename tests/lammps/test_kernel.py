@@ -31,14 +31,13 @@ from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, MONITOR_CONTACTS, read
 from granular_lmp.problem import prepare
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import Record, read_status, write_status
-from granular_lmp.runs.routes import run_input
 from granular_lmp.runs.simulation import mend
 from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.shipped import shipped
 from granular_lmp.studies import collide, cost
 from granular_lmp.studies.kick import run_kicked
 from granular_lmp.studies.sweep import sweep
-from tests.conftest import kernel_lacks, members
+from tests.conftest import kernel_lacks, members, run_input
 from tests.hard.guard_study import FAMILIES, random_scene
 from tests.house.test_docs import ROOT
 from tests.manual import Measure, Mutant, verifies

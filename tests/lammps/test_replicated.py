@@ -15,8 +15,8 @@ from granular_lmp.lammps.datafile import read
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.runs.folder import locked
-from granular_lmp.runs.routes import run_input
 from granular_lmp.studies.kick import kicked
+from tests.conftest import run_input
 
 GLASS = {"youngs_modulus": 73e9, "poisson_ratio": 0.17, "work_of_adhesion": 0.063}
 SHEET = Scene.load("tr_nonresonant").with_values(

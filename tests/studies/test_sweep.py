@@ -32,7 +32,7 @@ from granular_lmp.studies.executors import Workers
 from granular_lmp.studies.sweep import Sweep, run_point, sweep
 from granular_lmp.studies.sweep_memory import KNOWN
 from granular_lmp.studies.sweep_points import axes, axis, scene_hash
-from granular_lmp.studies.sweep_rows import columns_of
+from granular_lmp.studies.sweep_rows import units_of
 from tests.cli.test_cli import cli
 from tests.conftest import members
 
@@ -166,7 +166,7 @@ def test_the_folder_and_its_table_say_what_was_returned(swept: tuple[Scene, str,
     assert again == done
     with (tmp_path / "sweep" / "sweep.csv").open(newline="") as stream:
         table = list(csv.DictReader(stream))
-    assert list(table[0]) == [*done.over, *columns_of(scene)]
+    assert list(table[0]) == [*done.over, *units_of(scene)]
     for name in done.main_columns:
         numbers = [float(line[name]) if line[name] else None for line in table]
         assert numbers == [row[name] for row in done.rows]

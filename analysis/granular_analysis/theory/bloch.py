@@ -28,9 +28,8 @@ __all__ = ["wavevector_of"]
 Floats = NDArray[np.float64]
 Field = TypeVar("Field", bound=NDArray[Any])
 
-# One bond of each ± pair, with its tangent; in lattice constants
+# One bond of each ± pair, in lattice constants
 BONDS = np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)], [-0.5, np.sqrt(0.75)]])
-TANGENTS = np.stack([-BONDS[:, 1], BONDS[:, 0]], axis=-1)
 RECIPROCAL = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]])  # basis of the reciprocal lattice
 _ROUNDING = 1e-14  # share of a mode
 GAUGE: NDArray[np.complex128] = np.array([1.0, 1.0, 1j])  # (u, v, φ) = GAUGE · (u, v, f)

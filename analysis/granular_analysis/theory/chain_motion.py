@@ -40,6 +40,7 @@ SIXTH: Scheme = (*_OUTER, 1 - 2 * sum(_OUTER), *reversed(_OUTER))
 AHEAD = 24  # spheres at rest in front of a window; the front of a pulse underflows within 12
 BEHIND = 12  # spheres that have parted and stay in a window; a pulse that comes back moves by 4 in a round
 RESIDUE = 1e-13  # share of the fastest velocity; rounding leaves 1e-16 behind a pulse
+AROUND = 4  # samples on each side of the highest, through which its peak is found
 ROUND = 2.0  # the time between two moves of a window, in collision times
 
 
@@ -201,8 +202,8 @@ def _parted(part: Chain, u: Floats, v: Floats) -> int:
     return int(together[0])
 
 
-def peak(times: ArrayLike, values: ArrayLike, around: int = 4) -> tuple[float, float]:
-    """Return the height and the time of the highest value, by the polynomial through 2·around + 1 samples there.
+def peak(times: ArrayLike, values: ArrayLike) -> tuple[float, float]:
+    """Return the height and the time of the highest value, by the polynomial through 2·`AROUND` + 1 samples there.
 
     For a solitary wave in samples of 0.1 of its `collision_time` both are good to 3e-6, of 0.03 to 1e-10.
 
@@ -210,10 +211,10 @@ def peak(times: ArrayLike, values: ArrayLike, around: int = 4) -> tuple[float, f
     """
     times, values = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
     top = int(np.argmax(values))
-    near = slice(top - around, top + around + 1)
-    if top < around or near.stop > len(values):
+    near = slice(top - AROUND, top + AROUND + 1)
+    if top < AROUND or near.stop > len(values):
         raise ValueError(f"the highest value is sample {top} of {len(values)}: too near to an end for a peak")
-    apart, scale = times[near] - times[top], times[top + around] - times[top]
+    apart, scale = times[near] - times[top], times[top + AROUND] - times[top]
     curve = np.linalg.solve(np.vander(apart / scale), values[near])
     slopes = np.roots(np.polyder(curve))
     turns = slopes[np.isreal(slopes)].real
@@ -234,5 +235,5 @@ def first_peak(times: ArrayLike, values: ArrayLike, least: float) -> tuple[float
     if not len(over):
         raise ValueError(f"no pulse above {least:g} has passed")
     top = int(np.argmax(values[: over[0]]))
-    near = slice(max(top - 4, 0), top + 5)
+    near = slice(max(top - AROUND, 0), top + AROUND + 1)
     return peak(times[near], values[near])

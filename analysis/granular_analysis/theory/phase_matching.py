@@ -82,17 +82,16 @@ def last_number(crystal: Crystal, unit: NDArray[Any]) -> Any:
     return numbers[np.argmin(numbers.real)]
 
 
-def matches(crystal: Crystal, direction: ArrayLike, limit: float | None = None, count: int = COUNT) -> list[Match]:
+def matches(crystal: Crystal, direction: ArrayLike, count: int = COUNT) -> list[Match]:
     """Return all resonances and antiresonances on a line of wave vectors, by wave number.
 
     Parameters
     ----------
     direction : (2,) or (3,) of any length
-    limit : largest |k|; None: the zone's edge
-    count : of wave numbers, from limit/count to limit
+    count : of wave numbers, the largest that of the zone's edge
     """
     along = _unit(direction)
-    most = zone_edge(crystal, along) if limit is None else limit
+    most = zone_edge(crystal, along)
     numbers = most * np.arange(1, count + 1) / count
     line = _Line(crystal, along)
     numbers, grid = line.grid(numbers)

@@ -35,23 +35,21 @@ SAMPLE, RECORDS = 0.5, 240
 TAU = SAMPLE * np.arange(RECORDS + 1)
 
 
-def stepped(
-    waves: Sequence[Wave], per_sample: int, *, sample: float = SAMPLE, records: int = RECORDS, points: int = 25
-) -> Floats:
+def stepped(waves: Sequence[Wave], per_sample: int, *, records: int = RECORDS, points: int = 25) -> Floats:
     """p, q, φ in D0 of the row n = 0 of each wave, (waves, records + 1, 3), with `per_sample` steps to a sample.
 
     Parameters
     ----------
     waves : along y and of phase 0, in contacts with η > 0.
-    per_sample : steps to a sample.
-    sample, records : τ between records, and their number after the first.
+    per_sample : steps to a sample of `SAMPLE` τ.
+    records : their number after the first.
     points : K of the torus, odd; see `granular_analysis.theory.lattice.torus_trajectory`.
 
     Raises ValueError for other waves and contacts. Not finite beyond the stability limit of the step.
     """
     if paper := [wave for wave in waves if not wave.contact.overlap_ratio]:
         raise ValueError(f"overlap_ratio = {paper[0].contact.overlap_ratio} must be above 0: LAMMPS steps the slip")
-    return np.stack([_stepped(wave, per_sample, sample / per_sample, records, points) for wave in waves])
+    return np.stack([_stepped(wave, per_sample, SAMPLE / per_sample, records, points) for wave in waves])
 
 
 def _stepped(wave: Wave, per_sample: int, step: float, records: int, points: int) -> Floats:
@@ -141,14 +139,14 @@ def _refuse(wave: Wave) -> None:
         raise ValueError(f"phase = {wave.phase} must be 0 of a wave that is stepped")
 
 
-def limit(waves: Sequence[Wave], tau: ArrayLike = TAU, rtol: float = 1e-10) -> Floats:
-    """p, q, φ in D0 of the row n = 0 of each wave, (waves, T, 3), for the step → 0: the exact lattice to about 50 rtol.
+def limit(waves: Sequence[Wave], tau: ArrayLike = TAU) -> Floats:
+    """p, q, φ in D0 of the row n = 0 of each wave, (waves, T, 3), for the step → 0: the exact lattice to about 5e-9.
 
     The waves run along y with phase 0. Raises ValueError for others.
     """
     for wave in waves:
         _refuse(wave)
-    return np.stack([torus_trajectory(wave, tau, points=25, rtol=rtol)[..., 0] for wave in waves])
+    return np.stack([torus_trajectory(wave, tau, points=25, rtol=1e-10)[..., 0] for wave in waves])
 
 
 def extrapolated(coarse: Floats, fine: Floats) -> Floats:

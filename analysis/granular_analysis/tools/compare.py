@@ -200,7 +200,7 @@ def _second_harmonic(record: Record, wave: Wave | None) -> tuple[float | None, f
 
 
 def notes(record: Record, wave: Wave | None, reference: Reference) -> list[str]:
-    """Return why a comparison may mislead: an unfinished run, loud guards, another law, what no theory here covers."""
+    """Return why a comparison may mislead: an unfinished run, triggered guards, another law, or no theory of it."""
     guards = record.info.get("guards", {})
     status = record.info.get("status", "finished")
     loud = [f"status '{status}': {record.info.get('message')}"] if status != "finished" else []

@@ -15,8 +15,6 @@ that of equal spheres (`granular_analysis.measure.disordered`).
 """
 
 import argparse
-import csv
-import io
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -32,7 +30,7 @@ from granular_analysis.measure.disordered import Seeds, over_seeds, whole_streng
 from granular_analysis.measure.harmonic import Harmonic, by_cell, by_network, by_runs, by_theory, need_wave
 from granular_analysis.measure.runs import begun, load
 from granular_analysis.measure.swept import Swept
-from granular_analysis.plotting import scene_of, start, write
+from granular_analysis.plotting import scene_of, start, write, write_csv
 from granular_lmp.cli.arguments import changes_argument, changes_of
 from granular_lmp.runs.record import STATUS, GranularError, Record, Scene
 
@@ -150,15 +148,6 @@ def seeds_table(found: Seeds) -> str:
     )
 
 
-def as_csv(found: Harmonic) -> str:
-    """Return `columns` as CSV, every number with all its digits."""
-    text, held = io.StringIO(), columns(found)
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(held)
-    writer.writerows(np.column_stack(list(held.values())).tolist())
-    return text.getvalue()
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -190,7 +179,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         raise SystemExit(f"{', '.join(options.targets)}: {error}") from error
     print(text)
     if options.csv:
-        write(Path(options.csv), as_csv(found))
+        held = columns(found)
+        write_csv(Path(options.csv), held, np.column_stack(list(held.values())).tolist())
     if options.json:
         write(Path(options.json), json.dumps(said, indent=2) + "\n")
     return 0

@@ -14,8 +14,6 @@ Branches of a lattice with one sphere a cell are L, TR and RT, of others 1, 2, â
 mean square over the spheres of a cell.
 """
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,7 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granular_analysis.plotting import parser, save, scene_of, start, write
+from granular_analysis.plotting import parser, save, scene_of, start, write_csv
 from granular_analysis.theory.bloch import frame
 from granular_analysis.theory.branches import names_of
 from granular_analysis.theory.crystal import Crystal, padded
@@ -104,15 +102,6 @@ def _opens(a: float, opening: float, above: str = "") -> str:
     return f"open at a = {a / opening:.3g}{above}" if opening > SILENT else "are not stretched in first order"
 
 
-def as_csv(found: Sequence[Row]) -> str:
-    """Return the table as CSV, every number with all its digits."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(FIELDS)
-    writer.writerows(found)
-    return text.getvalue()
-
-
 def draw(setting: Setting, crystal: Crystal, found: Sequence[Row], degrees: float) -> Figure:
     """Return the figure of one direction: branches at 2k, and twice the frequencies at k."""
     along = padded(frame(degrees)[0])
@@ -183,7 +172,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print("\n".join(filter(None, [table(found, bool(options.map)), said])))
     figure = draw_map(setting, found) if options.map else draw(setting, crystal, found, own)
     save(figure, options.output)
-    write(Path(options.output).with_suffix(".csv"), as_csv(found))
+    write_csv(Path(options.output).with_suffix(".csv"), FIELDS, found)
 
 
 if __name__ == "__main__":

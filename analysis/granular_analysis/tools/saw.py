@@ -20,8 +20,6 @@ of these waves, or `saw1`, `saw2`, … for a guided one, counted from the lowest
 their wave numbers, and listed beside the waves that they are.
 """
 
-import csv
-import io
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
@@ -35,7 +33,7 @@ from numpy.typing import NDArray
 from granular_analysis.measure.fitting import wavevectors
 from granular_analysis.measure.points import Point, read
 from granular_analysis.measure.surface import BRANCH, SLOWEST, Film, Wave, is_surface_wave
-from granular_analysis.plotting import parser, save, scene_of, start, write
+from granular_analysis.plotting import parser, save, scene_of, start, write_csv
 from granular_analysis.theory.phase_matching import zone_edge
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.surface_wave import HalfSpace
@@ -93,15 +91,6 @@ def measured(file: str) -> tuple[list[Point], str]:
             said = f"branch = {each.branch!r}" if each.kind == "frequency" else f"a {each.kind}"
             raise TableError(f"{file}: line {each.line}: {said}: must be a frequency of saw, saw1, … or no branch")
     return points, table.understood
-
-
-def as_csv(waves: Sequence[Wave]) -> str:
-    """Return the waves as CSV, every number with all its digits."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(Wave._fields)
-    writer.writerows(waves)
-    return text.getvalue()
 
 
 def draw(film: Film, waves: Sequence[Wave], name: str, points: Sequence[Point], numbers_of_points: Floats) -> Figure:
@@ -169,7 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     waves = [*film.guided(numbers), *film.leaking(numbers)]
     print("\n".join(told))
     save(draw(film, waves, setting.scene.name, points, at), options.output)
-    write(Path(options.output).with_suffix(".csv"), as_csv(waves))
+    write_csv(Path(options.output).with_suffix(".csv"), Wave._fields, waves)
 
 
 def _wrong(options: Namespace) -> str:

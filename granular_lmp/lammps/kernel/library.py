@@ -42,8 +42,8 @@ SOURCE = Path(__file__).with_name("contact.cpp")
 FLAGS = ("-O3", "-fPIC", "-shared", "-std=c++17")
 _BUILD = "granular-lmp build-kernel"
 _ANEW = f"delete it, and build it again with: {_BUILD}"
-# A contact as `granular_lmp.lammps.contact` writes it, of the kinds that the kernel knows
 _log = logging.getLogger(__name__)
+# A contact as `granular_lmp.lammps.contact` writes it, of the kinds that the kernel knows
 _KNOWN = re.compile(
     r"((?:dmt|jkr(?:/distance)?)(?: \S+){4}|hertz/material(?: \S+){3})"
     r" tangential (mindlin(?:/force)? \S+ \S+ \S+|linear_nohistory 0\.0 0\.0) damping (velocity|coeff_restitution)"
