@@ -239,8 +239,13 @@ def _contacts(axes: Axes, found: Found) -> None:
     axes.plot(*np.transpose(list(TRIAL.items())), "k+", markersize=8, label="trial, one crystal")
     axes.axhline(4, color="black", linewidth=0.8, linestyle=":")
     axes.text(0.05, 4.04, "isostatic without friction", fontsize="small", transform=axes.get_yaxis_transform())
-    axes.set(xscale="log", xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$", ylabel="contacts per sphere $Z$")
-    axes.legend(frameon=False, fontsize="small")
+    axes.set(
+        ylim=(2.9, 6.2),
+        xscale="log",
+        xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$",
+        ylabel="contacts per sphere $Z$",
+    )
+    axes.legend(frameon=False, fontsize="small", loc="lower left", borderaxespad=0.2)
 
 
 def _attenuation(axes: Axes, found: Found) -> None:
@@ -365,7 +370,7 @@ def _antiresonance(axes: Axes, found: Found) -> None:
     axes.axhline(floor, color="black", linewidth=0.8, linestyle=":", label="equal spheres")
     axes.set(yscale="log", xlim=(0, None), xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$")
     axes.set_ylabel("second harmonic /\nresonance of equal spheres")
-    axes.legend(frameon=False, fontsize="small")
+    axes.legend(frameon=False, fontsize="small", loc="lower right", bbox_to_anchor=(1, 0.08), handlelength=1.2)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
