@@ -24,7 +24,7 @@ from granular_lmp import Scene, build
 from granular_lmp.lammps.datafile import DataFile, read
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.lammps.outputs import DUMP, LOG, read_centre, read_log
-from granular_lmp.scene.shape import quiet_rows
+from granular_lmp.rest.shape import quiet_rows
 from granular_lmp.units import units_for
 
 Edit = Callable[[str], str]

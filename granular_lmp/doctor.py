@@ -24,9 +24,9 @@ from granular_lmp.lammps.installation import (
 )
 from granular_lmp.lammps.kernel import library
 from granular_lmp.problem import prepare
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.routes import check_machine
-from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.forecast import speed
 
 # A TR wave of the paper's spheres, one wavelength in a periodic cell of 12 rows, for three periods.

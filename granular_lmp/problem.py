@@ -21,20 +21,20 @@ from granular_lmp.effects.effect import Chosen
 from granular_lmp.effects.selection import EFFECTS, remarks, select, warnings
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
-from granular_lmp.scene.absorption import quiet_end_of, remarks_on_ends
-from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, echo_at, swiftness
-from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts, usual_frequency
+from granular_lmp.rest.absorption import quiet_end_of, remarks_on_ends
+from granular_lmp.rest.at_rest import CrystalAtRest, contacts_of, crystal_of, echo_at, swiftness
+from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts, usual_frequency
+from granular_lmp.rest.scene import Scene
+from granular_lmp.rest.step_rules import COARSEST, StepRule, refuse_step
 from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
 from granular_lmp.scene.places import place_of, spheres_at
-from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sources import PlacedSource, longest_steps, placed
 from granular_lmp.scene.start import state_in
 from granular_lmp.scene.strikers import struck
-from granular_lmp.step_rules import COARSEST, StepRule, refuse_step
 from granular_lmp.units import AnyUnits
 
 if TYPE_CHECKING:
-    from granular_lmp.collisions import Collisions
+    from granular_lmp.rest.collisions import Collisions
 
 __all__ = ["Problem", "prepare"]
 
@@ -110,7 +110,7 @@ class Problem:
     @cached_property
     def collisions(self) -> "Collisions":
         """Quantities in the units of an impact."""
-        from granular_lmp.collisions import Collisions  # kept out of start-up
+        from granular_lmp.rest.collisions import Collisions  # kept out of start-up
 
         return Collisions(self.scene, self.crystal, self.materials, self.contacts, self.strikers, self.state)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.problem import Contestant, Solution, Start, base_scene, centre_signals
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 
 DECK = """\
 units        si

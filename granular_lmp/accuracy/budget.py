@@ -25,8 +25,8 @@ from granular_lmp.accuracy.rounding import judged, linear_signals, rounding, wal
 from granular_lmp.accuracy.verlet import phase_error
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.selection import order
-from granular_lmp.scene.linear import mode_of
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.linear import mode_of
+from granular_lmp.rest.scene import Scene
 
 Floats = NDArray[np.float64]
 Errors = dict[str, float]

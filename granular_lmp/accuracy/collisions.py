@@ -25,8 +25,8 @@ from granular_lmp.accuracy.extrapolation import Judgement, Signals
 from granular_lmp.effects import selection
 from granular_lmp.effects.looks import fastest
 from granular_lmp.problem import Problem
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import FORCES, RATES
-from granular_lmp.scene.scene import Scene
 
 SAFETY = 4.0  # with 3, two in 130 ladders of 35 scenes ended with up to 1.3 of the tolerance (tests/hard)
 # Steps in the shortest collision of the first run: at a tolerance of 1e-4, and the fewest

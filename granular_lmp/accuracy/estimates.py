@@ -15,8 +15,8 @@ from granular_lmp.accuracy.recorded import Recorded
 from granular_lmp.accuracy.richardson import judge
 from granular_lmp.effects.selection import order
 from granular_lmp.problem import Problem
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import Record
-from granular_lmp.scene.scene import Scene
 
 FEWEST = 3  # runs that show how an error falls
 

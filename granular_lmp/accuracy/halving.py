@@ -14,13 +14,13 @@ from granular_lmp.accuracy.extrapolation import Judgement, following
 from granular_lmp.errors import GranularError, RunInterrupted, ToleranceError
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.outputs import PER_SAMPLE, SCENE, STATUS, replace_text, writable
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.continuation import read_unfinished, whole_checkpoints
 from granular_lmp.runs.folder import clear, locked, refuse_links
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.record import Record, read_status, write_status
 from granular_lmp.runs.seal import scene_digest
-from granular_lmp.scene.scene import Scene
 
 MOST_RUNGS = 12  # runs that are tried before the tolerance is refused
 FINEST = 128  # steps of the finest run at most, over those of the first

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.modes import bloch_mode, contact_stretches
 from granular_lmp.frozen import cached_property, dataclass
-from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.rest.scene import Scene
 
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -20,9 +20,9 @@ from granular_lmp.effects.on_walls import FACES
 from granular_lmp.lammps.binary_dump import BinarySnapshot, binary_snapshots, write_binary
 from granular_lmp.lammps.monitors import wall_columns
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, SNAPSHOTS
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import by_axis, components, rates
 from granular_lmp.runs.record import Record
-from granular_lmp.scene.scene import Scene
 
 if TYPE_CHECKING:
     from granular_lmp.runs.contact_forces import ContactForces

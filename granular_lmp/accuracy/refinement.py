@@ -23,6 +23,7 @@ from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.laws import contacts
 from granular_lmp.lammps.outputs import writable
 from granular_lmp.problem import Problem, prepare
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import launch
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.formats import scene_of
@@ -31,7 +32,6 @@ from granular_lmp.runs.options import Options, Progress, options_of
 from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record, write_status
 from granular_lmp.runs.seal import files_of
-from granular_lmp.scene.scene import Scene
 
 
 def to_tolerance(scene: Scene, folder: Path, options: Options) -> Record:

@@ -20,9 +20,9 @@ from granular_lmp.accuracy.extrapolation import Judgement, combined
 from granular_lmp.accuracy.halving import extrapolated
 from granular_lmp.accuracy.ladder import deciding_frequency
 from granular_lmp.effects.selection import order
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import FORCES, NAMES, RATES
 from granular_lmp.runs.record import IN_SPACE, Record
-from granular_lmp.scene.scene import Scene
 
 Signals = Mapping[str, NDArray[np.float64]]
 

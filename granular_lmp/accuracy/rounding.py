@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.linear import mode_of, plane_along_y
-from granular_lmp.scene.resolution import farthest_rounding, position_rounding
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.linear import mode_of, plane_along_y
+from granular_lmp.rest.resolution import farthest_rounding, position_rounding
+from granular_lmp.rest.scene import Scene
 
 # Share of the largest signal below which a signal counts as zero; one that vanishes by symmetry is rounding, 1e-9 of it
 _STILL = 1e-7
-# Relative error by the walls before their echo arrives (`granular_lmp.scene.shape.echo_time`)
+# Relative error by the walls before their echo arrives (`granular_lmp.rest.shape.echo_time`)
 WALL_ERROR = 1e-6
 
 

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from granular_lmp.accuracy.oscillator import Oscillator, late_shear, oscillator_of
 from granular_lmp.frozen import dataclass
+from granular_lmp.rest.linear import plane_along_y
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.readouts import fitted
 from granular_lmp.runs.record import Record
-from granular_lmp.scene.linear import plane_along_y
-from granular_lmp.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 

@@ -10,13 +10,13 @@ from granular_lmp.accuracy.budget import error_budget
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import SWEEP
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import launch
 from granular_lmp.runs.continuation import read_unfinished
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.record import Record
-from granular_lmp.scene.scene import Scene
 
 __all__ = ["resume", "run"]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from granular_lmp.cli.output import progress_of_rest, remark
 
 if TYPE_CHECKING:
-    from granular_lmp.scene.scene import Scene
+    from granular_lmp.rest.scene import Scene
 
 Options = argparse.Namespace
 
@@ -82,7 +82,7 @@ def positive(text: str) -> int:
 
 def changes_of(options: Options) -> dict[str, Any]:
     """Return dotted key → value for what ``--set`` changes."""
-    from granular_lmp.scene.scene import assignment
+    from granular_lmp.rest.scene import assignment
 
     return dict(assignment(change) for change in options.changes)
 
@@ -108,7 +108,7 @@ def scene_of(options: Options, swept: Mapping[str, Any] | None = None) -> "Scene
 
 def _said_scene(options: Options, changes: dict[str, Any]) -> "Scene":
     from granular_lmp.effects.selection import with_all
-    from granular_lmp.scene.scene import Scene
+    from granular_lmp.rest.scene import Scene
 
     scene = Scene.load(options.scene, changes)
     if options.all_effects:
@@ -123,7 +123,7 @@ def _say_notes_on(scene: "Scene") -> None:
     What follows from the scene alone is said at once, before its crystal comes to rest, which may take long.
     """
     from granular_lmp.effects.selection import remarks, select, warnings
-    from granular_lmp.scene.at_rest import crystal_of, remarks_on_wait
+    from granular_lmp.rest.at_rest import crystal_of, remarks_on_wait
 
     for sentence in (*scene.remarks(), *([] if scene.loose else [*remarks(scene), *remarks_on_wait(scene)])):
         remark(f"note: {sentence}")
@@ -142,7 +142,7 @@ def _say_notes_on(scene: "Scene") -> None:
 
 def wave_scene_of(options: Options) -> "Scene":
     """Return the scene that is asked for, as `scene_of`; raises SceneError if it has no wave."""
-    from granular_lmp.scene.refusals import require_wave
+    from granular_lmp.rest.refusals import require_wave
 
     scene = scene_of(options)
     require_wave(scene)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from granular_lmp.crystal.wavevector import WaveVector
-    from granular_lmp.scene.scene import Scene
+    from granular_lmp.rest.scene import Scene
 
 Table = list[dict[str, Any]]  # a row is column → value
 
@@ -88,7 +88,7 @@ def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
 def _modes_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     """Say the Bloch modes at the scene's wave vector, without a wave at Γ, and of a chain its bands."""
     from granular_lmp.cli.bands import as_json, as_text, ranges
-    from granular_lmp.scene.at_rest import chain_cell
+    from granular_lmp.rest.at_rest import chain_cell
 
     vector = _vector_of(scene)
     cell, t0 = chain_cell(scene), scene.sphere.time_scale
@@ -128,7 +128,7 @@ def _at_wavevector(scene: "Scene") -> Table:
     from granular_lmp.crystal.lattices import lattice_constant
     from granular_lmp.crystal.modes import modes_at
     from granular_lmp.crystal.zone import group_velocities
-    from granular_lmp.scene.linear import physics_of, wave_contacts
+    from granular_lmp.rest.linear import physics_of, wave_contacts
 
     crystal, sphere, physics = wave_contacts(scene), scene.sphere, physics_of(scene)
     vector = _vector_of(scene)
@@ -159,7 +159,7 @@ def _of_crystal(scene: "Scene", vector: "WaveVector", k: "NDArray[np.float64]") 
     from granular_lmp.crystal.bloch import bloch_modes
     from granular_lmp.crystal.modes import MODES, named_in_space
     from granular_lmp.crystal.zone import CHARACTERS, characters
-    from granular_lmp.scene.linear import physics_of, wave_contacts
+    from granular_lmp.rest.linear import physics_of, wave_contacts
 
     crystal, sphere, physics = wave_contacts(scene), scene.sphere, physics_of(scene)
     named = dict(named_in_space(crystal, sphere, vector, physics)) if physics.space else {}
@@ -182,7 +182,7 @@ def _of_crystal(scene: "Scene", vector: "WaveVector", k: "NDArray[np.float64]") 
 
 def _left_out(scene: "Scene") -> str:
     """Return the imperfections that are not in the crystal of the modes, in words."""
-    from granular_lmp.scene.words import imperfections
+    from granular_lmp.rest.words import imperfections
 
     return imperfections(scene.disorder, () if scene.wave_lattice.densities else scene.inclusion)
 
@@ -228,7 +228,7 @@ def _speeds(scene: "Scene", table: Table) -> list[str]:
 def _branches_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     """Say the branches along a path through the zone, or their density."""
     from granular_lmp.crystal.zone import CHARACTERS, along_path, density_of_states
-    from granular_lmp.scene.linear import physics_of, wave_contacts
+    from granular_lmp.rest.linear import physics_of, wave_contacts
 
     if scene.loose:
         raise SceneError(

@@ -78,8 +78,8 @@ def _resume(options: Options) -> int:
 
 
 def _adopt(options: Options) -> int:
+    from granular_lmp.rest.scene import Scene
     from granular_lmp.runs.adopt import adopt
-    from granular_lmp.scene.scene import Scene
 
     changes = changes_of(options)
     scene = Scene.load(options.scene, changes) if options.scene else None

@@ -17,7 +17,7 @@ from granular_lmp.cli.output import say, say_json
 
 if TYPE_CHECKING:
     from granular_lmp.problem import Problem
-    from granular_lmp.scene.scene import Scene
+    from granular_lmp.rest.scene import Scene
     from granular_lmp.studies.forecast import Forecast
 
 WORTH_RANKS = 10_000  # spheres from which several ranks were measured
@@ -55,7 +55,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _init(options: Options) -> int:
-    from granular_lmp.scene.scene import Scene
+    from granular_lmp.rest.scene import Scene
     from granular_lmp.scene.shipped import copy_shipped
     from granular_lmp.scene.starter import write_starter
 
@@ -110,7 +110,7 @@ def _as_json(problem: "Problem", found: "Forecast") -> dict[str, object]:
     """Return what check says, for another program."""
     from dataclasses import asdict
 
-    from granular_lmp.scene.remarks import law_words
+    from granular_lmp.rest.remarks import law_words
 
     scene, scale = problem.scene, problem.scale
     return (
@@ -129,7 +129,7 @@ def _as_json(problem: "Problem", found: "Forecast") -> dict[str, object]:
 
 def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]":
     """Yield the lines of check, each with the word that it begins with."""
-    from granular_lmp.scene.remarks import law_words
+    from granular_lmp.rest.remarks import law_words
 
     scene, scale = problem.scene, problem.scale
     yield "spheres", f"{found.spheres}"
@@ -229,8 +229,8 @@ def _build(options: Options) -> int:
 def _effects(options: Options) -> int:
     from granular_lmp.accuracy.ladder import planned_steps
     from granular_lmp.problem import prepare
+    from granular_lmp.rest.remarks import law_words
     from granular_lmp.runs.manifest import effects_of
-    from granular_lmp.scene.remarks import law_words
 
     problem = prepare(scene_of(options))
     scene, shape, spheres, steps = problem.scene, problem.scene.shape, len(problem.crystal), planned_steps(problem)

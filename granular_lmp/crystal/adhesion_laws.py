@@ -247,6 +247,7 @@ class Jkr(_Law):
 
 _STEPS = 5
 # Where a JKR contact ends at a given distance, y = 1/6, over where it ends under a given load, y = 1/2
+SKIN = 0.1  # radii beyond contact, within the list of neighbours of a deck: a contact that adheres ends there
 LATER = 9 * 6 ** (-4 / 3) * 2 ** (4 / 3)
 AdhesionLaw = Dmt | Jkr
 ADHESION_LAWS: dict[str, type[Dmt] | type[Jkr]] = {"dmt": Dmt, "jkr": Jkr}

@@ -22,6 +22,8 @@ __all__ = ["Scale"]
 
 # Hertz: (4√π/5) Γ(2/5)/Γ(9/10) (5/4)^{2/5} = 3.2181 (Landau & Lifshitz, Theory of Elasticity, section 9)
 _COLLISION = 0.8 * sqrt(pi) * gamma(0.4) / gamma(0.9) * 1.25**0.4
+# LAMMPS's DEM contact laws hold for rigid spheres with a small overlap, of this share of the diameter at most
+LARGEST_OVERLAP_RATIO = 0.05
 DEEPEST = 0.625**0.4  # largest overlap of two equal spheres, in ℓ: (5μ/4m)^{2/5} with μ = m/2
 
 

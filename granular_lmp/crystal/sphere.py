@@ -51,7 +51,7 @@ class Sphere:
     Notes
     -----
     Rigid spheres joined by contact springs: valid while the contact is small (Δ0 ≪ R) and the waves are much slower
-    than the sound in the material. `granular_lmp.scene.scene` checks the ranges.
+    than the sound in the material. `granular_lmp.rest.scene` checks the ranges.
 
     Examples
     --------

@@ -16,9 +16,9 @@ from granular_lmp.crystal.contacts import FACTORS, Contacts, Floats
 from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, highest_frequency, row_stretches
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
-from granular_lmp.scene.at_rest import contacts_of, crystal_of, law_at_rest, swiftness
-from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts, wave_contacts
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.at_rest import contacts_of, crystal_of, law_at_rest, swiftness
+from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts, wave_contacts
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.sources import ROTATION
 

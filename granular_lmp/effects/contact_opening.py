@@ -10,8 +10,8 @@ from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.guard import Guard
 from granular_lmp.effects.openings import changed_lines
 from granular_lmp.effects.reading import judged_singly
-from granular_lmp.scene.at_rest import crystal_of
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.at_rest import crystal_of
+from granular_lmp.rest.scene import Scene
 
 GUARD = Guard(
     title="open_contacts",

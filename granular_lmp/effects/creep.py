@@ -17,8 +17,8 @@ from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.effects.width import identifiers
-from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.linear import mode_of, physics_of, wave_contacts
+from granular_lmp.rest.scene import Scene
 
 SHARE = 0.01  # Creep above this share of D0 is part of what a run shows
 # Near a resonance the second harmonic adds as much again, so that a run is expected to creep from half of it on

@@ -6,12 +6,12 @@ stiffer than one of the stiffest pair, or with a wall, at that overlap.
 
 from math import inf
 
+from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.guard import Guard, Prepared
-from granular_lmp.scene.scene import Scene
-from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
-from granular_lmp.step_rules import LONGEST_STEP
+from granular_lmp.rest.scene import Scene
+from granular_lmp.rest.step_rules import LONGEST_STEP
 
 
 def deepest(problem: Prepared) -> list[str]:

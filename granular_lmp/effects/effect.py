@@ -13,8 +13,8 @@ from typing import Any
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.guard import Guard, Lines
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.scene import Scene
-from granular_lmp.scene.shape import Auto
+from granular_lmp.rest.scene import Scene
+from granular_lmp.scene.schema import Auto
 
 
 def _nothing_refused(case: Case) -> str:

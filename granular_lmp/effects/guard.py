@@ -14,8 +14,8 @@ from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.looks import hidden
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.resolution import gathered_rounding
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.resolution import gathered_rounding
+from granular_lmp.rest.scene import Scene
 from granular_lmp.units import AnyUnits
 
 NEVER = 1e20  # tau of a limit that was not passed; LAMMPS's minimum of an empty set
@@ -42,7 +42,7 @@ class Prepared(Protocol):
     @property
     def scale(self) -> Scale: ...
     @property
-    def collisions(self) -> Any: ...  # `granular_lmp.collisions.Collisions`
+    def collisions(self) -> Any: ...  # `granular_lmp.rest.collisions.Collisions`
     @property
     def planes(self) -> Mapping[str, float]: ...
     @property

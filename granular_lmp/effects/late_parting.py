@@ -15,7 +15,7 @@ from typing import Any
 
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.sections import DISTANCE
 
 _SHARE = 0.4939  # 3.5026/7.0922

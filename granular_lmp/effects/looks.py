@@ -14,9 +14,9 @@ from math import cos, pi
 
 from granular_lmp.crystal.modes import Mode, highest_frequency
 from granular_lmp.effects.case import Case
-from granular_lmp.scene.at_rest import contacts_of, swiftness
-from granular_lmp.scene.linear import physics_of, unit_contacts, usual_frequency
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.at_rest import contacts_of, swiftness
+from granular_lmp.rest.linear import physics_of, unit_contacts, usual_frequency
+from granular_lmp.rest.scene import Scene
 
 LOOKS = 8  # in a period of the fastest motion that matters
 TOP = 1.0  # rad/τ, top of the branches that carry displacements: L and TR at the edge of the zone
@@ -29,7 +29,7 @@ def fastest(scene: Scene, mode: Mode | None = None) -> float:
 
     It is that of the second harmonic, of the fastest source if there are sources, or the top of the branches of
     displacement waves, which bounds free waves. A strike holds every frequency up to the highest. s is
-    `granular_lmp.scene.at_rest.swiftness`, 1 in a perfect lattice.
+    `granular_lmp.rest.at_rest.swiftness`, 1 in a perfect lattice.
     Each higher harmonic is smaller by the amplitude, and the rotational branch, up to Ω_max, holds a part in a thousand
     of the contacts' motion if no wall cuts the wave off (docs/effects.md).
     """

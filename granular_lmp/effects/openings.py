@@ -25,8 +25,8 @@ from granular_lmp.effects.guard import Prepared, watches_part
 from granular_lmp.effects.law_formulas import FORMULAS
 from granular_lmp.effects.looks import LOOKS, nearly_open
 from granular_lmp.effects.reading import alike, judged_singly
-from granular_lmp.scene.at_rest import contacts_of, crystal_of, law_at_rest
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.at_rest import contacts_of, crystal_of, law_at_rest
+from granular_lmp.rest.scene import Scene
 
 PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is counted, against rounding
 WIDER = 1.2  # times the largest pull-off distance, so that no rounding leaves a contact out

@@ -8,9 +8,9 @@ from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.freedoms import about, axes, turns
 from granular_lmp.effects.guard import Prepared
-from granular_lmp.scene.absorption import quiet_end_of, quiet_side
-from granular_lmp.scene.linear import uniform_rows
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.absorption import quiet_end_of, quiet_side
+from granular_lmp.rest.linear import uniform_rows
+from granular_lmp.rest.scene import Scene
 
 
 def motion(problem: Prepared) -> list[str]:

@@ -7,8 +7,8 @@ from granular_lmp.effects.guard import Prepared
 from granular_lmp.effects.law_formulas import FORMULAS, Formulas
 from granular_lmp.effects.on_walls import OnWall
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.at_rest import crystal_of
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.at_rest import crystal_of
+from granular_lmp.rest.scene import Scene
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ import numpy as np
 from granular_lmp.crystal.modes import contact_rolls
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
-from granular_lmp.scene.linear import wave_contacts
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.linear import wave_contacts
+from granular_lmp.rest.scene import Scene
 
 
 def called_for(case: Case) -> Finding:

@@ -7,7 +7,7 @@ from granular_lmp.effects.case import NOTHING, Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.freedoms import about, turns
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
-from granular_lmp.scene.linear import uniform_rows, wave_contacts
+from granular_lmp.rest.linear import uniform_rows, wave_contacts
 
 
 def preload(problem: Prepared) -> list[str]:

@@ -23,7 +23,7 @@ from granular_lmp.effects.twisting import TWISTING
 from granular_lmp.effects.walls import WALLS
 from granular_lmp.effects.width import WIDTH
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
 # In the order in which they build on one another

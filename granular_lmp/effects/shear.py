@@ -13,8 +13,8 @@ import numpy as np
 from granular_lmp.crystal.modes import bears_compression, contact_stretches
 from granular_lmp.effects.case import NOTHING, Case, Finding
 from granular_lmp.effects.effect import Effect
-from granular_lmp.scene.linear import uniform_rows, wave_contacts
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.linear import uniform_rows, wave_contacts
+from granular_lmp.rest.scene import Scene
 
 
 def called_for(case: Case) -> Finding:

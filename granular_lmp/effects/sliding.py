@@ -9,7 +9,7 @@ from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.effects.reading import Reading, between
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
 

@@ -5,7 +5,7 @@ from math import inf
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.guard import Prepared
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.sources import TORQUES
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 
 
 def called_for(case: Case) -> Finding:

@@ -8,7 +8,7 @@ from math import inf
 from granular_lmp.crystal.lattices import HELD, WALL
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 
 
 def loose(case: Case) -> Finding:

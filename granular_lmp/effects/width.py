@@ -7,8 +7,8 @@ from granular_lmp.crystal.lattices import centre, offsets, places
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
-from granular_lmp.scene.linear import uniform_rows
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.linear import uniform_rows
+from granular_lmp.rest.scene import Scene
 
 
 def spread(problem: Prepared) -> list[str]:

@@ -89,7 +89,7 @@ def model(
     Notes
     -----
     *Good values*: see docs/choosing-a-shear-law.md for `shear`. The law breaks down when the overlap is no longer small
-    (`granular_lmp.scene.validation.LARGEST_OVERLAP_RATIO`).
+    (`granular_lmp.crystal.scale.LARGEST_OVERLAP_RATIO`).
 
     https://docs.lammps.org/pair_granular.html
     """

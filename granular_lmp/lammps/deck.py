@@ -33,7 +33,7 @@ from granular_lmp.lammps.datafile import DataFile, differences
 from granular_lmp.lammps.edits import differing_lines, places, with_lines
 from granular_lmp.lammps.outputs import SCENE, write_deck
 from granular_lmp.problem import Problem
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 
 __all__ = ["Deck"]
 

@@ -16,8 +16,8 @@ from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, last_step
 from granular_lmp.lammps.recording import sphere_columns, sphere_names
 from granular_lmp.problem import Problem
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.monitors import PlacedMonitor
-from granular_lmp.scene.scene import Scene
 
 
 def contact_columns(scene: Scene) -> tuple[str, ...]:

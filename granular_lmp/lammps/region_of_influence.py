@@ -6,7 +6,7 @@ off and shear contacts strongly, which no record shows.
 
 Spheres farther out leave the run, which gets shorter by them. The face that they leave behind is a disturbance, and
 the waves ahead of its front fall like an Airy function of the distance over its width d^{1/3} rows after d rows
-(`granular_lmp.scene.shape.echo_time`). Spheres therefore leave where
+(`granular_lmp.rest.shape.echo_time`). Spheres therefore leave where
 
     d > w + WIDTHS (w + WIDTHS^{3/2})^{1/3}
 
@@ -20,10 +20,10 @@ import numpy as np
 from granular_lmp.effects.guard import watches_part
 from granular_lmp.effects.openings import by_pairs
 from granular_lmp.problem import Problem
-from granular_lmp.scene.at_rest import swiftness
-from granular_lmp.scene.linear import uniform_rows
-from granular_lmp.scene.scene import Scene
-from granular_lmp.scene.shape import quiet_rows
+from granular_lmp.rest.at_rest import swiftness
+from granular_lmp.rest.linear import uniform_rows
+from granular_lmp.rest.scene import Scene
+from granular_lmp.rest.shape import quiet_rows
 
 MARGIN = 3  # rows that stay around the cone if -var made the run shorter
 

@@ -7,7 +7,7 @@ the lattice repeats. LAMMPS replicates them and computes, with c and n the colum
     x = (c + 1/4) a,    y = n h,    u = Re[U e^{iθ}],    v = Re[−iΩ U e^{iθ}],    θ = n k_y h + c k_x a + phase
 
 for unit amplitude. The operations of x, y and θ are those of `granular_lmp.crystal.lattices` and
-`granular_lmp.scene.initial_fields` in the same order, so spheres have the same positions to the last bit. The fields
+`granular_lmp.rest.initial_fields` in the same order, so spheres have the same positions to the last bit. The fields
 differ by one unit in their thirteenth decimal where the two cosines round to either side of it: 1e-13 D0.
 
 Spheres have the same numbers on any number of ranks, because replicas are numbered by their place and not by their
@@ -22,7 +22,7 @@ from granular_lmp.lammps import start
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.ends import box_of
 from granular_lmp.problem import Problem
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 
 # Spheres from which a sheet is replicated. LAMMPS parses 1e5 of them in 0.9 s; smaller decks are data that one can read
 LARGE = 100_000

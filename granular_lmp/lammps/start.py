@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from granular_lmp.effects import selection
 from granular_lmp.effects.freedoms import about, along, axes, turns
 from granular_lmp.problem import Problem
-from granular_lmp.scene.initial_fields import initial_fields
+from granular_lmp.rest.initial_fields import initial_fields
 
 STEP = "timestep     $(v_step:%.17g)"
 _REFERENCE = "compute      u all displace/atom"

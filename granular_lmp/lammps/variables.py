@@ -6,7 +6,7 @@ from granular_lmp.lammps import guards
 from granular_lmp.lammps.checkpoints import checkpoint_steps
 from granular_lmp.lammps.outputs import DUMP, LOG, SNAPSHOTS
 from granular_lmp.problem import Problem
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import cut
 
 # Names that somebody would try with -var, and that would be ignored

@@ -10,8 +10,8 @@ from granular_lmp.crystal.lattices import packed
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.signals import Picture
-from granular_lmp.scene.at_rest import CrystalAtRest, crystal_of
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.at_rest import CrystalAtRest, crystal_of
+from granular_lmp.rest.scene import Scene
 
 # Units of lengths and forces, of crystals at rest and of loose spheres
 UNITS = (r"\Delta_0", r"k_1\Delta_0"), (r"\ell", r"m\ell/t_0^2")

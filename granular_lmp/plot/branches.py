@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.zone import CHARACTERS, Branches
 from granular_lmp.plot.signals import frequency_axis
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 
 # Each share of the kinetic energy has a colour; a line is their mixture
 COLOURS = np.array([[0.12, 0.35, 0.80], [0.85, 0.20, 0.15], [0.10, 0.60, 0.25], [0.95, 0.65, 0.05], [0.50, 0.20, 0.60]])

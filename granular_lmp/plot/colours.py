@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import ViewError
 from granular_lmp.frozen import dataclass
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.snapshots import Snapshots, Spheres
-from granular_lmp.scene.scene import Scene
 
 DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colours: four decades, as the front in a sheet decays
 _DARK = 0.6  # share of the colours above which they are too dark for a grey line

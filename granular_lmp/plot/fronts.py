@@ -9,8 +9,8 @@ from granular_lmp.crystal.group_velocity import fronts
 from granular_lmp.crystal.lattices import HEXAGONAL
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.signals import BRANCH_STYLES, LEGEND
+from granular_lmp.rest.linear import physics_of, unit_contacts, usual_frequency
 from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.scene.linear import physics_of, unit_contacts, usual_frequency
 
 MOST_SPHERES = 4  # a source may have; each has fronts of its own
 

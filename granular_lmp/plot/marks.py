@@ -12,10 +12,10 @@ from granular_lmp.crystal.disorder import Inclusion, chosen_of
 from granular_lmp.crystal.lattices import packed
 from granular_lmp.plot.colours import Floats, Side
 from granular_lmp.plot.signals import LEGEND
+from granular_lmp.rest.at_rest import crystal_of
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.places import spheres_at
-from granular_lmp.scene.scene import Scene
 
 Integers = NDArray[np.int64]
 _STRIKERS = {"y": "^", "-y": "v", "x": ">", "-x": "<"}

@@ -20,8 +20,8 @@ from granular_lmp.plot.colours import COLOURINGS, SIDES, Floats, side_of, unit_o
 from granular_lmp.plot.marks import interfaces, marked
 from granular_lmp.plot.signals import title
 from granular_lmp.plot.spheres import LARGEST_SHIFT, copies_of, round_below, usual_rows
+from granular_lmp.rest.at_rest import crystal_of
 from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.scene.at_rest import crystal_of
 
 MOST_BYTES = 6_000_000  # A page holds motions of at most this size; it shows every n-th snapshot of a longer run
 _SIGNS = {"source": "★", "striker": "▲", "monitor": "□", "inclusion": "•"}

@@ -21,10 +21,10 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.signals import LEGEND, Picture, save
+from granular_lmp.rest.absorption import quiet_end_of, waves_at_ends
+from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.scene.absorption import quiet_end_of, waves_at_ends
-from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
-from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.sweep import Sweep
 
 THICKNESSES = (5, 10, 20, 40)

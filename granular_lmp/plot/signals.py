@@ -14,9 +14,9 @@ from granular_lmp.accuracy.rounding import moving
 from granular_lmp.crystal.modes import branches
 from granular_lmp.errors import RunFolderError, ViewError, one_line
 from granular_lmp.lammps.outputs import whole
-from granular_lmp.scene import words
-from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest import words
+from granular_lmp.rest.linear import mode_of, physics_of, wave_contacts
+from granular_lmp.rest.scene import Scene
 
 # The dashes distinguish the modes in print without colour
 BRANCH_STYLES = {

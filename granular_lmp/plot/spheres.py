@@ -14,8 +14,8 @@ from granular_lmp.errors import ViewError
 from granular_lmp.plot.colours import Colouring, Floats, Side, label_of
 from granular_lmp.plot.marks import Marks
 from granular_lmp.plot.signals import LEGEND, in_si
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.snapshots import Snapshots, Spheres
-from granular_lmp.scene.scene import Scene
 
 ROWS = 25  # rows of a wave that are drawn by default: three wavelengths of the paper's first case
 LARGEST_SHIFT = 0.5  # radii: largest D0 as drawn by the default magnification

@@ -15,10 +15,10 @@ from granular_lmp.plot.motion import chain_figure
 from granular_lmp.plot.movie import MOVIES
 from granular_lmp.plot.page import page
 from granular_lmp.plot.signals import Picture, save
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.document import note
-from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.sweep import ASKED, Sweep
 
 _LABELS = {

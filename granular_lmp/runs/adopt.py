@@ -25,6 +25,8 @@ from granular_lmp.lammps.monitors import monitor_files
 from granular_lmp.lammps.outputs import LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
 from granular_lmp.lammps.variables import said_variables
 from granular_lmp.problem import Problem, prepare
+from granular_lmp.rest.initial_fields import initial_fields
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.loop import execute
@@ -33,9 +35,7 @@ from granular_lmp.runs.phases import collected
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.routes import Job
 from granular_lmp.runs.simulation import Simulation, mend
-from granular_lmp.scene.initial_fields import initial_fields
 from granular_lmp.scene.places import place_of
-from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import shown
 
 # Variable of a deck → key of the scene

@@ -11,7 +11,7 @@ from typing import Any
 
 from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.lammps.outputs import SCENE
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
 FORMAT = 2  # this release writes folders of this format

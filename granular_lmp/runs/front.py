@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import ReadoutError
 from granular_lmp.frozen import dataclass
+from granular_lmp.rest.at_rest import crystal_of
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.scales import length_of
 from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.places import place_troubles, spheres_at
-from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import allowed_names
 
 __all__ = ["Front", "front"]

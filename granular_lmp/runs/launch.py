@@ -10,6 +10,7 @@ from pathlib import Path
 from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.lammps.kernel import library
 from granular_lmp.problem import Problem, prepare
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.loop import begin, proceed
@@ -17,7 +18,6 @@ from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.phases import collected, phase
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.simulation import Judge, Simulation, nothing_more
-from granular_lmp.scene.scene import Scene
 
 
 def launch(what: Scene | Problem | Deck, folder: str | Path, options: Options, judge: Judge = nothing_more) -> Record:

@@ -15,11 +15,11 @@ from granular_lmp.lammps.guard_results import measured, seen_every
 from granular_lmp.lammps.guards import GUARDS, line_interval
 from granular_lmp.lammps.outputs import LOG, LOOP_SECTIONS, RunLog
 from granular_lmp.problem import Problem
+from granular_lmp.rest.absorption import quiet_end_of, quiet_side
+from granular_lmp.rest.at_rest import CrystalAtRest
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.seal import scene_digest
-from granular_lmp.scene.absorption import quiet_end_of, quiet_side
-from granular_lmp.scene.at_rest import CrystalAtRest
-from granular_lmp.scene.scene import Scene
 
 
 def description(problem: Problem, edits: list[str], launcher: str, ranks: int) -> dict[str, Any]:

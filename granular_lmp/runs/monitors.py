@@ -32,6 +32,8 @@ from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.monitors import contact_columns, wall_columns
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshots
+from granular_lmp.rest.at_rest import crystal_of
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import by_axis, components, rates
 from granular_lmp.runs.contact_forces import ContactForces
 from granular_lmp.runs.formats import scene_of
@@ -40,10 +42,8 @@ from granular_lmp.runs.scales import force_of, length_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.snapshots import dimensionless, finest, step_of
 from granular_lmp.runs.tables import HasTables, Many, places_of
-from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.monitors import Monitor, row_step
 from granular_lmp.scene.places import spheres_at
-from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import allowed_names
 
 __all__ = ["ContactForces", "MonitorRecord"]

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular_lmp.scene.at_rest import crystal_of
-from granular_lmp.scene.initial_fields import initial_fields
-from granular_lmp.scene.linear import mode_of, usual_frequency
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.at_rest import crystal_of
+from granular_lmp.rest.initial_fields import initial_fields
+from granular_lmp.rest.linear import mode_of, usual_frequency
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.sources import PlacedSource, Source, placed
 
 Floats = NDArray[np.float64]

@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import ReadoutError
+from granular_lmp.rest.at_rest import echo_at
+from granular_lmp.rest.linear import usual_frequency
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import NAMES, components
 from granular_lmp.runs.record import Record
-from granular_lmp.scene.at_rest import echo_at
-from granular_lmp.scene.linear import usual_frequency
 from granular_lmp.scene.monitors import Monitor
-from granular_lmp.scene.scene import Scene
 
 if TYPE_CHECKING:
     from granular_lmp.runs.monitors import MonitorRecord

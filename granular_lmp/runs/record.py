@@ -22,6 +22,7 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.outputs import DUMP, FOR_VIEWERS, SNAPSHOTS, read_centre, read_dump, writable
 from granular_lmp.problem import Problem, prepare
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import energy, tables
 from granular_lmp.runs.formats import is_one_column, scene_of
 from granular_lmp.runs.seal import refuse_changed, refuse_other_extrapolation, refuse_other_scene
@@ -29,7 +30,6 @@ from granular_lmp.runs.status import STATUS as STATUS
 from granular_lmp.runs.status import read_status as read_status
 from granular_lmp.runs.status import write_status as write_status
 from granular_lmp.runs.tables import optional_package as optional_package
-from granular_lmp.scene.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

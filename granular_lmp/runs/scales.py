@@ -3,7 +3,7 @@
 Times are in t0 of the scene (`granular_lmp.crystal.scale`) everywhere.
 """
 
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 
 
 def length_of(scene: Scene) -> float:

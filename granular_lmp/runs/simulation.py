@@ -18,11 +18,11 @@ from granular_lmp.lammps.deck import Deck, resume_text
 from granular_lmp.lammps.kernel_guards import watched_text
 from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import DUMP, SCENE, SNAPSHOTS, RunLog, mend_dump
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import manifest
 from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record
 from granular_lmp.runs.routes import Job, log_tail
-from granular_lmp.scene.scene import Scene
 
 Judge = Callable[[Record], dict[str, Any]]
 

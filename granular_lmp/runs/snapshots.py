@@ -27,15 +27,15 @@ from granular_lmp.lammps.outputs import (
     read_snapshot,
     whole_snapshots,
 )
+from granular_lmp.rest.at_rest import crystal_of, sphere_count
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import components, rates
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.prescribed_motion import Moved, at_the_instant, moved_spheres
 from granular_lmp.runs.scales import length_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.tables import HasTables, Many, places_of
-from granular_lmp.scene.at_rest import crystal_of, sphere_count
 from granular_lmp.scene.places import spheres_at
-from granular_lmp.scene.scene import Scene
 
 __all__ = ["Snapshots"]
 

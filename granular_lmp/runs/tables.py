@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from granular_lmp.errors import PackageMissingError, RunFolderError, one_line
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.outputs import STATUS, csv_text, replace_text
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import MOTION
 from granular_lmp.runs.scales import force_of, length_of
-from granular_lmp.scene.scene import Scene
 
 Columns = dict[str, NDArray[Any]]
 # Unit and meaning of each signal

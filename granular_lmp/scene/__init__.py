@@ -1,1 +1,1 @@
-"""The scene: the user's declaration of a simulation, checked value by value."""
+"""What a scene file declares, checked value by value; what follows from it stands in `rest`."""

@@ -13,8 +13,9 @@ from math import ceil, gamma, pi, sqrt
 from pathlib import Path
 from typing import Any, Self
 
-from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, LATER, AdhesionLaw
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, LATER, SKIN, AdhesionLaw
 from granular_lmp.crystal.lattices import FREE, SQUARE, WALL
+from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
@@ -22,13 +23,11 @@ from granular_lmp.scene.bodies import SPHERE_RULES
 from granular_lmp.scene.document import Document, Layout
 from granular_lmp.scene.files import first_file
 from granular_lmp.scene.records import declared_keys
-from granular_lmp.scene.refusals import SKIN
 from granular_lmp.scene.schema import allowed_names, choice, count, number
 from granular_lmp.scene.sections import DISTANCE, LOAD, RESCALED, SHEAR_LAWS
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.strikers import scale_of
-from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 __all__ = ["Collision"]
 

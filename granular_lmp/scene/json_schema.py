@@ -12,10 +12,9 @@ from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene import samples
+from granular_lmp.scene.declaration import Declaration
 from granular_lmp.scene.document import note
 from granular_lmp.scene.records import declared_keys
-from granular_lmp.scene.refusals import NEEDS_REST, NEEDS_WAVE, UNWAVED
-from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import (
     LONGEST_DESCRIPTION,
     LONGEST_NAME,
@@ -25,6 +24,7 @@ from granular_lmp.scene.schema import (
     Rule,
     toml,
 )
+from granular_lmp.scene.without_wave import NEEDS_REST, NEEDS_WAVE, UNWAVED
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _NOTHING = (None, (), "")  # defaults of keys that may be left out, or must be given
@@ -57,7 +57,7 @@ def keys(*, bare: bool = False, loose: bool = True) -> Iterator[Key]:
 
     `bare` is true for a scene without ``[wave]``, and then `loose` for one whose spheres are not at rest under load.
     """
-    layout = Scene.layout
+    layout = Declaration.layout
     absent = (layout.lacking, *NEEDS_WAVE, *(NEEDS_REST if loose else ())) if bare else ()
     for section, kind in {**layout.sections, **layout.repeated}.items():
         own = bare and (loose or section in UNWAVED)
@@ -87,7 +87,7 @@ def json_schema() -> dict[str, Any]:
     at_rest, loose = (_marked(_tables(bare=True, loose=loose)) for loose in (False, True))
     without = {"if": _AT_REST, "then": at_rest, "else": loose}
     return head | {
-        "if": {"required": [Scene.layout.lacking]},
+        "if": {"required": [Declaration.layout.lacking]},
         "then": _tables(bare=False),
         "else": without,
     }
@@ -95,7 +95,9 @@ def json_schema() -> dict[str, Any]:
 
 def _marked(tables: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a scene without a wave, which has one of the tables that move its spheres."""
-    return tables | {"anyOf": [{"required": [mark]} for mark in Scene.layout.marks if mark in tables["properties"]]}
+    return tables | {
+        "anyOf": [{"required": [mark]} for mark in Declaration.layout.marks if mark in tables["properties"]]
+    }
 
 
 def _having(table: str, **values: dict[str, Any]) -> dict[str, Any]:
@@ -104,7 +106,7 @@ def _having(table: str, **values: dict[str, Any]) -> dict[str, Any]:
     return {"properties": {table: inner}, "required": [table]}
 
 
-# As `granular_lmp.scene.refusals.is_loose` has it, the other way round
+# As `granular_lmp.scene.without_wave.is_loose` has it, the other way round
 _AT_REST = {
     "anyOf": [
         _having("sphere", work_of_adhesion={"exclusiveMinimum": 0}),
@@ -114,7 +116,7 @@ _AT_REST = {
 
 
 def _tables(*, bare: bool, loose: bool = True) -> dict[str, Any]:
-    layout = Scene.layout
+    layout = Declaration.layout
     properties: dict[str, Any] = {
         "name": {"type": "string", "pattern": f"^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$"},
         "description": {"type": "string", "maxLength": LONGEST_DESCRIPTION},
@@ -128,7 +130,7 @@ def _tables(*, bare: bool, loose: bool = True) -> dict[str, Any]:
         table: dict[str, Any] = {"type": "object", "properties": inner, "additionalProperties": False}
         if section == "wave":  # a wave vector replaces wave number and direction
             pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
-            inner["wavevector"] = pair | {"description": note("wave.wavevector", Scene)}
+            inner["wavevector"] = pair | {"description": note("wave.wavevector", Declaration)}
             needed["wave"].remove("wavenumber")
             which = [{"required": [name]} for name in ("wavenumber", "wavevector", "frequency")]
             no_wave = {"required": ["form"], "properties": {"form": {"const": "none"}}, "not": {"anyOf": which}}
@@ -183,7 +185,7 @@ def reference(*, bare: bool = False) -> str:
     for key in keys(bare=bare):
         if key.section != section:
             section = key.section
-            title = f"[[{section}]]" if section in Scene.layout.repeated else f"[{section}]"
+            title = f"[[{section}]]" if section in Declaration.layout.repeated else f"[{section}]"
             lines += ["", f"## `{title}`", "", "| key | unit | default | allowed | meaning |"]
             lines.append("|---|---|---|---|---|")
         default = "must be given" if key.required else "–" if key.default in _NOTHING else f"`{toml(key.default)}`"

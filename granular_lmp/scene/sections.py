@@ -2,7 +2,7 @@
 
 Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0; in a scene
 without ``[wave]`` times are in t0 of the impact (`granular_lmp.crystal.scale`). `bare` says how a key is declared there
-if that differs. `granular_lmp.scene.scene` checks combinations of values.
+if that differs. `granular_lmp.rest.scene` checks combinations of values.
 """
 
 import re
@@ -31,8 +31,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.places import LAYERS_RULE, AtPlaces, Rows, Spheres, rows_rule, spheres_rule
 from granular_lmp.scene.records import Remembering
-from granular_lmp.scene.schema import AUTO, Bare, Interval, Rule, choice, count, flag, number, shown, switch
-from granular_lmp.scene.shape import Auto
+from granular_lmp.scene.schema import AUTO, Auto, Bare, Interval, Rule, choice, count, flag, number, shown, switch
 
 ENDS = ("fixed", "periodic", AUTO)
 FACES = (HELD, FREE, WALL, QUIET, AUTO)
@@ -163,7 +162,7 @@ class Wave:
     moved by D0 cos(Ωτ − phase), Ω that of the mode, along y for L and along x for TR and RT. With "none" all is at rest
     and is shaken by `granular_lmp.scene.sources`, for which D0 is the unit and Ω of the mode the usual frequency.
 
-    Where the `frequency` is declared, `wavenumber` holds what follows from it (`granular_lmp.scene.frequency`).
+    Where the `frequency` is declared, `wavenumber` holds what follows from it (`granular_lmp.rest.frequency`).
     """
 
     mode: str = field(

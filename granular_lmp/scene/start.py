@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import CHAIN
+from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.places import AtPlaces, place_of, spheres_at
 from granular_lmp.scene.schema import Rule, count, flag, number, shown
 from granular_lmp.scene.spreadsheets import LENGTHS, TIMES, read, value_of
-from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 State = Sequence[tuple[float, ...]]  # for each sphere the numbers of COLUMNS, the first two whole, or of IN_SPACE too
 COLUMNS = ("row", "column", "ux_m", "uy_m", "vx_m_s", "vy_m_s", "spin_rad_s")

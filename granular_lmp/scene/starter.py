@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from granular_lmp.errors import RunFolderError, one_line
+from granular_lmp.scene.declaration import Declaration
 from granular_lmp.scene.document import note
-from granular_lmp.scene.scene import Scene
 
 _HEAD = """\
 # Run it:                        granular-lmp run {file}
@@ -28,7 +28,7 @@ _OF_STRIKE = {
 }
 
 
-def starter(scene: Scene, file: str) -> str:
+def starter(scene: Declaration, file: str) -> str:
     """Return the text of a scene file; keys that take the place of another one stand in it as comments."""
     section = ""
     lines = []
@@ -41,12 +41,12 @@ def starter(scene: Scene, file: str) -> str:
     return _HEAD.format(file=file, **said) + "\n".join(lines) + "\n"
 
 
-def _commented(key: str, scene: Scene) -> str:
+def _commented(key: str, scene: Declaration) -> str:
     line = f"# {key.rpartition('.')[2]} = ..."
     return f"{line:30} # {note(key, scene)}"
 
 
-def write_starter(path: str | Path, scene: Scene) -> None:
+def write_starter(path: str | Path, scene: Declaration) -> None:
     """Write a scene into a new file, under the name of the file.
 
     Raises

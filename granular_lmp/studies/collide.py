@@ -14,10 +14,10 @@ from granular_lmp.accuracy.tolerance import run as run_scene
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.outputs import csv_text, writable
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.collision import Collision
-from granular_lmp.scene.scene import Scene
 
 __all__ = ["run"]
 

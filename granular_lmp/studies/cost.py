@@ -26,10 +26,10 @@ from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.laws import contacts
 from granular_lmp.lammps.outputs import COST, replace_text, writable
 from granular_lmp.problem import prepare
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked, refuse_long
 from granular_lmp.runs.options import core_count
-from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.cost_settings import Run, Setting, base, reference, settings
 from granular_lmp.studies.cost_table import NOT_MET, collect, is_done, place, to_csv
 from granular_lmp.studies.forecast import speed

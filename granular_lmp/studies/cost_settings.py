@@ -11,8 +11,8 @@ from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.problem import prepare
-from granular_lmp.scene.linear import starts_along_y
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.linear import starts_along_y
+from granular_lmp.rest.scene import Scene
 from granular_lmp.studies.sweep_points import scene_hash
 
 REFERENCE = "reference"

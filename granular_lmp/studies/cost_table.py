@@ -13,9 +13,9 @@ from granular_lmp.accuracy.estimates import order_of
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.accuracy.rounding import judged
 from granular_lmp.lammps.outputs import SCENE, csv_text, replace_text
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import STATUS, TRAJECTORY, Record, read_status, write_status
 from granular_lmp.runs.seal import files_of
-from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.cost_settings import REFERENCE, Run, Setting
 
 NOT_RUN = "not run yet, the same command continues"

@@ -20,7 +20,7 @@ from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.laws import contacts
 from granular_lmp.lammps.region_of_influence import mean_count
 from granular_lmp.problem import Problem
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 
 _WARM_UP = 2e5  # sphere-steps of the short run: 50 ms
 _FEWEST_STEPS = 100  # A short run whose sample was cut has as many: its two records take 8 % of it at most

@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
 # Keys that release 0.1.0 took up after its first sweeps, whose names do not hold them

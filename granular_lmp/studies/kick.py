@@ -14,8 +14,8 @@ from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.errors import EffectError, SceneError
 from granular_lmp.lammps.outputs import SCENE, STATUS, writable
 from granular_lmp.problem import prepare
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import Record, read_status
-from granular_lmp.scene.scene import Scene
 
 SHEET_RECORD = "sheet.npz"
 FEWEST_SAMPLES = 8  # records after tau = 0; with fewer the window of a spectrum leaves hardly any data

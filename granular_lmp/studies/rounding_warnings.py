@@ -12,7 +12,7 @@ import numpy as np
 
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.wavevector import WaveVector
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 
 LARGEST_CELL = 100_000  # rows or columns; a larger cell is no remedy
 AT_ONCE = 100_000  # numbers of waves in cells that are tried together: 1 MB

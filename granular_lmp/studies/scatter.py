@@ -26,13 +26,13 @@ from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.outputs import SCATTER, csv_text, replace_text, writable
 from granular_lmp.problem import Problem, prepare
+from granular_lmp.rest.linear import physics_of, unit_contacts
+from granular_lmp.rest.scene import Scene
+from granular_lmp.rest.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.scene.linear import physics_of, unit_contacts
-from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import shown
-from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.scene.sources import Source
 from granular_lmp.studies.running_waves import (
     PERIODS,

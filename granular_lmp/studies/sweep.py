@@ -26,11 +26,11 @@ from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunI
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import SWEEP, csv_text, replace_text, writable
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import Record, optional_package, write_status
 from granular_lmp.runs.routes import check_machine
-from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import plain_value
 from granular_lmp.studies.executors import Here, Workers, stop_requested, terminable
 from granular_lmp.studies.rounding_warnings import remarks

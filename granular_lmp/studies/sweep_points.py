@@ -15,8 +15,8 @@ from granular_lmp.accuracy.ladder import planned_steps
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.problem import prepare
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.files import assignment
-from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import cut, shown
 from granular_lmp.studies.identity import names_of
 

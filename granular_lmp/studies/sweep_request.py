@@ -6,8 +6,8 @@ from typing import Any
 
 from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.lammps.outputs import STATUS, SWEEP, replace_text, writable
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.folder import clear
-from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.sweep_memory import KNOWN
 from granular_lmp.studies.sweep_points import scene_hash
 

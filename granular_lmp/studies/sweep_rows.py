@@ -8,12 +8,12 @@ import numpy as np
 
 from granular_lmp.accuracy.second_harmonic import second_harmonic
 from granular_lmp.errors import GranularError, RunFolderError, SceneError
+from granular_lmp.rest.linear import mode_of
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.readouts import readout_columns
 from granular_lmp.runs.record import STATUS, Record, read_status
 from granular_lmp.scene.document import rule_of
-from granular_lmp.scene.linear import mode_of
-from granular_lmp.scene.scene import Scene
 from granular_lmp.studies import far_sphere
 from granular_lmp.studies.identity import names_of
 from granular_lmp.studies.sweep_points import GridPoint

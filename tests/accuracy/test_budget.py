@@ -21,7 +21,7 @@ from granular_lmp.accuracy import budget as known
 from granular_lmp.accuracy.ladder import with_step
 from granular_lmp.accuracy.verlet import phase_error
 from granular_lmp.problem import prepare
-from granular_lmp.scene.linear import mode_of
+from granular_lmp.rest.linear import mode_of
 from tests.compare.test_compare import from_theory
 from tests.conftest import PAPER, members
 from tests.manual import Measure, Mutant, verifies

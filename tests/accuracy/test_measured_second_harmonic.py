@@ -18,7 +18,7 @@ from granular_lmp.accuracy.second_harmonic import second_harmonic
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import bloch_mode
 from granular_lmp.crystal.wavevector import WaveVector
-from granular_lmp.scene.linear import mode_of
+from granular_lmp.rest.linear import mode_of
 from granular_lmp.studies.sweep import Sweep, sweep
 
 PERIODIC = Scene.load("tr_periodic").with_values({"wave.amplitude": 0.05, "time.duration": 60.0})

@@ -34,8 +34,8 @@ from granular_lmp.accuracy.richardson import combined_record, judge
 from granular_lmp.accuracy.rounding import floor, linear_signals, rounding
 from granular_lmp.errors import RunFolderError, SceneError, ToleranceError
 from granular_lmp.problem import largest_step, prepare
+from granular_lmp.rest.step_rules import COARSEST
 from granular_lmp.runs.record import read_status
-from granular_lmp.step_rules import COARSEST
 from tests.conftest import PAPER
 from tests.manual import Measure, Mutant, verifies
 from tests.stepped_waves import NAMES, Stepped, Wave, in_lammps, scene_of

@@ -7,8 +7,8 @@ from granular_lmp import Scene
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.modes import bloch_modes
 from granular_lmp.problem import prepare
-from granular_lmp.scene.at_rest import crystal_of
-from granular_lmp.scene.linear import physics_of, unit_contacts
+from granular_lmp.rest.at_rest import crystal_of
+from granular_lmp.rest.linear import physics_of, unit_contacts
 
 LAYER = Scene.loads(
     """

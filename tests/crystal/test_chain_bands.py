@@ -12,7 +12,7 @@ from granular_lmp.cli import main
 from granular_lmp.crystal.chain_bands import cell_of, edges, frequencies, gaps
 from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
-from granular_lmp.scene.at_rest import chain_cell
+from granular_lmp.rest.at_rest import chain_cell
 
 BREATHER = ImpactScene.load("breather")
 

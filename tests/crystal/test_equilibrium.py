@@ -25,8 +25,8 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.tangent import Tangent
 from granular_lmp.errors import CrystalError
 from granular_lmp.lammps import contact
-from granular_lmp.scene.at_rest import crystal_of
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.at_rest import crystal_of
+from granular_lmp.rest.scene import Scene
 from granular_lmp.units import NANO
 from tests.conftest import latin, members
 from tests.crystal.test_sphere import SILICA

@@ -37,10 +37,10 @@ from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
-from granular_lmp.scene.at_rest import crystal_of
-from granular_lmp.scene.initial_fields import initial_fields
-from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
-from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
+from granular_lmp.rest.at_rest import crystal_of
+from granular_lmp.rest.initial_fields import initial_fields
+from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.rest.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.studies.kick import run_kicked
 from tests.crystal.test_sphere import SILICA
 

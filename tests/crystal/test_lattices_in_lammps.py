@@ -22,7 +22,7 @@ from granular_lmp.accuracy.second_harmonic import second_harmonic
 from granular_lmp.crystal.modes import restored
 from granular_lmp.errors import EffectError
 from granular_lmp.problem import prepare
-from granular_lmp.scene.linear import mode_of, unit_contacts
+from granular_lmp.rest.linear import mode_of, unit_contacts
 from tests.crystal.test_lattices import scene_of
 
 Run = Callable[..., tuple[Record, Path]]

@@ -18,8 +18,8 @@ from granular_lmp.errors import SceneError
 from granular_lmp.plot.reflection import expected
 from granular_lmp.plot.reflection import measured as reflected
 from granular_lmp.problem import prepare
+from granular_lmp.rest.absorption import quiet_end_of, waves_at_ends
 from granular_lmp.runs.launch import resume
-from granular_lmp.scene.absorption import quiet_end_of, waves_at_ends
 from tests.crystal.test_sphere import SILICA
 from tests.manual import Measure, Mutant, verifies
 

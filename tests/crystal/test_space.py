@@ -21,7 +21,7 @@ from granular_lmp.crystal.stability import frequency_bound
 from granular_lmp.crystal.walls import BOTH, Wall, on_wall
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import CrystalError, SceneError
-from granular_lmp.scene.linear import physics_of, unit_contacts
+from granular_lmp.rest.linear import physics_of, unit_contacts
 from tests.manual import Measure, Mutant, verifies
 
 SILICA = Sphere(5e-7, 73e9, 0.17, 0.063, 2200.0)

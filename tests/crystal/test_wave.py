@@ -12,9 +12,9 @@ from granular_lmp.crystal.mode import PLANE, TURNS
 from granular_lmp.crystal.modes import MODES, bloch_mode, bloch_modes
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.initial_fields import Fields, initial_fields, plane_wave
-from granular_lmp.scene.linear import mode_of
-from granular_lmp.scene.validation import FEWEST_RADIANS
+from granular_lmp.rest.initial_fields import Fields, initial_fields, plane_wave
+from granular_lmp.rest.linear import mode_of
+from granular_lmp.rest.validation import FEWEST_RADIANS
 from tests.conftest import PAPER
 from tests.crystal.test_sphere import SILICA
 

@@ -13,7 +13,7 @@ from granular_lmp import Scene, run
 from granular_lmp.crystal.creep import creep_velocities
 from granular_lmp.effects.selection import select
 from granular_lmp.errors import EffectError
-from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
+from granular_lmp.rest.linear import mode_of, physics_of, wave_contacts
 from tests.conftest import latin
 from tests.manual import ROOT, Measure, Mutant, off, verifies
 

@@ -22,9 +22,9 @@ from granular_lmp.effects.looks import LOOKS, fastest, hidden, look_interval
 from granular_lmp.effects.selection import EFFECTS, select, warnings, with_all
 from granular_lmp.errors import EffectError, LammpsError, SceneError
 from granular_lmp.problem import largest_step, prepare
+from granular_lmp.rest.linear import mode_of
+from granular_lmp.rest.resolution import farthest_rounding, gathered_rounding
 from granular_lmp.runs.record import read_status
-from granular_lmp.scene.linear import mode_of
-from granular_lmp.scene.resolution import farthest_rounding, gathered_rounding
 from tests.conftest import PAPER, latin, members
 from tests.instance import silent_lammps
 from tests.manual import Measure, Mutant, verifies

@@ -30,8 +30,8 @@ from granular_lmp.errors import EffectError
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.guards import GUARDS
+from granular_lmp.rest.shape import FASTEST_ROWS_PER_TAU, quiet_rows
 from granular_lmp.runs.record import read_status
-from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, quiet_rows
 from granular_lmp.units import units_for
 from tests.pages import placed
 

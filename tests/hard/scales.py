@@ -9,9 +9,9 @@ from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Scene
+from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.scene import LARGEST_OVERLAP_RATIO
 from tests.hard.case import Case, Cases
 from tests.hard.cell import Floats, running
 from tests.hard.waves import NU, scene, verlet_bound

@@ -21,7 +21,7 @@ from granular_lmp import Record, Scene, run
 from granular_lmp.errors import CrystalError
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.problem import prepare
-from granular_lmp.scene.at_rest import contacts_of
+from granular_lmp.rest.at_rest import contacts_of
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import edited
 

@@ -22,7 +22,7 @@ from granular_analysis.theory.wave import Wave, shifted_second_order
 from granular_lmp import Scene
 from granular_lmp.cli.parser import parsers
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.scene import assignment
+from granular_lmp.rest.scene import assignment
 from granular_lmp.scene.shipped import SHIPPED
 
 ROOT = Path(__file__).parents[2]

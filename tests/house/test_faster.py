@@ -9,7 +9,7 @@ import pytest
 from benchmarks import faster
 from benchmarks.faster import Outcome, Variant, single_column, solve, swap, variants, with_command, without
 from benchmarks.problem import base_scene
-from granular_lmp.scene.shape import quiet_rows
+from granular_lmp.rest.shape import quiet_rows
 
 SHORT = {"time.duration": 20.0}
 VARIANTS = variants()

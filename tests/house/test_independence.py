@@ -155,18 +155,17 @@ MAY_IMPORT: dict[str, set[str]] = {
     "progress": set(),
     "compiled": {"errors"},
     "crystal": {"errors", "frozen"},
-    "scene": {"errors", "frozen", "card", "units", "crystal"},
-    "step_rules": {"errors", "frozen", "scene"},
-    "effects": {"errors", "frozen", "units", "crystal", "scene", "step_rules"},
-    "collisions": {"errors", "frozen", "crystal", "scene", "step_rules"},
-    "problem": {"errors", "frozen", "units", "crystal", "scene", "effects", "step_rules", "collisions"},
-    "lammps": {"errors", "frozen", "compiled", "card", "units", "crystal", "scene", "effects", "step_rules", "problem"},
-    "runs": {"errors", "frozen", "card", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps"},
-    "accuracy": {"errors", "frozen", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps", "runs"},
-    "studies": {"errors", "frozen", "card", "units", "crystal", "scene", "effects", "problem", "lammps"}
+    "scene": {"errors", "frozen", "units", "crystal"},
+    "rest": {"errors", "frozen", "card", "units", "crystal", "scene"},
+    "effects": {"errors", "frozen", "units", "crystal", "scene", "rest"},
+    "problem": {"errors", "frozen", "units", "crystal", "scene", "rest", "effects"},
+    "lammps": {"errors", "frozen", "compiled", "card", "units", "crystal", "scene", "rest", "effects", "problem"},
+    "runs": {"errors", "frozen", "card", "units", "crystal", "scene", "rest", "effects", "problem", "lammps"},
+    "accuracy": {"errors", "frozen", "units", "crystal", "scene", "rest", "effects", "problem", "lammps", "runs"},
+    "studies": {"errors", "frozen", "card", "units", "crystal", "scene", "rest", "effects", "problem", "lammps"}
     | {"runs", "accuracy"},
-    "plot": {"errors", "frozen", "problem", "crystal", "scene", "lammps", "runs", "accuracy", "studies"},
-    "doctor": {"errors", "frozen", "scene", "problem", "lammps", "runs", "accuracy", "studies"},
+    "plot": {"errors", "frozen", "problem", "crystal", "scene", "rest", "lammps", "runs", "accuracy", "studies"},
+    "doctor": {"errors", "frozen", "scene", "rest", "problem", "lammps", "runs", "accuracy", "studies"},
 }
 MAY_IMPORT["cli"] = set(MAY_IMPORT)
 

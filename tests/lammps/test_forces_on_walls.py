@@ -11,10 +11,10 @@ from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.lammps.outputs import MONITOR
 from granular_lmp.plot.monitors import monitor_figure
+from granular_lmp.rest.at_rest import crystal_of
 from granular_lmp.runs.export import export
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.scales import force_of, length_of
-from granular_lmp.scene.at_rest import crystal_of
 from tests.conftest import PAPER
 from tests.lammps.test_space import LAYER, layer
 

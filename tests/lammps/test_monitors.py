@@ -20,11 +20,11 @@ from granular_lmp.errors import LammpsError, RunFolderError, SceneError
 from granular_lmp.lammps.binary_dump import binary_snapshots, continuation, mend_binary
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
+from granular_lmp.rest.at_rest import echo_at
 from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.export import export
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.readouts import readout
-from granular_lmp.scene.at_rest import echo_at
 from granular_lmp.scene.document import note
 from granular_lmp.studies.kick import run_kicked
 from tests.conftest import PAPER

@@ -12,7 +12,7 @@ from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import forces
 from granular_lmp import Scene, run
 from granular_lmp.problem import prepare
-from granular_lmp.scene.absorption import quiet_end_of
+from granular_lmp.rest.absorption import quiet_end_of
 from tests.manual import Mutant, off, verifies
 
 STEEL = Material(210e3, 0.3, 100.0)

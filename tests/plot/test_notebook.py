@@ -15,7 +15,7 @@ from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError
 from granular_lmp.plot.signals import dispersion_figure
-from granular_lmp.scene.linear import mode_of
+from granular_lmp.rest.linear import mode_of
 from granular_lmp.studies.sweep import Sweep, sweep
 
 PNG = b"\x89PNG"

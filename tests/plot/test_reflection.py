@@ -11,8 +11,8 @@ from granular_lmp import Scene
 from granular_lmp.crystal.quiet_ends import reflection as lattice
 from granular_lmp.errors import ViewError
 from granular_lmp.plot import reflection
-from granular_lmp.scene.absorption import quiet_end_of
-from granular_lmp.scene.linear import mode_of, unit_contacts
+from granular_lmp.rest.absorption import quiet_end_of
+from granular_lmp.rest.linear import mode_of, unit_contacts
 
 SCENE = Scene.load("tr_driven").with_values(
     {"packing.rows": 41, "absorb.rows": 10, "absorb.reflection": 0.5, "wave.wavenumber": 1.0, "envelope.ramp": 20.0}

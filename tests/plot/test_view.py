@@ -25,9 +25,9 @@ from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.plot.page import page as page_of
 from granular_lmp.plot.signals import Picture, save, signals_to_draw
+from granular_lmp.rest.at_rest import crystal_of
 from granular_lmp.runs.record import write_status
 from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.document import note
 from granular_lmp.studies.sweep import Sweep, sweep
 from tests.pause import as_if_killed

@@ -11,9 +11,9 @@ from granular_lmp import Record, Scene, build, run
 from granular_lmp.crystal.mode import PLANE
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import mend_dump, read_centre, whole_snapshots
+from granular_lmp.rest.initial_fields import plane_wave
 from granular_lmp.runs import launch
 from granular_lmp.runs.snapshots import Snapshots, Spheres
-from granular_lmp.scene.initial_fields import plane_wave
 from granular_lmp.studies.cost_settings import base
 from granular_lmp.units import units_for
 from tests.pause import as_if_killed

@@ -12,8 +12,8 @@ from granular_lmp.crystal.modes import bloch_mode
 from granular_lmp.crystal.wavevector import WaveVector, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
-from granular_lmp.scene.frequency import wavenumbers_at
-from granular_lmp.scene.linear import physics_of
+from granular_lmp.rest.frequency import wavenumbers_at
+from granular_lmp.rest.linear import physics_of
 from granular_lmp.studies.sweep_points import scene_hash
 from tests.conftest import members
 

@@ -17,8 +17,8 @@ from granular_lmp.crystal.modes import FULL, bloch_modes
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
-from granular_lmp.scene.initial_fields import initial_fields
-from granular_lmp.scene.linear import mode_of, unit_contacts
+from granular_lmp.rest.initial_fields import initial_fields
+from granular_lmp.rest.linear import mode_of, unit_contacts
 
 HONEYCOMB = Scene.load("tr_periodic").with_values(
     {

@@ -14,9 +14,9 @@ from granular_lmp.cli import main
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.errors import CrystalError, RunFolderError, SceneError
 from granular_lmp.problem import prepare
-from granular_lmp.scene import at_rest
-from granular_lmp.scene.at_rest import crystal_of
-from granular_lmp.scene.linear import plane_along_y, uniform_rows
+from granular_lmp.rest import at_rest
+from granular_lmp.rest.at_rest import crystal_of
+from granular_lmp.rest.linear import plane_along_y, uniform_rows
 from tests.conftest import PAPER, members
 from tests.hard import guard_study
 

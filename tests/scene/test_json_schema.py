@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from granular_lmp import ImpactScene
 from granular_lmp.errors import SceneError
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.json_schema import Key, json_schema, keys, reference
-from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import ArrayRule
 from granular_lmp.scene.sections import ModeRule
 

@@ -12,7 +12,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.sources import FORMULAS
 from granular_lmp.problem import prepare
-from granular_lmp.scene.absorption import waves_at_ends
+from granular_lmp.rest.absorption import waves_at_ends
 from granular_lmp.scene.monitors import placed_monitors
 from granular_lmp.scene.signals import SIGNALS, Signal
 from granular_lmp.scene.sources import Source

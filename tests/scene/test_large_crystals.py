@@ -13,8 +13,8 @@ from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.stability import crude_bound, frequency_bound
 from granular_lmp.effects.case import Case
 from granular_lmp.problem import largest_step, prepare, step_rules
-from granular_lmp.scene import at_rest, initial_fields
-from granular_lmp.scene.linear import physics_of
+from granular_lmp.rest import at_rest, initial_fields
+from granular_lmp.rest.linear import physics_of
 from tests.conftest import PAPER
 from tests.crystal.test_wave import PULSE, fields_of
 

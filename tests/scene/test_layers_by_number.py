@@ -16,8 +16,8 @@ from granular_lmp.crystal.quiet_ends import frequency_in_run
 from granular_lmp.effects.case import Case
 from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
-from granular_lmp.scene.at_rest import chain_cell
-from granular_lmp.scene.linear import mode_of
+from granular_lmp.rest.at_rest import chain_cell
+from granular_lmp.rest.linear import mode_of
 
 Table = dict[str, Any]
 HEAVY = 4400.0  # kg/m3, twice silica

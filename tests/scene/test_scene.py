@@ -21,10 +21,10 @@ from granular_lmp.crystal.modes import MODES, bloch_modes
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.errors import SceneError
+from granular_lmp.rest.linear import plane_along_y, uniform_rows
+from granular_lmp.rest.scene import Scene, assignment
+from granular_lmp.rest.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.scene.collision import Collision
-from granular_lmp.scene.linear import plane_along_y, uniform_rows
-from granular_lmp.scene.scene import Scene, assignment
-from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.scene.shipped import SHIPPED
 from tests.conftest import PAPER, members
 

@@ -21,9 +21,9 @@ from granular_lmp.effects.case import Case
 from granular_lmp.errors import EffectError, SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
+from granular_lmp.rest.absorption import quiet_end_of, quiet_side, waves_at_ends
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.scene.absorption import quiet_end_of, quiet_side, waves_at_ends
 from granular_lmp.scene.document import note
 from granular_lmp.scene.signals import SIGNALS
 from granular_lmp.studies.kick import run_kicked

@@ -11,9 +11,9 @@ from granular_lmp.cli import main
 from granular_lmp.crystal.mode import PLANE
 from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
-from granular_lmp.scene.initial_fields import initial_fields
-from granular_lmp.scene.linear import physics_of
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.initial_fields import initial_fields
+from granular_lmp.rest.linear import physics_of
+from granular_lmp.rest.scene import Scene
 
 SUBSTRATE = {"youngs_modulus": 73e9, "poisson_ratio": 0.17, "work_of_adhesion": 0.063}
 LAYER = Scene.from_dict(

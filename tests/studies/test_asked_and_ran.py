@@ -15,7 +15,7 @@ from granular_analysis.tools.compare import main as compare_main
 from granular_analysis.tools.spectrum import main as spectrum_main
 from granular_lmp import Scene
 from granular_lmp.plot import view
-from granular_lmp.scene.linear import mode_of
+from granular_lmp.rest.linear import mode_of
 from granular_lmp.studies.rounding_warnings import remarks
 from granular_lmp.studies.sweep import Sweep, sweep
 from granular_lmp.studies.sweep_points import points, scene_hash

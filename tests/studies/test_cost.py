@@ -28,8 +28,8 @@ from granular_lmp.errors import (
     SceneError,
     ToleranceError,
 )
+from granular_lmp.rest.scene import assignment
 from granular_lmp.runs.record import read_status, write_status
-from granular_lmp.scene.scene import assignment
 from granular_lmp.studies import cost as module
 from granular_lmp.studies import cost_settings
 from granular_lmp.studies.cost import measure, plan

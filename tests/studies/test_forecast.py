@@ -12,7 +12,7 @@ from granular_lmp import ImpactScene, run
 from granular_lmp.cli import main
 from granular_lmp.errors import LammpsMissingError
 from granular_lmp.problem import prepare
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.studies import forecast
 from granular_lmp.studies.forecast import forecast as forecast_of

@@ -17,7 +17,7 @@ from granular_lmp.crystal.row_waves import lattice_at, line_of, row_waves
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import CrystalError, RunFolderError, RunInterrupted, SceneError
 from granular_lmp.plot.scattering import scattering_figure
-from granular_lmp.scene.at_rest import crystal_of
+from granular_lmp.rest.at_rest import crystal_of
 from granular_lmp.studies.running_waves import amplitudes, burst_spectrum, tone_amplitude
 from granular_lmp.studies.scatter import Row, Scatter, scatter
 from tests.conftest import PAPER

@@ -9,7 +9,7 @@ from shutil import copytree
 import pytest
 
 from granular_lmp.errors import GranularError
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 from granular_lmp.studies import sweep as module
 from granular_lmp.studies import sweep_memory
 from granular_lmp.studies.sweep import Sweep, sweep

@@ -11,7 +11,7 @@ from granular_analysis.theory.scenes import Setting
 from granular_analysis.tools import resonances as script
 from granular_lmp import Scene
 from granular_lmp.crystal.modes import named_in_space
-from granular_lmp.scene.linear import mode_of, physics_of, wave_contacts
+from granular_lmp.rest.linear import mode_of, physics_of, wave_contacts
 
 SHEET = {"packing.rows": 8, "packing.columns": 3}
 SUBSTRATE = {"youngs_modulus": 50e9, "poisson_ratio": 0.3, "work_of_adhesion": 0.05}

@@ -23,9 +23,9 @@ from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.rounding import noise_floor
 from granular_lmp.accuracy.tolerance import resume
+from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps import contact
-from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 from granular_lmp.units import NANO
 from tests.instance import silent_lammps
 from tests.validation.test_contact_law import touch

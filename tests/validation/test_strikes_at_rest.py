@@ -15,8 +15,8 @@ from granular_lmp import Record, Scene, export, load, resume, run
 from granular_lmp.errors import ReadoutError, SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
+from granular_lmp.rest.refusals import require_wave
 from granular_lmp.runs.readouts import drive_of
-from granular_lmp.scene.refusals import require_wave
 from granular_lmp.studies.sweep import sweep
 from tests.conftest import PAPER, members
 from tests.matrix import compared

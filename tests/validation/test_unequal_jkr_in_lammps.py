@@ -21,7 +21,7 @@ from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.crystal.contacts import law_between
 from granular_lmp.effects import openings
-from granular_lmp.scene.at_rest import crystal_of
+from granular_lmp.rest.at_rest import crystal_of
 from tests.conftest import members
 from tests.manual import Measure, Mutant, verifies
 from tests.matrix.features import WAVES

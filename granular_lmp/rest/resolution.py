@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.scene import Scene
 
 
 def position_rounding(scene: Scene, lattice_constants: float) -> float:

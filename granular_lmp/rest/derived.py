@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from granular_lmp.crystal.disorder import Disorder, Inclusion
+from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattices import ENDS_OF_Y, FREE, QUIET, WALL, Lattice, Shape
 from granular_lmp.crystal.modes import Physics
 from granular_lmp.crystal.scale import Scale
@@ -15,53 +15,29 @@ from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property
-from granular_lmp.scene import remarks, words
-from granular_lmp.scene.bodies import Contact, Substrate
-from granular_lmp.scene.document import Document
-from granular_lmp.scene.echo import echo_at
-from granular_lmp.scene.frequency import hertz_of, wavenumbers_at
-from granular_lmp.scene.monitors import Monitor
-from granular_lmp.scene.pattern import patterned
+from granular_lmp.rest import remarks, words
+from granular_lmp.rest.echo import echo_at
+from granular_lmp.rest.frequency import hertz_of, wavenumbers_at
+from granular_lmp.rest.pattern import patterned
+from granular_lmp.rest.shape import Room, decide, declared_shape
+from granular_lmp.rest.space import lattice_of, remarks_on_space, space_of, wall_of
+from granular_lmp.rest.stiffnesses import measured
+from granular_lmp.scene.bodies import Contact
+from granular_lmp.scene.declaration import Declaration
 from granular_lmp.scene.sections import (
-    Absorb,
     Effects,
-    Envelope,
-    Output,
     Packing,
-    Time,
     Wave,
 )
-from granular_lmp.scene.shape import Room, decide, declared_shape
 from granular_lmp.scene.sources import Source
-from granular_lmp.scene.space import lattice_of, remarks_on_space, space_of, wall_of
-from granular_lmp.scene.start import Start
-from granular_lmp.scene.stiffnesses import measured
-from granular_lmp.scene.strikers import Striker, scale_of, stretch
+from granular_lmp.scene.strikers import scale_of, stretch
 from granular_lmp.units import AnyUnits, units_of
 
 DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing holds: it is cut off below 4e-6
 
 
-class Derived(Document):
-    """The values of a scene that are not declared (`granular_lmp.scene.scene.Scene`)."""
-
-    material: Sphere
-    packing: Packing
-    contact: Contact
-    substrate: Substrate | None
-    time: Time
-    wave: Wave
-    envelope: Envelope
-    effects: Effects
-    output: Output
-    absorb: Absorb
-    disorder: Disorder
-    inclusion: tuple[Inclusion, ...]
-    pair: tuple[Pair, ...]
-    source: tuple[Source, ...]
-    monitor: tuple[Monitor, ...]
-    start: Start
-    striker: tuple[Striker, ...]
+class Derived(Declaration):
+    """The values of a scene that are not declared (`granular_lmp.rest.scene.Scene`)."""
 
     @cached_property
     def sphere(self) -> Sphere:

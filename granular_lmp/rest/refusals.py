@@ -3,54 +3,27 @@
 Each line is a function that returns what is wrong, "" if nothing is. `refuse` raises the first.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from math import sqrt
-from typing import Any, Literal
+from typing import Literal
 
-from granular_lmp.crystal.adhesion_laws import LATER
+from granular_lmp.crystal.adhesion_laws import LATER, SKIN
 from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, PERIODIC, WALL
-from granular_lmp.crystal.scale import DEEPEST
+from granular_lmp.crystal.scale import DEEPEST, LARGEST_OVERLAP_RATIO
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.derived import Derived
+from granular_lmp.rest.derived import Derived
+from granular_lmp.rest.validation import EPSILON, MOST_SPHERES
 from granular_lmp.scene.places import Rows, Spheres, place_troubles
 from granular_lmp.scene.sections import DISTANCE, RESCALED
 from granular_lmp.scene.strikers import leads, striker_troubles
-from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
+from granular_lmp.scene.without_wave import AT_REST
 
 Because = Literal["physics", "not built"]
 # ℓ is at least as many roundings of the farthest position; velocities then err by 1e-4 of a striker's
 ROUNDINGS_IN_OVERLAP = 1e4
 LARGEST_RATIO = 10.0  # Radii of a chain differ by this factor at most
-SKIN = 0.1  # radii beyond contact, within the list of neighbours of a deck: a contact that adheres ends there
 LOOSEST = 0.04  # disorder.radius of a sheet: gaps of neighbours are then below a quarter of the radius
-# Tables whose keys are declared otherwise in every scene without [wave]
-UNWAVED = ("sphere", "packing", "time", "output")
-# Tables and keys that a scene has beside a wave only, and why
-NEEDS_WAVE: dict[str, str] = {
-    "envelope": "is of the scene of a wave: must be left out without [wave]",
-    **dict.fromkeys(
-        (f"packing.{name}" for name in ("layers", "depth", "orientation")),
-        "is of a lattice in space: must be left out without [wave], where a crystal has one layer",
-    ),
-    "packing.space": "must be left out without [wave], where a [substrate] alone lets spheres leave the plane",
-    "time.allow_echo": "must be left out without [wave], where every echo belongs to the answer",
-}
-_AT_REST = "sphere.work_of_adhesion above 0, or packing.contact_force in a sheet"
-NEEDS_ADHESION = {"sphere.adhesion_law": "is of spheres that adhere; needs sphere.work_of_adhesion above 0, J/m2"}
-# Tables and keys that need spheres at rest under load, and why
-NEEDS_REST: dict[str, str] = {
-    "source": f"has no unit of time where nothing is at rest; needs {_AT_REST}",
-    **dict.fromkeys(("contact", "pair", "disorder.stiffness"), f"has stiffnesses at rest under load; needs {_AT_REST}"),
-    "substrate": f"holds spheres that adhere to it; needs {_AT_REST}",
-    "absorb": f"absorbs linear waves, and contacts without load have none; needs {_AT_REST}",
-    "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
-    **dict.fromkeys(
-        ("packing.relax", "packing.relax_friction", "packing.relax_by"),
-        f"is the way to rest under load; needs {_AT_REST}",
-    ),
-    "effects.adhesion": "must be left out beside [[striker]] or [start], as contacts of an impact do not adhere",
-}
 
 
 @dataclass(frozen=True)
@@ -91,25 +64,6 @@ def refuse(scene: Derived) -> None:
             raise SceneError(sentence)
 
 
-def is_loose(tables: Mapping[str, Any]) -> bool:
-    """Return whether tables without a wave are of loose spheres, as `Scene.loose` says it of a scene."""
-    names = ("sphere", "packing", "start")
-    sphere, packing, start = (each if isinstance(each := tables.get(key), Mapping) else {} for key in names)
-    pressed_sheet = packing.get("contact_force") and packing.get("lattice", CHAIN.name) != CHAIN.name
-    return start.get("touching") is True or not (sphere.get("work_of_adhesion") or pressed_sheet)
-
-
-def refuse_tables(tables: Mapping[str, Any], *, loose: bool) -> None:
-    """Raise a SceneError for the first table or key that needs a wave, or in a scene of `loose` spheres one at rest."""
-    sphere = tables.get("sphere")
-    adheres = isinstance(sphere, Mapping) and sphere.get("work_of_adhesion")
-    for key, why in (NEEDS_WAVE | (NEEDS_REST if loose else {}) | ({} if adheres else NEEDS_ADHESION)).items():
-        table, _, name = key.partition(".")
-        inner = tables.get(table)
-        if table in tables and (not name or isinstance(inner, Mapping) and name in inner):
-            raise SceneError(f"{key}: {why}")
-
-
 def require_wave(scene: Derived) -> None:
     """Raise a SceneError if a scene without ``[wave]`` is given to what needs one."""
     if scene.wave is None:
@@ -130,7 +84,7 @@ def nothing_moves(scene: Derived) -> str:
 def held_sides(scene: Derived) -> str:
     if scene.packing.sides != HELD:
         return ""
-    return f'packing.sides = "held": must be "free", "periodic" or "wall"; held sides need {_AT_REST}'
+    return f'packing.sides = "held": must be "free", "periodic" or "wall"; held sides need {AT_REST}'
 
 
 @_line("physics", loose=False)

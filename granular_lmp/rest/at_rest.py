@@ -21,9 +21,9 @@ from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.crystal.walls import Face, Wall
 from granular_lmp.errors import CrystalError
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.linear import unit_contacts
+from granular_lmp.rest.linear import unit_contacts
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.monitors import Monitor
-from granular_lmp.scene.scene import Scene
 
 if TYPE_CHECKING:
     from granular_lmp.crystal.equilibrium import Equilibrium

@@ -25,9 +25,9 @@ from granular_lmp.crystal.quiet_ends import (
 )
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.frequency import wavenumbers_at
-from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts, usual_frequency
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.frequency import wavenumbers_at
+from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts, usual_frequency
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
 DEVIATIONS = 2.5  # standard deviations of a packet's spectrum: 1e-3 of its energy lies beyond, and is reflected more

@@ -21,15 +21,14 @@ from granular_lmp.crystal.lattices import (
     unit_lattice,
 )
 from granular_lmp.crystal.modes import bears_compression
+from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
+from granular_lmp.rest.shape import LARGEST_CELL, SNAP
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.sections import DISTANCE, Absorb, Effects, Envelope, Output, Packing, Time, Wave
-from granular_lmp.scene.shape import LARGEST_CELL, SNAP
 
-# LAMMPS's DEM contact laws hold for rigid spheres with a small overlap.
-LARGEST_OVERLAP_RATIO = 0.05
 MOST_SPHERES = 10_000_000
 EPSILON = sys.float_info.epsilon
 FEWEST_ROUNDINGS = 100.0  # roundings of a position in D0; with fewer the record would be noise or zero without warning

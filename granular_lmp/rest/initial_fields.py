@@ -24,8 +24,8 @@ from granular_lmp.crystal.modes import Mode, bloch_modes
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.linear import physics_of, wave_contacts
-from granular_lmp.scene.scene import Scene
+from granular_lmp.rest.linear import physics_of, wave_contacts
+from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.sections import Envelope
 
 Floats = NDArray[np.float64]

@@ -7,13 +7,13 @@ walls, but carries only phase advances of 2πk/rows and 2πk/columns.
 """
 
 from math import ceil, floor
-from typing import Any, Literal
+from typing import Any
 
 from granular_lmp.crystal.lattice import FASTEST_IN_PLANE
 from granular_lmp.crystal.lattices import HELD, HEXAGONAL, PERIODIC, QUIET, Lattice, Shape
 from granular_lmp.crystal.wavevector import WaveVector, snapped
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.schema import AUTO
+from granular_lmp.scene.schema import AUTO, Auto
 
 # This is for lattices of one layer; `Lattice.fastest` is for any
 FASTEST_ROWS_PER_TAU = FASTEST_IN_PLANE
@@ -21,8 +21,6 @@ FASTEST_ROWS_PER_TAU = FASTEST_IN_PLANE
 SNAP = 1e-3
 LARGEST_CELL = 200  # rows or columns, in addition to those of an envelope
 EXACT = 1e-12  # rad: rounding of 2πk/N
-
-Auto = Literal["auto"]
 
 
 @dataclass(frozen=True)

@@ -26,28 +26,24 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene import validation, words
+from granular_lmp.rest import validation, words
+from granular_lmp.rest.derived import Derived, at_rest, physics_of, wave_lattice_of, wavenumbers_of
+from granular_lmp.rest.frequency import with_placeholder, without_wavevector
+from granular_lmp.rest.refusals import refuse
+from granular_lmp.rest.relaxation import check_arrangement, check_walls
+from granular_lmp.rest.space import check_space, lattice_of, space_of, wall_of
+from granular_lmp.rest.stiffnesses import check_stiffnesses
 from granular_lmp.scene.bodies import (
-    DISORDER_RULES,
-    INCLUSION_RULES,
-    LATTICE_SPHERE_RULES,
-    PAIR_RULES,
     Contact,
     Substrate,
 )
-from granular_lmp.scene.derived import Derived, at_rest, physics_of, wave_lattice_of, wavenumbers_of
-from granular_lmp.scene.document import Layout
 from granular_lmp.scene.files import assignment as assignment
 from granular_lmp.scene.files import first_file
-from granular_lmp.scene.frequency import with_placeholder, without_wavevector
 from granular_lmp.scene.monitors import Monitor, check_monitors
 from granular_lmp.scene.records import said
-from granular_lmp.scene.refusals import NEEDS_REST, NEEDS_WAVE, UNWAVED, is_loose, refuse, refuse_tables
-from granular_lmp.scene.relaxation import check_arrangement, check_walls
 from granular_lmp.scene.samples import located
 from granular_lmp.scene.schema import AUTO, allowed_names, default_name
 from granular_lmp.scene.sections import (
-    STEP_OR_TOLERANCE,
     Absorb,
     Effects,
     Envelope,
@@ -59,12 +55,10 @@ from granular_lmp.scene.sections import (
 )
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.sources import Source, check_quiet, check_sources
-from granular_lmp.scene.space import check_space, lattice_of, space_of, wall_of
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.start import located as located_state
-from granular_lmp.scene.stiffnesses import check_stiffnesses
 from granular_lmp.scene.strikers import Striker, check_strikes
-from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
+from granular_lmp.scene.without_wave import NEEDS_REST, NEEDS_WAVE, UNWAVED, is_loose, refuse_tables
 
 __all__ = ["Scene"]
 
@@ -82,7 +76,7 @@ class Scene(HasCard, Derived):
         If the values contradict each other: nothing holds the lattice together, even rows between fixed ends, odd
         rows in a periodic cell, a duration beyond the echo of the walls (unless ``time.allow_echo``), a static overlap
         that is not small, D0 beyond R/10, snapshots that fall between two records; without a wave what
-        `granular_lmp.scene.refusals` lists.
+        `granular_lmp.rest.refusals` lists.
 
     Notes
     -----
@@ -105,59 +99,6 @@ class Scene(HasCard, Derived):
     >>> Scene.loads(scene.to_toml()) == Scene.from_dict(scene.to_dict()) == scene
     True
     """
-
-    layout = Layout(
-        sections={
-            "sphere": Sphere,
-            "packing": Packing,
-            "contact": Contact,
-            "substrate": Substrate,
-            "disorder": Disorder,
-            "wave": Wave,
-            "envelope": Envelope,
-            "time": Time,
-            "effects": Effects,
-            "output": Output,
-            "absorb": Absorb,
-            "start": Start,
-        },
-        repeated={"inclusion": Inclusion, "pair": Pair, "source": Source, "monitor": Monitor, "striker": Striker},
-        optional=("contact", "disorder", "absorb", "start"),
-        absent=("substrate",),
-        lacking="wave",
-        marks=("striker", "start", "source"),
-        rules={
-            "sphere": LATTICE_SPHERE_RULES,
-            "disorder": DISORDER_RULES,
-            "inclusion": INCLUSION_RULES,
-            "pair": PAIR_RULES,
-        },
-        attributes={"sphere": "material"},
-        exclusive={
-            **STEP_OR_TOLERANCE,
-            "wave.wavevector": ("wave.wavenumber", "wave.frequency", "wave.direction"),
-            "wave.wavenumber": ("wave.frequency",),
-            "wave.frequency": ("wave.wavenumber",),
-        },
-    )
-
-    material: Sphere
-    packing: Packing
-    time: Time
-    wave: Wave = None  # type: ignore[assignment]  # what needs a wave asks for it first
-    envelope: Envelope = Envelope()
-    effects: Effects = Effects()
-    output: Output = Output()
-    absorb: Absorb = Absorb()
-    contact: Contact = Contact()
-    substrate: Substrate | None = None
-    disorder: Disorder = Disorder()
-    inclusion: tuple[Inclusion, ...] = ()
-    pair: tuple[Pair, ...] = ()
-    source: tuple[Source, ...] = ()
-    monitor: tuple[Monitor, ...] = ()
-    start: Start = Start()
-    striker: tuple[Striker, ...] = ()
 
     # --- reading and writing ---
 

@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.chain_bands import cell_of
 from granular_lmp.crystal.contacts import Contacts, law_between
 from granular_lmp.crystal.lattices import CHAIN, FREE, WALL
-from granular_lmp.crystal.scale import Scale, collision_time
+from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO, Scale, collision_time
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
+from granular_lmp.rest.scene import Scene
+from granular_lmp.rest.step_rules import StepRule, rules_of_collisions
 from granular_lmp.scene.places import place_of
-from granular_lmp.scene.scene import Scene
-from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
-from granular_lmp.step_rules import StepRule, rules_of_collisions
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

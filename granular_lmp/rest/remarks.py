@@ -13,9 +13,9 @@ from granular_lmp.crystal.disorder import Disorder
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
+from granular_lmp.rest.shape import EXACT
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.sections import Effects, Packing, Sampled, Wave
-from granular_lmp.scene.shape import EXACT
 
 # What unequal spheres leave, by the spread s of the diameters over the overlap at rest, as measured
 # (analysis/cases/disorder/README.md): of the mean second harmonic of TR at the resonance of a hexagonal sheet until

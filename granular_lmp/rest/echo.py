@@ -4,8 +4,8 @@ from collections.abc import Collection, Iterator, Sequence
 from math import hypot, inf
 
 from granular_lmp.crystal.lattices import Shape
+from granular_lmp.rest.shape import arrival_time
 from granular_lmp.scene.places import AtPlaces
-from granular_lmp.scene.shape import arrival_time
 
 
 def echo_at(

@@ -1,0 +1,87 @@
+"""The tables of a scene file in their order; `granular_lmp.rest.scene` checks what they say together."""
+
+from granular_lmp.crystal.disorder import Disorder, Inclusion
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.stiffnesses import Pair
+from granular_lmp.frozen import dataclass
+from granular_lmp.scene.bodies import (
+    DISORDER_RULES,
+    INCLUSION_RULES,
+    LATTICE_SPHERE_RULES,
+    PAIR_RULES,
+    Contact,
+    Substrate,
+)
+from granular_lmp.scene.document import Document, Layout
+from granular_lmp.scene.monitors import Monitor
+from granular_lmp.scene.sections import (
+    STEP_OR_TOLERANCE,
+    Absorb,
+    Effects,
+    Envelope,
+    Output,
+    Packing,
+    Time,
+    Wave,
+)
+from granular_lmp.scene.sources import Source
+from granular_lmp.scene.start import Start
+from granular_lmp.scene.strikers import Striker
+
+
+@dataclass(frozen=True, repr=False, init=False)
+class Declaration(Document):
+    """What a scene file declares, table by table."""
+
+    layout = Layout(
+        sections={
+            "sphere": Sphere,
+            "packing": Packing,
+            "contact": Contact,
+            "substrate": Substrate,
+            "disorder": Disorder,
+            "wave": Wave,
+            "envelope": Envelope,
+            "time": Time,
+            "effects": Effects,
+            "output": Output,
+            "absorb": Absorb,
+            "start": Start,
+        },
+        repeated={"inclusion": Inclusion, "pair": Pair, "source": Source, "monitor": Monitor, "striker": Striker},
+        optional=("contact", "disorder", "absorb", "start"),
+        absent=("substrate",),
+        lacking="wave",
+        marks=("striker", "start", "source"),
+        rules={
+            "sphere": LATTICE_SPHERE_RULES,
+            "disorder": DISORDER_RULES,
+            "inclusion": INCLUSION_RULES,
+            "pair": PAIR_RULES,
+        },
+        attributes={"sphere": "material"},
+        exclusive={
+            **STEP_OR_TOLERANCE,
+            "wave.wavevector": ("wave.wavenumber", "wave.frequency", "wave.direction"),
+            "wave.wavenumber": ("wave.frequency",),
+            "wave.frequency": ("wave.wavenumber",),
+        },
+    )
+
+    material: Sphere
+    packing: Packing
+    time: Time
+    wave: Wave = None  # type: ignore[assignment]  # what needs a wave asks for it first
+    envelope: Envelope = Envelope()
+    effects: Effects = Effects()
+    output: Output = Output()
+    absorb: Absorb = Absorb()
+    contact: Contact = Contact()
+    substrate: Substrate | None = None
+    disorder: Disorder = Disorder()
+    inclusion: tuple[Inclusion, ...] = ()
+    pair: tuple[Pair, ...] = ()
+    source: tuple[Source, ...] = ()
+    monitor: tuple[Monitor, ...] = ()
+    start: Start = Start()
+    striker: tuple[Striker, ...] = ()
