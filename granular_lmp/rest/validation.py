@@ -26,6 +26,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.rest.shape import LARGEST_CELL, SNAP
+from granular_lmp.scene.forms import AT_REST, DRIVEN, Form, named
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.sections import DISTANCE, Absorb, Effects, Envelope, Output, Packing, Time, Wave
 
@@ -176,10 +177,10 @@ def check_wave(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape) -
             f"wave.wavenumber = {wave.wavenumber!r}: must be a number in [1e-9, {edge:.6g}], rad per row; the "
             f"Brillouin zone ends there in wave.direction = {wave.direction!r}"
         )
-    if wave.form == "driven":
+    if wave.known.driven:
         _check_drive(wave, envelope, packing, shape)
     elif envelope.ramp != Envelope.ramp:
-        raise SceneError(f'envelope.ramp = {envelope.ramp!r}: is for wave.form = "driven" only')
+        raise SceneError(f"envelope.ramp = {envelope.ramp!r}: is for wave.form = {named(DRIVEN)} only")
     axis = wave.vector(shape.lattice).axis
     if axis is None and (envelope.length > 0) != (envelope.width > 0):
         raise SceneError(
@@ -205,7 +206,7 @@ def _check_drive(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape)
     }
     for key, (value, right, allowed) in needed.items():
         if not right:
-            raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "driven"')
+            raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "{wave.form}"')
 
 
 def check_imperfections(
@@ -239,7 +240,7 @@ def check_absorb(
     absorb: Absorb,
     packing: Packing,
     quiet: Collection[str],
-    form: str,
+    form: Form,
     envelope: Envelope,
     shape: Shape,
 ) -> None:
@@ -266,10 +267,10 @@ def check_absorb(
             'packing.rows = "auto": must be declared with absorb.rows, as no echo says how many are needed: the quiet '
             "ends, and those that the wave is to cross"
         )
-    if form not in ("driven", "none") and not envelope.length:
+    if form.fills and not envelope.length:
         raise SceneError(
             f"absorb.rows = {absorb.rows!r}: would damp a wave that fills the packing; needs envelope.length above 0 "
-            'or wave.form = "driven" or "none"'
+            f"or wave.form = {named((*DRIVEN, *AT_REST))}"
         )
 
 

@@ -14,6 +14,7 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.scene import samples
 from granular_lmp.scene.declaration import Declaration
 from granular_lmp.scene.document import note
+from granular_lmp.scene.forms import AT_REST
 from granular_lmp.scene.records import declared_keys
 from granular_lmp.scene.schema import (
     LONGEST_DESCRIPTION,
@@ -133,7 +134,7 @@ def _tables(*, bare: bool, loose: bool = True) -> dict[str, Any]:
             inner["wavevector"] = pair | {"description": note("wave.wavevector", Declaration)}
             needed["wave"].remove("wavenumber")
             which = [{"required": [name]} for name in ("wavenumber", "wavevector", "frequency")]
-            no_wave = {"required": ["form"], "properties": {"form": {"const": "none"}}, "not": {"anyOf": which}}
+            no_wave = {"required": ["form"], "properties": {"form": {"enum": [*AT_REST]}}, "not": {"anyOf": which}}
             table["oneOf"] = [*which, no_wave]
         table |= {"required": needed[section]} if needed[section] else {}
         array = {"type": "array", "items": table} | ({"minItems": 1} if bare and section in layout.marks else {})

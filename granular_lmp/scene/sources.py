@@ -30,6 +30,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene import samples
+from granular_lmp.scene.forms import NO_WAVE, Form
 from granular_lmp.scene.places import AtPlaces, check_counted, place_troubles, spheres_at
 from granular_lmp.scene.schema import choice, number, shown
 from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave
@@ -244,8 +245,8 @@ def check_sources(
     space: int,
 ) -> None:
     """Check that a crystal without a wave is shaken or struck, and each source by itself."""
-    amplitude, form = (1.0, "none") if wave is None else (wave.amplitude, wave.form)
-    if wave is not None and wave.form == "none":
+    amplitude, form = (1.0, NO_WAVE) if wave is None else (wave.amplitude, wave.known)
+    if wave is not None and not form.waves:
         needed = {
             "source": (len(sources), bool(sources) or struck, "at least one table [[source]], or a strike,"),
             "wave.phase": (wave.phase, wave.phase == 0, "0, sources have phases of their own,"),
@@ -254,7 +255,7 @@ def check_sources(
         }
         for key, (value, right, allowed) in needed.items():
             if not right:
-                raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "none"')
+                raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "{wave.form}"')
     check_counted(sources, packing.rows, packing.columns, "[[source]]")
     for number_, each in enumerate(sources, 1):
         for trouble in _troubles(each, shape, sphere, amplitude, form, space):
@@ -270,7 +271,7 @@ def check_sources(
         raise SceneError(f"source: {count} samples: must be at most {samples.MOST} in all signals together")
 
 
-def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float, form: str, space: int) -> Iterator[str]:
+def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float, form: Form, space: int) -> Iterator[str]:
     """Yield what is wrong with a source by itself."""
     yield from place_troubles(source.rows, source.spheres, shape, source.layers)
     given = [name for name in ("motion", "force") if getattr(source, name)]
@@ -284,7 +285,7 @@ def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float, fo
         if key not in source.known.keys and getattr(source, key) != getattr(Source, key):
             allowed = " or ".join(name for name, signal in SIGNALS.items() if key in signal.keys)
             yield f'{key} = {getattr(source, key)!r}: is for signal = {allowed} only, not "{source.kind}"'
-    if source.motion and form == "driven" and source.is_in_row(0):
+    if source.motion and form.driven and source.is_in_row(0):
         yield f"{source.places}: must not hold spheres of the first row, which is driven"
     if source.force and shape.holds(*source.marks(shape.columns // 2)).any():
         held = " and ".join(name for name, face in shape.faces.items() if face == HELD)
