@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import centre, places
-from granular_lmp.crystal.modes import Mode, Physics, highest_frequency
+from granular_lmp.crystal.mode import Mode, Physics
+from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.case import Case

@@ -13,7 +13,8 @@ import numpy as np
 from granular_lmp.crystal.adhesion_laws import AdhesionLaw
 from granular_lmp.crystal.blocks import blocks
 from granular_lmp.crystal.contacts import FACTORS, Contacts, Floats
-from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, highest_frequency, row_stretches
+from granular_lmp.crystal.mode import Mode, Physics
+from granular_lmp.crystal.modes import contact_stretches, decay_rate, highest_frequency, row_stretches
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.rest.at_rest import contacts_of, crystal_of, law_at_rest, swiftness

@@ -12,7 +12,8 @@ sources and strikes together. With the kernel nothing hides: it sees every step.
 
 from math import cos, pi
 
-from granular_lmp.crystal.modes import Mode, highest_frequency
+from granular_lmp.crystal.mode import Mode
+from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.effects.case import Case
 from granular_lmp.rest.at_rest import contacts_of, swiftness
 from granular_lmp.rest.linear import physics_of, unit_contacts, usual_frequency

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from functools import partial
 
-from granular_lmp.crystal.modes import Mode, Physics
+from granular_lmp.crystal.mode import Mode, Physics
 from granular_lmp.effects.adhesion import ADHESION
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.contact_opening import CONTACT_OPENING

@@ -14,7 +14,8 @@ from functools import lru_cache
 from math import pi
 
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.modes import Mode, Physics, bloch_mode, highest_frequency, named_in_space, restored
+from granular_lmp.crystal.mode import Mode, Physics
+from granular_lmp.crystal.modes import bloch_mode, highest_frequency, named_in_space, restored
 from granular_lmp.crystal.quiet_ends import (
     MOST_ROWS,
     QuietEnd,

@@ -7,7 +7,7 @@ from typing import Any
 
 from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattices import ENDS_OF_Y, FREE, QUIET, WALL, Lattice, Shape
-from granular_lmp.crystal.modes import Physics
+from granular_lmp.crystal.mode import Physics
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import Pair

@@ -13,7 +13,8 @@ from typing import Any
 
 from granular_lmp.crystal.lattice import LATTICES, orientations_of
 from granular_lmp.crystal.lattices import HEXAGONAL, Lattice, unit_lattice
-from granular_lmp.crystal.modes import Physics, bloch_mode, branches, modes_at, named_in_space, restored
+from granular_lmp.crystal.mode import Physics
+from granular_lmp.crystal.modes import bloch_mode, branches, modes_at, named_in_space, restored
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import WaveVector

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import Mode, Physics, bloch_mode
+from granular_lmp.crystal.mode import Mode, Physics
+from granular_lmp.crystal.modes import bloch_mode
 from granular_lmp.rest import derived
 from granular_lmp.rest.scene import Scene
 

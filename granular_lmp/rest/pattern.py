@@ -8,8 +8,8 @@ from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattice import Lattice
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.schema import shown
-from granular_lmp.scene.sections import AUTO, Packing
+from granular_lmp.scene.schema import AUTO, shown
+from granular_lmp.scene.sections import Packing
 
 LONGEST = 6  # rows of a pattern: more would be a cell of 18 branches and above
 _ALLOWED = ("rows", "every", "density")

@@ -22,7 +22,7 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.outputs import DUMP, FOR_VIEWERS, SNAPSHOTS, read_centre, read_dump, writable
 from granular_lmp.problem import Problem, prepare
-from granular_lmp.rest.scene import Scene
+from granular_lmp.rest.scene import Scene as Scene
 from granular_lmp.runs import energy, tables
 from granular_lmp.runs.formats import is_one_column, scene_of
 from granular_lmp.runs.seal import refuse_changed, refuse_other_extrapolation, refuse_other_scene

@@ -25,7 +25,8 @@ from granular_lmp.crystal.lattices import (
     WALL,
     Lattice,
 )
-from granular_lmp.crystal.modes import MODES, Physics
+from granular_lmp.crystal.mode import Physics
+from granular_lmp.crystal.modes import MODES
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass

@@ -19,7 +19,8 @@ from granular_lmp.crystal.lattices import (
     unit_cell,
     unit_lattice,
 )
-from granular_lmp.crystal.modes import FULL, Physics, bloch_modes, effective_inertia, highest_frequency
+from granular_lmp.crystal.mode import FULL, Physics
+from granular_lmp.crystal.modes import bloch_modes, effective_inertia, highest_frequency
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.crystal.stability import frequency_bound, time_scale
 from granular_lmp.crystal.wavevector import ROW_SPACING

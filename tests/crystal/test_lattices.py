@@ -24,15 +24,8 @@ from granular_lmp.crystal.lattices import (
     packed,
     unit_lattice,
 )
-from granular_lmp.crystal.modes import (
-    FULL,
-    Physics,
-    bears_compression,
-    bloch_mode,
-    bloch_modes,
-    highest_frequency,
-    restored,
-)
+from granular_lmp.crystal.mode import FULL, Physics
+from granular_lmp.crystal.modes import bears_compression, bloch_mode, bloch_modes, highest_frequency, restored
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import CrystalError, SceneError

@@ -11,16 +11,8 @@ from granular_analysis.theory import bloch
 from granular_analysis.theory.contact import Contact
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.lattices import lattice_constant, unit_cell, unit_lattice
-from granular_lmp.crystal.modes import (
-    FULL,
-    MODES,
-    Physics,
-    bloch_mode,
-    bloch_modes,
-    contact_stretches,
-    decay_rate,
-    highest_frequency,
-)
+from granular_lmp.crystal.mode import FULL, Physics
+from granular_lmp.crystal.modes import MODES, bloch_mode, bloch_modes, contact_stretches, decay_rate, highest_frequency
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import SceneError

@@ -10,7 +10,8 @@ import pytest
 
 from granular_lmp import Scene, build, run
 from granular_lmp.crystal.lattices import CHAIN, SQUARE, Lattice, unit_lattice
-from granular_lmp.crystal.modes import FULL, Mode, Physics, bloch_mode
+from granular_lmp.crystal.mode import FULL, Mode, Physics
+from granular_lmp.crystal.modes import bloch_mode
 from granular_lmp.crystal.quiet_ends import QuietEnd, frequency_in_lattice, frequency_in_run, quiet_end, reflection
 from granular_lmp.crystal.row_waves import line_of, waves
 from granular_lmp.crystal.wavevector import WaveVector

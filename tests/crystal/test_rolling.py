@@ -11,7 +11,8 @@ from granular_lmp import build, run
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.lattices import Shape, packed, unit_lattice
-from granular_lmp.crystal.modes import Physics, bloch_modes, highest_frequency
+from granular_lmp.crystal.mode import Physics
+from granular_lmp.crystal.modes import bloch_modes, highest_frequency
 from granular_lmp.crystal.stability import frequency_bound
 from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare

@@ -14,7 +14,8 @@ from granular_analysis.measure.norms import relative_error, slope
 from granular_analysis.theory.choice import trajectory, wave_of
 from granular_lmp import Record, Scene, build, cli, run
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import Mode, decay_rate
+from granular_lmp.crystal.mode import Mode
+from granular_lmp.crystal.modes import decay_rate
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Chosen

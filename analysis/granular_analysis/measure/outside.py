@@ -4,7 +4,7 @@ All of it is said by the scene, in τ, D0, k1 D0 and k1 D0 R, but for the drag o
 the run, which its ``run.json`` holds. Walls stand where the spheres on them are at rest.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
@@ -176,7 +176,7 @@ def signal_of(source: Any, scene: Scene, second: float = 1.0) -> tuple[Function,
         frequency = 2 * np.pi * source.hertz * scene.sphere.time_scale
     else:
         frequency = _own_frequency(scene) if source.frequency is None else source.frequency
-    known = {
+    known: dict[str, Callable[[], tuple[Function, float]]] = {
         "tone": lambda: (green.tone(frequency, source.ramp, source.phase, source.delay), 1.0),
         "burst": lambda: (green.burst(frequency, source.cycles, source.phase, source.delay), 1.0),
         "ricker": lambda: (green.ricker(frequency, source.delay), 1.0),

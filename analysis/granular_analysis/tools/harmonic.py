@@ -71,7 +71,7 @@ def _of_scene(scene: Scene, by: str | None) -> Harmonic:
 def _first(scene: Scene, by: str | None, record: Callable[[], Record], tau: Floats) -> Harmonic:
     """Return what the first way that holds a wave finds, or the way that was asked for; ValueError if none holds it."""
     need_wave(scene)
-    ways = {
+    ways: dict[str, Callable[[], Harmonic]] = {
         "theory": lambda: by_theory(scene, tau),
         "cell": lambda: by_cell(record(), tau),
         "network": lambda: by_network(record(), tau),
