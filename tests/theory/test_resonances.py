@@ -53,8 +53,8 @@ def test_the_papers_crystal_has_one_resonance_and_one_antiresonance(overlap_rati
     assert np.abs(late).max() / 1e4 == pytest.approx(resonance.rate, rel=1e-3)
     forbidden = {each.forbidden for each in found if each.kind == "resonance" and not each.rate}
     assert forbidden == {
-        "a mirror: even + even is even, and this branch is odd",
-        "a mirror: odd + odd is even, and this branch is odd",
+        "forbidden by a mirror: even + even is even, and this branch is odd",
+        "forbidden by a mirror: odd + odd is even, and this branch is odd",
     }
 
 

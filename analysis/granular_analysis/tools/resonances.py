@@ -73,7 +73,7 @@ def table(found: Sequence[Row], several: bool) -> str:
     for degrees, kind, xi, wave, target, frequency, growth, forbidden in found:
         grows = f"{growth:10.3g}" if growth else f"{'-':>10}"
         line = f"{kind:14} {xi:9.6f} {f'{wave} -> {target}':>10} {frequency:10.6g} Hz {grows}"
-        line += f"  forbidden by {forbidden}" if forbidden else ""
+        line += f"  {forbidden}" if forbidden else ""
         lines.append(f"{degrees:8.2f} {line}" if several else line)
     return "\n".join(lines)
 
