@@ -12,6 +12,7 @@ from granular_analysis.measure.signals import IN_SPACE, recorded
 from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import loaded, present
+from granular_analysis.theory.network_tangents import combined
 from granular_analysis.tools.compare import compare, table
 from granular_lmp import Record, Scene, run
 from tests.conftest import members
@@ -94,7 +95,7 @@ def test_forces_on_substrates_are_those_of_the_network(name: str, tmp_path: Path
     }
     at = [on[i, wall] for i, _, wall in contacts.pairs if wall]
     walls = contacts.wall != ""
-    pushed = now.repulsion * now.normal - np.einsum("dkm,km->dm", now.tangents.along, now.shear)
+    pushed = now.repulsion * np.array(now.normal) - np.array(combined(now.shear, now.tangents.along))
     expected, found = pushed[:, at].T / unit, contacts.force[-1, walls]
     assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
     assert np.abs(found - 1.01 * expected).max() > 5e-3 * np.abs(expected).max()

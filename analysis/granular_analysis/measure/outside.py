@@ -255,7 +255,7 @@ def _forces(network: Network) -> Floats:
     count, dimension = network.position.shape
     pairs, still = search(network, np.zeros((dimension, count))), np.zeros((2 * network.freedoms, count))
     now = contacts(network, still, pairs, np.zeros((dimension - 1, len(pairs.first))), begun=True)
-    return resultants(pairs, now, count)[:dimension].T
+    return np.array(resultants(pairs, now)[:dimension]).T
 
 
 def _at_rest(network: Network, forces: Floats, wall: Wall) -> Wall:

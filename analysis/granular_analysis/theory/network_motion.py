@@ -108,7 +108,7 @@ def scales(network: Network, state: State) -> tuple[float, float]:
     motion, pairs = state.motion, state.pairs
     now = present(network, state)
     inverse_mass = np.append(network.mobility[0], np.zeros(len(network.walls)))
-    pull = np.abs(resultants(pairs, now, len(network.position))) * network.mobility
+    pull = np.abs(np.array(resultants(pairs, now))) * network.mobility
     arms = _arms(network)
     length, speed, acceleration = (float(np.max(np.abs(each) * arms)) for each in (*np.split(motion, 2), pull))
     stiffness = 1.5 * pairs.A * now.radius  # A Hertz contact of that radius is stiffer than one that adheres
@@ -289,7 +289,7 @@ class _Rates:
         if self.loop:
             return self.loop(motion, shear, load, shear_rate)
         now = contacts(self.network, motion, self.start.pairs, shear, self.start.begun)
-        load[...] = resultants(self.start.pairs, now, load.shape[1])
+        load[...] = resultants(self.start.pairs, now)
         shear_rate[...] = now.memory_rate
         return work_rate(self.network, self.start.pairs, now)
 
