@@ -102,7 +102,7 @@ class Jkr:
         return self.depth * (6 * s**4 - s)
 
     def _s(self, radius: Floats) -> Floats:
-        return root_of(radius / np.sqrt(3 * self.depth))
+        return root_of(radius / module_of(self.depth).sqrt(3 * self.depth))
 
 
 LAWS: dict[Adhesion, type[Dmt] | type[Jkr]] = {"dmt": Dmt, "jkr": Jkr}

@@ -57,7 +57,7 @@ class Pairs:
     overlap : (M,) at rest, negative for a gap.
     radii : (2, M) of first and second, the second 0 of a wall.
     shortened : (M,) by how much of the overlap an arm is shorter than its radius: ½, and 0 on a wall.
-    mass : (M,) reduced, 1/(1/m + 1/m) of both.
+    mass : (M,) reduced, 1/(1/m + 1/m) of both; a held sphere is as heavy as a wall.
     A, B, F : (M,) coefficients of the contacts.
     place : (d, N) displacements at which the search was made.
     frame : of the tangents (`granular_analysis.theory.network_tangents`).
@@ -183,7 +183,10 @@ def search(network: Network, displacement: Floats) -> Pairs:
     radii = np.stack([network.radius[first], network.radius[second]])
     near = np.sqrt(dot(apart + way, apart + way)) < radii.sum(axis=0) + network.margin
     first, second, apart, radii = first[near], second[near], apart[:, near], radii[:, near]
-    distance, mass = np.sqrt(dot(apart, apart)), 1 / (1 / network.mass[first] + 1 / network.mass[second])
+    distance = np.sqrt(dot(apart, apart))
+    lightness = 1 / network.mass if network.held is None else np.where(network.held, 0.0, 1 / network.mass)
+    both = lightness[first] + lightness[second]
+    mass = np.divide(1.0, both, out=np.zeros_like(both), where=both > 0)
     arms = np.full(len(first), 0.5)
     overlap = radii.sum(axis=0) - distance
     parts = [[first, second, apart, distance, overlap, radii, arms, mass, *network.coefficients(first, second)]]
@@ -296,6 +299,8 @@ def acting(network: Network, pairs: Pairs, met: Meetings, memory: Vector) -> Con
     """Return the forces of pairs that meet so, and the rate of their memory, of d − 1 parts."""
     xp = module_of(met.overlap)
     frame, closed, slip_rate = met.tangents, met.closed, met.slip_rate
+    spring: Vector
+    memory_rate: Vector
     if network.law == "incremental":
         spring = tuple(xp.where(closed, each, 0.0) for each in memory)
         memory_rate = scaled(met.stiffness, slip_rate)

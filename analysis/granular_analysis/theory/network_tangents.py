@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Vector = Sequence[Any]  # its components, arrays of NumPy or of JAX
+Vector = Sequence[Any] | NDArray[np.float64]  # its components, arrays of NumPy or of JAX
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # the axes after x, y, z, in turn, and before them
 _STEEP = 0.8  # n_z from which e₂ is made from x̂ in place of ẑ
 

@@ -62,7 +62,7 @@ def march(network: Network, state: State, step: float, count: int, every: int) -
         left, length = every, every
         while left:
             done = first + every - left
-            values = signals(network, step, step * np.arange(done + 1, done + length + 1))
+            values = signals(network, step, done + 1, length)
             after, farthest = advanced(network, arrays, bodies, now, jnp.asarray(values))
             if farthest > network.margin / 2 and length > 1:
                 length = max(1, length // 2)  # contacts may have been missed: back, to fewer steps

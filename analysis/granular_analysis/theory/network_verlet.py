@@ -99,14 +99,18 @@ class Bodies(NamedTuple):
         return cls(step, network.mobility, (1 - loss) / (1 + loss), shares)
 
 
-def signals(network: Network, step: float, times: Floats) -> Floats:
-    """Return values of the drives at times, and the rates that contacts see of those that move spheres, (T, D, 2)."""
+def signals(network: Network, step: float, first: int, count: int) -> Floats:
+    """Return values of the drives from a step on, and the rates that contacts see of those that move spheres.
+
+    (count, D, 2)
+    """
+    times: Floats = np.asarray(step * np.arange(first, first + count), dtype=np.float64)
     found = np.zeros((len(times), len(network.drives), 2))
     for number, each in enumerate(network.drives):
         found[:, number, 0] = each.signal(times)
         if each.moves:
-            first = times if each.component >= network.dimension else times - step
-            found[:, number, 1] = (each.signal(first + step) - each.signal(first)) / step
+            begin = times if each.component >= network.dimension else times - step
+            found[:, number, 1] = (each.signal(begin + step) - each.signal(begin)) / step
     return found
 
 
@@ -131,7 +135,7 @@ def moved(network: Network, bodies: Bodies, values: Floats, motion: Vector) -> V
 
 def begun(network: Network, state: State, bodies: Bodies) -> Carried:
     """Return what the first step begins with: the forces of a state, with its velocities."""
-    (values,) = signals(network, bodies.step, np.zeros(1))
+    (values,) = signals(network, bodies.step, 0, 1)
     motion = np.array(moved(network, bodies, values, state.motion))
     now = present(network, replace(state, motion=motion))
     slips = combined(np.where(now.closed, state.shear, 0.0), now.tangents.along)
@@ -172,7 +176,7 @@ def _turned(vector: Vector, met: Meetings) -> Vector:
 def march(network: Network, state: State, step: float, count: int, every: int) -> Iterator[Floats]:
     """Yield the motions (2f, N) at the begin and after each `every` of some steps."""
     bodies = Bodies.of(network, step)
-    values = signals(network, step, step * np.arange(1, count + 1))
+    values = signals(network, step, 1, count)
     now = begun(network, state, bodies)
     yield imposed(network.drives, 0.0, np.array(now.motion))
     for number in range(1, count + 1):
