@@ -64,6 +64,7 @@ class Pairs:
     normal : law of the normal forces.
     gathered : (K, N) which pairs each sphere has, of at most K: m as the first of pair m, M + m as the second, and 2M
         for none.
+    damping : factor of the dashpots, one or (M,).
     """
 
     first: Integers
@@ -81,6 +82,7 @@ class Pairs:
     frame: Floats
     normal: Dmt | Jkr
     gathered: Integers
+    damping: Floats | float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,7 +311,7 @@ def acting(network: Network, pairs: Pairs, met: Meetings, memory: Vector) -> Con
     repulsion = pairs.normal.repulsion(met.overlap, met.radius, closed)
     shear, limit = spring, repulsion + 2 * pairs.normal.pull * pairs.F
     if network.viscosity or network.restitution is not None:
-        dashpot = dashpots(network, pairs, met.radius)
+        dashpot = pairs.damping * dashpots(network, pairs, met.radius)
         repulsion = repulsion - dashpot * dot(met.normal, met.rate)
         shear = plus(spring, scaled(network.shear * dashpot, slip_rate))
         limit = limit if network.adheres else xp.abs(repulsion)

@@ -80,12 +80,13 @@ class Bodies(NamedTuple):
     step : h.
     mobility : (f, N) accelerations per force and torque.
     kept : (N,) share of each velocity and spin that quiet ends leave in a step.
-    shares : (D, N) factor of the signal of each drive on each sphere, nan where it does not act.
+    acts, shares : (D, N) whether each drive acts on each sphere, and the factor of its signal there.
     """
 
     step: float
     mobility: Floats
     kept: Floats
+    acts: NDArray[np.bool_]
     shares: Floats
 
     @classmethod
@@ -93,10 +94,10 @@ class Bodies(NamedTuple):
         """Return those of a network."""
         count = len(network.position)
         loss = np.zeros(count) if network.drag is None else step / 2 * network.drag
-        shares = np.full((len(network.drives), count), np.nan)
-        for each, share in zip(network.drives, shares, strict=True):
-            share[each.spheres] = each.share
-        return cls(step, network.mobility, (1 - loss) / (1 + loss), shares)
+        acts, shares = np.zeros((len(network.drives), count), dtype=bool), np.zeros((len(network.drives), count))
+        for number, each in enumerate(network.drives):
+            acts[number, each.spheres], shares[number, each.spheres] = True, each.share
+        return cls(step, network.mobility, (1 - loss) / (1 + loss), acts, shares)
 
 
 def signals(network: Network, step: float, first: int, count: int) -> Floats:
@@ -116,20 +117,20 @@ def signals(network: Network, step: float, first: int, count: int) -> Floats:
 
 def pushed(network: Network, bodies: Bodies, values: Floats, loads: Vector) -> Vector:
     """Return f rows of loads with forces and torques, by values (D, 2) of the signals."""
-    xp, rows = module_of(loads[0]), list(loads)
+    rows = list(loads)
     for each, (value, _), share in zip(network.drives, values, bodies.shares, strict=True):
         if not each.moves:
-            rows[each.component] = rows[each.component] + xp.where(xp.isnan(share), 0.0, value * share)
+            rows[each.component] = rows[each.component] + value * share
     return rows
 
 
 def moved(network: Network, bodies: Bodies, values: Floats, motion: Vector) -> Vector:
     """Return 2f rows of a motion with what is prescribed, by values (D, 2) of the signals."""
     xp, rows = module_of(motion[0]), list(motion)
-    for each, pair, share in zip(network.drives, values, bodies.shares, strict=True):
+    for each, pair, acts, share in zip(network.drives, values, bodies.acts, bodies.shares, strict=True):
         if each.moves:
             for row, value in zip((each.component, each.component + network.freedoms), pair, strict=True):
-                rows[row] = xp.where(xp.isnan(share), rows[row], value * share)
+                rows[row] = xp.where(acts, value * share, rows[row])
     return rows
 
 
