@@ -222,11 +222,7 @@ class Events(NamedTuple):
     def trouble(self) -> str:
         """Return what makes a kink, "" if nothing does."""
         kinds = {"opened": self.parted, "closed": self.met, "slid": self.slid}
-        found = [
-            f"{len(which)} contacts {what}, the first that of pair {which[0]}"
-            for what, which in kinds.items()
-            if len(which)
-        ]
+        found = [f"{len(which)} contacts {what}, first pair {which[0]}" for what, which in kinds.items() if len(which)]
         if self.farthest > 1:
             found.append("spheres move so far that others may touch")
         return "; ".join(found)
