@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.spectrum.case import main as spectrum_main
 from granular_analysis.measure.swept import Swept
 from granular_analysis.tools.compare import main as compare_main
-from granular_analysis.tools.spectrum import main as spectrum_main
 from granular_lmp import Record, Scene
 from granular_lmp.accuracy.oscillator import oscillator_of
 from granular_lmp.accuracy.second_harmonic import second_harmonic

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from cases import run as door
+from cases.run import Case, Number, Run, names
 from granular_analysis.cli import main
-from granular_analysis.tools import case as door
-from granular_analysis.tools.case import Case, Number, Run, names
 from tests.conftest import members
 from tests.house.test_docs import ROOT, judge_package
 

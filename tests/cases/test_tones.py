@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cases.rows import Rows, amplitudes_at, rows_of
 from cases.tones import case as tones
-from granular_analysis.measure.rows import Rows, amplitudes_at, rows_of
 from granular_analysis.theory.contact import Contact
 from granular_lmp import Record, Scene, run
 

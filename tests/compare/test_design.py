@@ -278,15 +278,14 @@ def test_the_map_is_drawn_for_any_wave(tmp_path, monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--poisson-ratio", "0.7"], "poisson_ratio = 0.7 is outside [-1, 0.5]"),
-        (["--wavenumber", "0"], "wavenumber is 0.0; allowed: above 0"),
-        (["--mode", "T"], "invalid choice: 'T'"),
+        (["--poisson-ratio", "0.7"], r"poisson_ratio = 0\.7 is outside \[-1, 0\.5\]"),
+        (["--wavenumber", "0"], r"wavenumber is 0\.0; allowed: above 0"),
+        (["--mode", "T"], "name is 'T'; allowed: L, TR, RT"),
     ],
 )
-def test_the_map_refuses_what_is_no_wave(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="2"):
+def test_the_map_refuses_what_is_no_wave(arguments: list[str], said: str) -> None:
+    with pytest.raises(SystemExit, match=said):
         mixing_map.main(arguments)
-    assert said in capsys.readouterr().err
 
 
 def test_the_units_of_the_options_are_those_of_a_sphere() -> None:

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
+from cases.spectrum.case import main as spectrum_main
 from granular_analysis.tools.compare import main as compare_main
-from granular_analysis.tools.spectrum import main as spectrum_main
 from granular_lmp import Scene
 from granular_lmp.plot import view
 from granular_lmp.scene.linear import mode_of

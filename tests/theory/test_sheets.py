@@ -12,13 +12,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from cases.fields import ROW, component, fields_of
+from cases.sheets.case import Comparison, carrier, compare, draw, main, relative
 from granular_analysis import second_harmonic
 from granular_analysis.measure.norms import slope
-from granular_analysis.measure.sheets import ROW, Comparison, carrier, compare, component, fields_of, relative
 from granular_analysis.theory.cell import fields
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import nonlinearity
-from granular_analysis.tools.sheets import draw, main
 from granular_lmp import Record, Scene, run
 from granular_lmp.crystal.lattices import Shape, lattice_constant, packed
 from granular_lmp.crystal.sphere import Sphere

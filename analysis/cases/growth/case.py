@@ -22,14 +22,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from cases.runner import script
 from granular_analysis.measure.runs import all_but, load
-from granular_analysis.plotting import parser, save, start
 from granular_analysis.theory.crystal import PLANE, Crystal
 from granular_analysis.theory.phase_matching import matches
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.second_order import Wave
 from granular_analysis.theory.variation import Spot, Varied, resonance
-from granular_lmp.runs.record import GranularError, Record, Scene
+from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -191,19 +191,10 @@ def draw(found: Sequence[tuple[Growing, float]]) -> Figure:
     return figure
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table, and draw the figure."""
-    options = parser(__doc__, "growth.png", runs="of opposite phases, with snapshots").parse_args(arguments)
-    try:
-        found = []
-        for one, other in pairs(options.runs):
-            growing = Growing.of(one.scene)
-            found.append((growing, measured(growing, (one, other))))
-        print(table(found))
-        save(draw(found), options.output)
-    except (GranularError, ValueError) as error:
-        raise SystemExit(str(error)) from error
+def measure(folders: Sequence[str]) -> list[tuple[Growing, float]]:
+    """Return the resonance of each pair of runs, and how fast it grows in them."""
+    found = [(Growing.of(one.scene), (one, other)) for one, other in pairs(folders)]
+    return [(growing, measured(growing, records)) for growing, records in found]
 
 
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, measure, table, draw, runs="run folders of opposite phases, with snapshots")

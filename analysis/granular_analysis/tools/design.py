@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_analysis.plotting import scene_of, start, write
+from granular_analysis.plotting import scene_of, write
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.objectives import (
     POINTS,
@@ -307,7 +307,3 @@ def _of_scene(command: argparse.ArgumentParser, chosen: argparse.Namespace) -> i
     except ValueError as error:
         raise SystemExit(f"{chosen.what}: {error}") from error
     return 0
-
-
-if __name__ == "__main__":
-    start(main)

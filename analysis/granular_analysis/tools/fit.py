@@ -20,7 +20,7 @@ import numpy as np
 from granular_analysis.measure.fitting import Fit, summary
 from granular_analysis.measure.points import KINDS, UNITS, read
 from granular_analysis.measure.surface import Film, is_surface_wave
-from granular_analysis.plotting import letter, save, scene_of, start, write
+from granular_analysis.plotting import letter, save, scene_of, write
 from granular_analysis.theory.estimation import LOSSES, Estimate
 from granular_analysis.theory.scenes import Setting
 from granular_lmp.cli.arguments import changes_argument
@@ -237,7 +237,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.fitted:
         write(Path(options.fitted), fitted.scene.to_toml())
     return 0
-
-
-if __name__ == "__main__":
-    start(main)

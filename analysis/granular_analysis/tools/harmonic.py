@@ -30,7 +30,7 @@ from granular_analysis.measure.disordered import Seeds, over_seeds, whole_streng
 from granular_analysis.measure.harmonic import Harmonic, by_cell, by_network, by_runs, by_theory, need_wave
 from granular_analysis.measure.runs import begun, load
 from granular_analysis.measure.swept import Swept
-from granular_analysis.plotting import scene_of, start, write, write_csv
+from granular_analysis.plotting import scene_of, write, write_csv
 from granular_lmp.cli.arguments import changes_argument, changes_of
 from granular_lmp.runs.record import STATUS, GranularError, Record, Scene
 
@@ -126,11 +126,11 @@ def seeds_summary(found: Seeds) -> dict[str, Any]:
     mean, left = found.mean, found.mean / found.equal
     return {
         "name": found.scene.name,
-        "seeds": len(found.waves.amplitudes),
+        "seeds": len(found.amplitudes),
         "s": found.spread,
-        "tau": float(found.waves.tau[-1]),
+        "tau": float(found.tau[-1]),
         "mean": {"strength": mean.value, "error": mean.error},
-        "one_crystal": whole_strength(found.waves.amplitudes),
+        "one_crystal": whole_strength(found.amplitudes),
         "equal_spheres": found.equal,
         "left": {"share": left.value, "error": left.error},
     }
@@ -184,7 +184,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.json:
         write(Path(options.json), json.dumps(said, indent=2) + "\n")
     return 0
-
-
-if __name__ == "__main__":
-    start(main)

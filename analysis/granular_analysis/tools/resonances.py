@@ -21,7 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granular_analysis.plotting import parser, save, scene_of, start, write_csv
+from granular_analysis.plotting import parser, save, scene_of, write_csv
 from granular_analysis.theory.bloch import frame
 from granular_analysis.theory.branches import names_of
 from granular_analysis.theory.crystal import Crystal, padded
@@ -173,7 +173,3 @@ def main(arguments: Sequence[str] | None = None) -> None:
     figure = draw_map(setting, found) if options.map else draw(setting, crystal, found, own)
     save(figure, options.output)
     write_csv(Path(options.output).with_suffix(".csv"), FIELDS, found)
-
-
-if __name__ == "__main__":
-    start(main)

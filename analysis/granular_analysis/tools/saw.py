@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from granular_analysis.measure.fitting import wavevectors
 from granular_analysis.measure.points import Point, read
 from granular_analysis.measure.surface import BRANCH, SLOWEST, Film, Wave, is_surface_wave
-from granular_analysis.plotting import parser, save, scene_of, start, write_csv
+from granular_analysis.plotting import parser, save, scene_of, write_csv
 from granular_analysis.theory.phase_matching import zone_edge
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.surface_wave import HalfSpace
@@ -177,7 +177,3 @@ def _wrong(options: Namespace) -> str:
     if not (0 < modulus < np.inf and -1 < ratio < 0.5 and 0 < density < np.inf):
         return f"--below {modulus} {ratio} {density}: must be Pa, Poisson's ratio between -1 and 0.5, kg/m3"
     return "" if options.thickness else "--below: needs --thickness, that of the film above it"
-
-
-if __name__ == "__main__":
-    start(main)
