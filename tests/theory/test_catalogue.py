@@ -95,7 +95,7 @@ INVENTED = [
 
 @pytest.mark.parametrize(("record", "name"), INVENTED, ids=[name for _, name in INVENTED])
 def test_an_invented_effect_or_form_is_refused_by_every_theory_and_script(
-    record: Record, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    record: Record, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert all(name in missing(theory, traits_of(record)) for theory in HOLDS)
     with pytest.raises(TheoryError, match=f"no theory here holds {name}"):
@@ -109,9 +109,8 @@ def test_an_invented_effect_or_form_is_refused_by_every_theory_and_script(
         with pytest.raises(SystemExit, match=f"no theory here holds {name}"):
             script.main(["run"])
     monkeypatch.setattr(effects, "sweep", lambda folder: [record])
-    with pytest.raises(SystemExit):
+    with pytest.raises(SystemExit, match=name):
         effects.main(["sweep"])
-    assert name in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("form", ["standing", "driven"])

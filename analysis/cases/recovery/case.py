@@ -174,13 +174,14 @@ Found = tuple[Mapping[tuple[str, float, str], Floats], str]  # departures by sce
 
 def measure(folders: Sequence[str], sets: int) -> Found:
     """Return the departures of all scenes and noises, and what a kicked sheet gives back."""
+    of_sheet = told(folders[0])
     found = {
         (setup.name, noise, key): own
         for setup in setups()
         for noise in NOISES
         for key, own in zip(setup.truth, setup.departures(noise, sets).T, strict=True)
     }
-    return found, told(folders[0])
+    return found, of_sheet
 
 
 def table(found: Found) -> str:
