@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from cases.runner import swept as runs_of
 from cases.spectrum.case import measure as spectrum
 from granular_analysis.tools.compare import main as compare_main
 from granular_lmp import Scene
@@ -93,7 +94,7 @@ def test_compare_has_a_line_a_wave_that_names_it(
 
 
 def test_the_spectrum_has_a_point_a_wave(swept: Sweep) -> None:
-    points, _ = spectrum([str(swept.folder)])
+    points, _ = spectrum(runs_of([str(swept.folder)]))
     assert [each.wavenumber for each in points] == pytest.approx([RAN, 2 * pi * 9 / 48])
 
 

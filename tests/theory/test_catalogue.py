@@ -104,8 +104,8 @@ def test_an_invented_effect_or_form_is_refused_by_every_theory_and_script(
         sheets.refuse(record)
     assert name in (spectrum.refusal(record) or "")
     assert name in (oblique.refusal(record) or "")
-    for script in (compare, figure3):
-        monkeypatch.setattr(script, "load", lambda folder, **_: record)
+    for module, script in (("granular_analysis.tools.compare", compare), ("cases.runner", figure3)):
+        monkeypatch.setattr(f"{module}.load", lambda folder, **_: record)
         with pytest.raises(SystemExit, match=f"no theory here holds {name}"):
             script.main(["run"])
     monkeypatch.setattr(effects, "sweep", lambda folder: [record])

@@ -329,6 +329,7 @@ def test_scripts_refuse_in_one_line_what_a_theory_leaves_out(
     script, words, with_physics, monkeypatch, tmp_path
 ) -> None:
     with_physics(viscosity=0.01)
-    monkeypatch.setattr(script, "load", lambda folder, **_: PLAIN)
+    for module in ("granular_analysis.tools.compare", "cases.runner"):
+        monkeypatch.setattr(f"{module}.load", lambda folder, **_: PLAIN)
     with pytest.raises(SystemExit, match="leaves out effects.damping"):
         script.main(["run", *words])

@@ -319,10 +319,10 @@ def _look(family: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def measure(folders: Sequence[str]) -> Measured:
+def measure(folder: str) -> Measured:
     """Return a study and the levels of model."""
-    study = Study.load(folders[0])
+    study = Study.load(folder)
     return study, models(study)
 
 
-main = script(__name__, measure, table, draw, runs="folder of granular-lmp cost", one=True)
+main = script(__name__, measure, table, draw, ("folder", "of granular-lmp cost"))

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cases.runner import script, swept
+from cases.runner import script
 from cases.spectrum.case import refuse
 from cases.spectrum.points import Point, extrapolated, locate_antiresonance, locate_resonance, point
 from granular_analysis.plotting import SILICA, letter
@@ -138,9 +138,4 @@ def _draw_places(axes: Axes, over: Floats, contacts: Mapping[Adhesion, Sequence[
     axes.set(ylabel=r"$\xi$ (rad per row)", ylim=(1, np.pi))
 
 
-def measure(folders: Sequence[str]) -> dict[Adhesion, list[Record]]:
-    """Return the runs of sweeps by law."""
-    return by_law(swept(folders))
-
-
-main = script(__name__, measure, table, draw, runs="folders of sweeps over sphere.adhesion_law")
+main = script(__name__, by_law, table, draw, ("sweeps", "sweeps over sphere.adhesion_law"))

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from cases.fields import fields_of
 from cases.rows import waves
-from cases.runner import script, swept
+from cases.runner import script
 from granular_analysis.measure.runs import all_but
 from granular_analysis.theory.rows import Rows
 from granular_analysis.theory.transfer import running, scattering
@@ -226,9 +226,4 @@ def draw(found: Parts) -> Figure:
     return figure
 
 
-def of_sweeps(folders: Sequence[str]) -> Parts:
-    """Return the parts of the runs of sweeps."""
-    return parts(swept(folders))
-
-
-main = script(__name__, of_sweeps, table, draw, runs="sweep over the first row of an inclusion")
+main = script(__name__, parts, table, draw, ("sweeps", "a sweep over the first row of an inclusion"))

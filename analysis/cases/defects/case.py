@@ -29,7 +29,6 @@ from cases.defects.born import CELL, group_speed, impurity_width
 from cases.fields import Sheet, fields_of
 from cases.oblique.case import HELD as OF_A_WAVE
 from cases.runner import script
-from granular_analysis.measure.runs import load
 from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.theory.catalogue import OBLIQUE
 from granular_analysis.theory.choice import contact_of, traits_of
@@ -213,10 +212,10 @@ def _energy(axes: Axes, each: Scattering) -> None:
     axes.legend(frameon=False, fontsize="small")
 
 
-def measure(folders: Sequence[str]) -> list[Scattering]:
+def measure(records: Sequence[Record]) -> list[Scattering]:
     """Return the scattering of each defect beside the perfect crystal, whose run is the first."""
-    perfect, *others = map(load, folders)
+    perfect, *others = records
     return [compare(perfect, each) for each in others]
 
 
-main = script(__name__, measure, table, draw, runs="run folders: of the perfect crystal, then with a defect")
+main = script(__name__, measure, table, draw, ("runs", "the perfect crystal, then the same with a defect"))

@@ -107,9 +107,9 @@ def table(runs: Sequence[tuple[float, float, float]]) -> str:
     return "\n".join(lines)
 
 
-def measure(folders: Sequence[str]) -> list[tuple[float, float, float]]:
+def measure(records: Sequence[Record]) -> list[tuple[float, float, float]]:
     """Return what the runs have."""
-    return [measured(Record.load(folder)) for folder in folders]
+    return [measured(record) for record in records]
 
 
-main = script(__name__, measure, table, draw, runs="run folders of chains of heavy and light spheres")
+main = script(__name__, measure, table, draw, ("runs", "runs of chains of heavy and light spheres"))

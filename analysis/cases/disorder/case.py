@@ -8,7 +8,7 @@ the attenuation, beside Born's theory (`cases.defects.born`); L waves with `diso
 TR waves, run with `wave.phase` 0 and π, the second harmonic. `cases.disorder.measures` says how each is read.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,7 +30,7 @@ from cases.disorder.measures import (
     resonance,
     second_harmonics,
 )
-from cases.runner import script, swept
+from cases.runner import script
 from granular_analysis.measure.disordered import Value, refuse, strength, whole_strength
 from granular_analysis.plotting import COLOURS
 from granular_analysis.theory.wave import resonance as perfect_resonance
@@ -369,9 +369,4 @@ def _antiresonance(axes: Axes, found: Found) -> None:
     axes.legend(frameon=False, fontsize="small", loc="lower right", bbox_to_anchor=(1, 0.08), handlelength=1.2)
 
 
-def measure(folders: Sequence[str]) -> Found:
-    """Return all that sweeps hold."""
-    return read(swept(folders))
-
-
-main = script(__name__, measure, table, draw, runs="folders of sweeps over disorder.seed")
+main = script(__name__, read, table, draw, ("sweeps", "sweeps over disorder.seed"))

@@ -6,8 +6,6 @@ SHEET is ``sheet.npz`` of a kicked sheet (``granular-lmp kick``), or its folder.
 from the three branches, in units of the resolution 2π/T. ``make dispersion`` does it all.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
@@ -56,9 +54,4 @@ def draw(sheet: Sheet) -> Figure:
     return figure
 
 
-def measure(sheets: Sequence[str]) -> Sheet:
-    """Return the sheet of a file or a folder."""
-    return Sheet.load(sheets[0])
-
-
-main = script(__name__, measure, table, draw, runs="sheet.npz of a kicked sheet, or its folder", one=True)
+main = script(__name__, Sheet.load, table, draw, ("folder", "of a kicked sheet, or its sheet.npz"))

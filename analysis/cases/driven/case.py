@@ -7,7 +7,6 @@ run of form "driven" with snapshots of all spheres, in rows that the slowest of 
 no echo of the far end is heard. It prints median deviations over those rows and draws the amplitudes over the rows.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -155,9 +154,9 @@ def table(found: Comparison) -> str:
     return "\n".join(lines)
 
 
-def measure(folders: Sequence[str]) -> Comparison:
+def of_folder(folder: str) -> Comparison:
     """Return the comparison of a run folder."""
-    return compare(*load_form(folders[0], "driven"))
+    return compare(*load_form(folder, "driven"))
 
 
-main = script(__name__, measure, table, draw, runs="run folder of a driven row, with snapshots", one=True)
+main = script(__name__, of_folder, table, draw, ("folder", "run of a driven row, with snapshots"))

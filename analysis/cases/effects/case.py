@@ -138,4 +138,4 @@ def measure(folders: Sequence[str]) -> list[list[Record]]:
     return sweeps
 
 
-main = script(__name__, measure, table, draw, runs=f"folders of sweeps, at most {len(STYLES)}")
+main = script(__name__, measure, table, draw, ("folders", f"sweeps, at most {len(STYLES)}"))

@@ -18,7 +18,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cases.runner import script
-from granular_analysis.measure.runs import load
 from granular_analysis.measure.signals import COMPONENTS, errors
 from granular_analysis.theory.choice import best, trajectory, wave_of
 from granular_lmp.runs.record import Record
@@ -96,11 +95,11 @@ def table(records: Sequence[Record]) -> str:
     return "\n".join(lines)
 
 
-def measure(folders: Sequence[str]) -> list[Record]:
+def measure(records: list[Record]) -> list[Record]:
     """Return the runs; ValueError for more than have letters."""
-    if ROWS * len(folders) > len(ascii_lowercase):
-        raise ValueError(f"{len(folders)} runs: at most {len(ascii_lowercase) // ROWS} fit into one figure")
-    return [load(folder) for folder in folders]
+    if ROWS * len(records) > len(ascii_lowercase):
+        raise ValueError(f"{len(records)} runs: at most {len(ascii_lowercase) // ROWS} fit into one figure")
+    return records
 
 
-main = script(__name__, measure, table, draw, runs="run folders, one a column")
+main = script(__name__, measure, table, draw, ("runs", "one a column"))

@@ -84,9 +84,9 @@ def table(runs: dict[str, dict[int, Front]]) -> str:
     return "\n".join(lines)
 
 
-def measure(folders: Sequence[str]) -> dict[str, dict[int, Front]]:
+def measure(records: Sequence[Record]) -> dict[str, dict[int, Front]]:
     """Return the fronts of the runs by name."""
-    return {Path(folder).name: fronts(Record.load(folder)) for folder in folders}
+    return {Path(record.folder or "").name: fronts(record) for record in records}
 
 
-main = script(__name__, measure, table, draw, runs="run folders of impacts on a sheet")
+main = script(__name__, measure, table, draw, ("runs", "impacts on a sheet"))

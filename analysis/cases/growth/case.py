@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cases.runner import script
-from granular_analysis.measure.runs import all_but, load
+from granular_analysis.measure.runs import all_but
 from granular_analysis.theory.crystal import PLANE, Crystal
 from granular_analysis.theory.phase_matching import matches
 from granular_analysis.theory.scenes import Setting
@@ -146,14 +146,14 @@ def fitted(
     return np.asarray(np.linalg.lstsq(np.stack(basis, axis=1), values)[0])
 
 
-def pairs(folders: Sequence[str]) -> list[tuple[Record, Record]]:
+def pairs(records: Sequence[Record]) -> list[tuple[Record, Record]]:
     """Return the runs of opposite phases, that with the smaller one first; ValueError for a run without a partner."""
     alike: dict[str, list[Record]] = {}
-    for record in map(load, folders):
+    for record in records:
         alike.setdefault(repr(all_but(record, "wave.phase", "name")), []).append(record)
     found = []
-    for records in alike.values():
-        one, *others = sorted(records, key=lambda each: each.scene.wave.phase)
+    for runs in alike.values():
+        one, *others = sorted(runs, key=lambda each: each.scene.wave.phase)
         if len(others) != 1 or abs(others[0].scene.wave.phase - one.scene.wave.phase - np.pi) > 1e-9:
             raise ValueError(f"{one.folder}: needs one partner whose wave.phase is larger by pi")
         found.append((one, others[0]))
@@ -191,10 +191,10 @@ def draw(found: Sequence[tuple[Growing, float]]) -> Figure:
     return figure
 
 
-def measure(folders: Sequence[str]) -> list[tuple[Growing, float]]:
+def measure(records: Sequence[Record]) -> list[tuple[Growing, float]]:
     """Return the resonance of each pair of runs, and how fast it grows in them."""
-    found = [(Growing.of(one.scene), (one, other)) for one, other in pairs(folders)]
-    return [(growing, measured(growing, records)) for growing, records in found]
+    found = [(Growing.of(one.scene), (one, other)) for one, other in pairs(records)]
+    return [(growing, measured(growing, both)) for growing, both in found]
 
 
-main = script(__name__, measure, table, draw, runs="run folders of opposite phases, with snapshots")
+main = script(__name__, measure, table, draw, ("runs", "of opposite phases, with snapshots"))

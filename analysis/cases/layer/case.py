@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from cases.runner import script, swept
+from cases.runner import script
 from granular_analysis.theory.crystal import Crystal
 from granular_analysis.theory.monolayer import Layer
 from granular_analysis.theory.phase_matching import zone_edge
@@ -103,9 +103,4 @@ def draw(found: Measured) -> Figure:
     return figure
 
 
-def measure(folders: Sequence[str]) -> Measured:
-    """Return the runs of sweeps with their frequencies."""
-    return frequencies(swept(folders))
-
-
-main = script(__name__, measure, table, draw, runs="sweep over branches and wave numbers of a layer")
+main = script(__name__, frequencies, table, draw, ("sweeps", "a sweep over branches and wave numbers of a layer"))

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cases.fields import component, fields_of, in_frame, rest_of
 from cases.pairs import by_wave
-from cases.runner import script, swept
+from cases.runner import script
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.theory.bloch import branch_index, in_plane, wavevector_of
 from granular_analysis.theory.catalogue import HELD as WALLS
@@ -207,10 +207,9 @@ def _strengths(axes: Axes, these: Sequence[Point], wavenumber: float, wave: Wave
         axes.semilogy(*np.reshape(seen, (-1, 2)).T, marker, color=colour, markersize=4, label="LAMMPS")
 
 
-def measure(folders: Sequence[str]) -> Measured:
-    """Return the points of sweeps, and their runs."""
-    records = swept(folders)
+def measure(records: Sequence[Record]) -> Measured:
+    """Return the points of runs, and the runs."""
     return points(records), records
 
 
-main = script(__name__, measure, table, draw, runs="folders of sweeps over wave.mode, wave.direction")
+main = script(__name__, measure, table, draw, ("sweeps", "over wave.mode, wave.direction"))

@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cases.onset.onset import Event, Onset, onset
-from cases.runner import script, swept
+from cases.runner import script
 from granular_analysis.measure.runs import all_but
 from granular_analysis.plotting import SILICA
 from granular_lmp.runs.record import Record
@@ -156,12 +156,11 @@ def _frictions(axes: Axes, records: Sequence[Record]) -> None:
     axes.legend(frameon=False, fontsize=8)
 
 
-def measure(folders: Sequence[str]) -> Measured:
-    """Return the runs of sweeps, and the onsets; ValueError where all runs have sliding."""
-    runs = swept(folders)
+def measure(runs: Sequence[Record]) -> Measured:
+    """Return runs, and the onsets; ValueError where all runs have sliding."""
     if not waves(runs):
         raise ValueError("no finished runs with effects.sliding = false")
     return runs, points(runs)
 
 
-main = script(__name__, measure, table, draw, runs="folders of sweeps over wave.amplitude or effects.friction")
+main = script(__name__, measure, table, draw, ("sweeps", "sweeps over wave.amplitude or effects.friction"))

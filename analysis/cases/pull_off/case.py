@@ -202,4 +202,4 @@ def table(collisions: Sequence[Collision]) -> str:
     )
 
 
-main = script(__name__, read, table, draw, runs="folders of collisions")
+main = script(__name__, read, table, draw, ("folders", "collisions"))

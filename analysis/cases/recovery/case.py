@@ -172,9 +172,9 @@ def told(folder: str) -> str:
 Found = tuple[Mapping[tuple[str, float, str], Floats], str]  # departures by scene, noise, key; of the sheet in words
 
 
-def measure(folders: Sequence[str], sets: int) -> Found:
+def measure(folder: str, sets: int) -> Found:
     """Return the departures of all scenes and noises, and what a kicked sheet gives back."""
-    of_sheet = told(folders[0])
+    of_sheet = told(folder)
     found = {
         (setup.name, noise, key): own
         for setup in setups()
@@ -228,11 +228,5 @@ def named(key: str, keys: Sequence[str]) -> str:
 
 
 main = script(
-    __name__,
-    measure,
-    table,
-    draw,
-    runs="run folder of a kicked sheet",
-    one=True,
-    options={"sets": (int, SETS, "of each noise")},
+    __name__, measure, table, draw, ("folder", "of a kicked sheet"), options={"sets": (int, SETS, "of each noise")}
 )

@@ -130,9 +130,9 @@ def table(runs: Sequence[tuple[float, FrontsAtInterface]]) -> str:
     return "\n".join(lines)
 
 
-def measure(folders: Sequence[str]) -> list[tuple[float, FrontsAtInterface]]:
+def measure(records: Sequence[Record]) -> list[tuple[float, FrontsAtInterface]]:
     """Return what the runs have."""
-    return [measured(Record.load(folder)) for folder in folders]
+    return [measured(record) for record in records]
 
 
-main = script(__name__, measure, table, draw, runs="run folders of a front that meets an interface")
+main = script(__name__, measure, table, draw, ("runs", "fronts that meet an interface"))

@@ -11,7 +11,6 @@ run − y1 holds the third order too, whose part at the fundamental is a drift o
 number, around multiples of the strongest wave vector k. A field without one (noise) is predicted all the same.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +20,6 @@ from numpy.typing import NDArray
 
 from cases.fields import ROW, Sheet, field_of, fields_of, in_frame, rest_of
 from cases.runner import script
-from granular_analysis.measure.runs import load
 from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.theory.bloch import RECIPROCAL
 from granular_analysis.theory.catalogue import ENVELOPE, HOLDS, NO_ROTATION, NO_SHEAR, STANDING
@@ -175,11 +173,4 @@ def draw(c: Comparison, snapshot: int = -1) -> Figure:
     return figure
 
 
-def measure(folders: Sequence[str]) -> Comparison:
-    """Return the comparison of a run folder."""
-    return compare(load(folders[0]))
-
-
-main = script(
-    __name__, measure, table, draw, figure="pulse.png", runs="run folder with snapshots of all spheres", one=True
-)
+main = script(__name__, compare, table, draw, ("run", "with snapshots of all spheres"), figure="pulse.png")

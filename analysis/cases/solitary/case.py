@@ -121,9 +121,9 @@ def _shares(axes: Axes) -> None:
     axes.set(xlabel="mass of the impurity / mass of a sphere", ylabel="share of the energy")
 
 
-def measure(folders: Sequence[str]) -> dict[str, Front]:
+def measure(records: Sequence[Record]) -> dict[str, Front]:
     """Return the fronts of the runs by name."""
-    return {Path(folder).name: front(Record.load(folder)) for folder in folders}
+    return {Path(record.folder or "").name: front(record) for record in records}
 
 
-main = script(__name__, measure, table, draw, runs="run folders of impacts on a compressed chain")
+main = script(__name__, measure, table, draw, ("runs", "impacts on a compressed chain"))

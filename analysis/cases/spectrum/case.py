@@ -21,7 +21,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cases.runner import script, swept
+from cases.runner import script
 from cases.spectrum.points import (
     Point,
     extrapolated,
@@ -172,12 +172,11 @@ def _amplitudes(axes: Axes, points: Sequence[Point], marker: str, colour: str, *
         axes.semilogy(*np.reshape(these, (-1, 2)).T, marker, **marks, label=label if labelled else None)
 
 
-def measure(folders: Sequence[str]) -> Measured:
-    """Return the points of sweeps, and their runs, pairs of steps extrapolated."""
-    runs = swept(folders)
+def measure(runs: Sequence[Record]) -> Measured:
+    """Return the points of runs, and the runs, pairs of steps extrapolated."""
     refuse(runs)
     records = extrapolated(runs)
     return [point(record) for record in records], records
 
 
-main = script(__name__, measure, table, draw, runs="folders of sweeps over wave.mode, wave.wavenumber")
+main = script(__name__, measure, table, draw, ("sweeps", "over wave.mode, wave.wavenumber"))

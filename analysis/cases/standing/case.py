@@ -10,7 +10,6 @@ of p: this holds third-order changes of the fundamental as well, so its relative
 With the incremental shear law LAMMPS's own error is of first order in the step, and soon larger: halve it and compare.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -184,9 +183,9 @@ def table(found: Comparison) -> str:
     return "\n".join(f"{name:16s} {size:.2e}" for name, size in found.errors().items())
 
 
-def measure(folders: Sequence[str]) -> Comparison:
+def of_folder(folder: str) -> Comparison:
     """Return the comparison of a run folder."""
-    return compare(*load_form(folders[0], "standing"))
+    return compare(*load_form(folder, "standing"))
 
 
-main = script(__name__, measure, table, draw, figure="grating.png", runs="run folder of a standing wave", one=True)
+main = script(__name__, of_folder, table, draw, ("folder", "run of a standing wave"), figure="grating.png")

@@ -13,7 +13,6 @@ and nothing else. The table says |X_forced| of both and the relative error with 
 the centre sphere, and both fields over the rows.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -24,7 +23,6 @@ from scipy.optimize import brentq
 
 from cases.rows import FORMS, amplitudes_at, rows_of, waves
 from cases.runner import script
-from granular_analysis.measure.runs import load
 from granular_analysis.theory.bloch import real_modes, wavevector_of
 from granular_analysis.theory.catalogue import AT_REST
 from granular_analysis.theory.choice import contact_of, traits_of
@@ -209,9 +207,4 @@ def table(found: Tones) -> str:
     return "\n".join(lines)
 
 
-def measure(folders: Sequence[str]) -> Tones:
-    """Return the comparison of a run folder."""
-    return compare(load(folders[0]))
-
-
-main = script(__name__, measure, table, draw, figure="two_tones.png", runs="run folder of two shaken rows", one=True)
+main = script(__name__, compare, table, draw, ("run", "of two shaken rows, with snapshots"), figure="two_tones.png")
