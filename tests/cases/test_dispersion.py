@@ -11,7 +11,6 @@ from cases.dispersion import case as dispersion_figure
 from cases.dispersion import density as dispersion
 from granular_analysis.theory.contact import Contact
 from granular_lmp import Scene, load, prepare, resume, run
-from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, RunFolderError, SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.studies.kick import kicked, run_kicked
@@ -166,34 +165,6 @@ def test_a_kick_that_was_stopped_is_continued(by: str, whole: Path, tmp_path: Pa
         run_kicked(OFTEN, tmp_path / "cut", 3)
 
 
-def test_an_effect_that_the_theory_of_the_sheet_leaves_out_is_refused_before_the_run(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"effects\.damping is on: must be off for a sheet that is kicked"):
-        run_kicked(SMALL.with_values({"effects.viscosity": 1e-9}), tmp_path / "run")
-    assert not (tmp_path / "run").exists()
-
-
-def test_spheres_that_do_not_turn_are_refused() -> None:
-    with pytest.raises(SceneError, match=r"effects\.rotation is off: must be on for a sheet that is kicked"):
-        kicked(SMALL.with_values({"effects.rotation": False}))
-
-
-@pytest.mark.parametrize(
-    "change", ["wave.mode=L", "packing.columns=4", "time.duration=1.0", "wave.form=driven", "time.tolerance=1e-3"]
-)
-def test_a_scene_that_cannot_be_kicked_is_bad_input(
-    change: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["kick", "tr_periodic", "--set", change, "-o", str(tmp_path / "run")]) == 2
-    assert "must be" in capsys.readouterr().err
-    assert not (tmp_path / "run").exists()
-
-
-def test_a_strip_between_walls_is_refused_before_anything_is_written(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r'packing\.ends = .fixed.: must be "periodic" for a sheet that is kicked'):
-        run_kicked(Scene.load("tr_driven"), tmp_path / "run")
-    assert not (tmp_path / "run").exists()
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -210,11 +181,21 @@ def test_a_kick_that_is_too_hard_is_refused(changes: dict[str, object], said: st
     ("changes", "said"),
     [
         ({"packing.columns": 4}, r"packing\.columns = 4: must be a multiple of 3"),
+        (
+            {"packing.ends": "fixed", "packing.rows": 13, "time.allow_echo": True},
+            r'packing\.ends = .fixed.: must be "periodic"',
+        ),
+        ({"wave.form": "driven", "packing.ends": "fixed"}, r"must be"),
+        ({"wave.mode": "L"}, "must be"),
+        ({"effects.viscosity": 1e-9}, r"effects\.damping is on: must be off for a sheet that is kicked"),
+        ({"effects.rotation": False}, r"effects\.rotation is off: must be on for a sheet that is kicked"),
         ({"time.sample": 1.7}, r"time\.sample = 1\.7: must be below 1\.6\d+ tau"),
         ({"time.duration": 10.6}, r"time\.duration = 10\.6: must be at least 8 x time\.sample = 12\.0 tau"),
     ],
 )
-def test_a_sheet_that_cannot_be_analysed_is_not_run(changes: dict[str, float], said: str, tmp_path: Path) -> None:
+def test_a_scene_that_cannot_be_kicked_or_analysed_is_not_run(
+    changes: dict[str, object], said: str, tmp_path: Path
+) -> None:
     with pytest.raises(SceneError, match=said):
         run_kicked(SMALL.with_values(changes), tmp_path / "run")
     assert not (tmp_path / "run").exists()

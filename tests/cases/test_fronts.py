@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cases.fronts import case as fronts
-from cases.fronts.front import Front, front
+from cases.fronts.front import front
 from granular_analysis.measure.arrivals import crest
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 
@@ -111,19 +111,7 @@ def test_the_figure_of_fronts_is_drawn_with_a_table(
     assert len(re.findall(r"^run +\d+ ", capsys.readouterr().out, re.MULTILINE)) == len(fronts.DIRECTIONS)
 
 
-def test_too_short_a_front_is_refused(sheet: Callable[[float], ImpactRecord], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fronts, "NEAREST", 24.0)
-    with pytest.raises(ValueError, match="recorded spheres at 0 degrees that the front has passed; must be at least 4"):
-        fronts.fronts(sheet(0.0))
-
-
 def test_a_sheet_whose_sides_are_near_is_refused(tmp_path: Path) -> None:
     narrow = SCENE.with_values({"packing.columns": 31, "striker.1.spheres": [[0, 15]], "time.duration": 30.0})
     with pytest.raises(ValueError, match="2 recorded spheres at 0 degrees that the front has passed"):
         fronts.fronts(run_impact(narrow, tmp_path / "run"))  # beyond 10 to 15 distances, the last at the side
-
-
-def test_a_front_without_spheres_has_no_decay() -> None:
-    empty = np.empty(0)
-    with pytest.raises(ValueError, match="at least two different x"):
-        _ = Front(empty, empty, empty).decay

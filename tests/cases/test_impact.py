@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cases.impact import case as impact
-from cases.impact.case import Run, errors, stepped, table
+from cases.impact.case import Run, errors, stepped
 from cases.solitary import case as solitary
 from granular_analysis.plotting import save
 from granular_analysis.theory.chain_motion import SIXTH, VERLET
@@ -48,15 +48,6 @@ def test_the_figure_of_an_impact_is_drawn(
     said = capsys.readouterr().out
     assert said.count("LAMMPS") == 3
     assert said.count("energy error in 2e+03 steps") == 2
-
-
-def test_the_table_has_a_line_for_each_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(impact, "MANY", 2000)
-    runs = {"DOP853": [Run(0, np.zeros(impact.COUNT), 0.25)], "LAMMPS": [Run(10, np.zeros(impact.COUNT), 0.5)] * 2}
-    lines = table(runs).splitlines()
-    assert len(lines) == 6
-    assert lines[1].split() == ["DOP853", "9.9e-01", "0.2500"]  # the last sphere flies off with 0.986
-    assert lines[2].split()[:2] == ["LAMMPS", "10"]
 
 
 @pytest.mark.usefixtures("drawn_once")

@@ -74,17 +74,6 @@ def test_runs_that_cannot_tell_are_refused(runs: list[Record], tmp_path: Path) -
         onset([runs[0], other], "opening")
 
 
-def test_a_figure_of_runs_that_differ_in_more_is_refused(runs: list[Record]) -> None:
-    found = figure.points(runs)
-    rougher = replace(runs[0], scene=runs[0].scene.with_values({"effects.friction": 0.4}))
-    with pytest.raises(ValueError, match=r"effects\.friction = \[0\.3, 0\.4\]: must be one"):
-        figure.draw(([*runs, rougher], found))
-    info = {**runs[0].info, "effects": {**runs[0].info["effects"], "sliding": {"on": True}}}
-    sliding = [replace(each, info=info) for each in runs[:2]]
-    with pytest.raises(ValueError, match=r"with sliding must differ in effects\.friction alone"):
-        figure.draw(([*runs, *sliding], found))
-
-
 @pytest.mark.usefixtures("drawn_once")
 def test_the_figure_shows_map_harmonic_and_friction(runs: list[Record], tmp_path: Path) -> None:
     found = runs, figure.points(runs)

@@ -80,16 +80,13 @@ def test_the_amplitude_put_in_is_found(mode: str, k: int) -> None:
 
 
 @pytest.mark.parametrize("mode", ["TR", "RT", "L"])
-def test_one_percent_more_second_harmonic_is_one_percent(mode: str) -> None:
+def test_one_percent_more_second_harmonic_is_one_percent_and_another_sign_is_seen(mode: str) -> None:
     record = of_theory(mode, 17)
     wave = wave_of(record)
     more = 0.01 * closed.second_harmonic(wave.mode, wave.contact.closed, wave.amplitude, TAU)
     assert spectrum.point(record.with_signals(p=record.p + more)).deviation == pytest.approx(0.01, rel=1e-6)
-
-
-def test_the_other_sign_is_seen() -> None:
-    record = of_theory("TR", 17)
-    assert spectrum.point(record.with_signals(p=-record.p)).deviation == pytest.approx(-2, rel=1e-6)
+    if not wave.mode.p:
+        assert spectrum.point(record.with_signals(p=-record.p)).deviation == pytest.approx(-2, rel=1e-6)
 
 
 def test_free_waves_of_any_size_are_not_the_generated_wave() -> None:
@@ -170,11 +167,6 @@ def test_a_pole_is_no_crossing() -> None:
 def test_nothing_to_locate_is_said(y: np.ndarray, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         spectrum.crossing(np.arange(len(y)), y, np.ones(len(y)))
-
-
-def test_runs_that_do_not_surround_the_resonance_do_not_locate_it() -> None:
-    with pytest.raises(ValueError, match=r"p is largest at the end of the TR runs, xi = 1\.9144"):
-        spectrum.locate_resonance([of_theory("TR", k) for k in ROWS["antiresonance"]])
 
 
 # ---------------------------------------------------------------- sweeps

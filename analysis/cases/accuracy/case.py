@@ -2,15 +2,15 @@
 
     granular-analysis accuracy runs/cost [-o FILE]
 
-prints which setting gives which accuracy in how many seconds, and draws error over time, a marker for each group.
+prints the levels of model, and draws error over time, a marker for each group.
 
 Two references. A setting of a run is measured against LAMMPS extrapolated from two fine steps: what it lacks is its own
 fault. The level of model, a formula, the exact lattice at some tolerance of its integrator, LAMMPS, is measured against
 the exact lattice, integrated with 1e-12. The two references are one thing as far as LAMMPS's row of that table says.
 
 The Pareto front joins the settings that none beats in both (by a tenth in the error; less is not worth a word). What
-is recommended is the tolerance that was asked for, on the fewest spheres, although some other setting may be cheaper:
-it says by itself how good it is.
+is recommended is a tolerance, on the fewest spheres, although some other setting may be cheaper: it says by itself how
+good it is.
 """
 
 import json
@@ -42,7 +42,6 @@ from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")
 MARKED = 1e-3  # in the figure
-WANTED = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 RTOL = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)  # tolerances of the integrator of the exact lattice
 FINEST = 1e-12
 REPEATS = 9
@@ -178,35 +177,16 @@ def _error(setting: Setting, component: str | None) -> float:
     return inf if value is None else value
 
 
-def cheapest(settings: Iterable[Setting], wanted: float) -> Setting | None:
-    """The fastest of the settings whose p, q and φ are all as good as wanted; None if there is none."""
-    return min((s for s in settings if s.worst <= wanted), key=lambda setting: setting.seconds, default=None)
-
-
-def recommended(study: Study, wanted: float) -> Setting | None:
-    """The tolerance that is wanted, or where it was not measured or not met the fastest setting that is as good."""
-    asked = [s for s in study.complete if s.family == TOLERANCE and np.isclose(float(s.name), wanted)]
-    # A looser tolerance that happens to be as good has not promised it
-    others = [s for s in study.complete if s.family != TOLERANCE or float(s.name) < wanted]
-    return cheapest(asked, wanted) or cheapest(others, wanted)
+def recommended(study: Study) -> Setting | None:
+    """Return the tolerance that is marked in the figure, if it was measured and met."""
+    asked = [s for s in study.complete if s.family == TOLERANCE and np.isclose(float(s.name), MARKED)]
+    return next((s for s in asked if s.worst <= MARKED), None)
 
 
 def table(found: Measured) -> str:
-    """Accuracy wanted → what gives it, in seconds: recommended, one plain run, any setting, exact lattice, formula."""
+    """Return the levels of model with their seconds and errors, and the error of the reference of the settings."""
     study, levels = found
-    plain = [s for s in study.complete if s.family == "time step"]
-    columns: dict[str, Callable[[float], Setting | None]] = {
-        "recommended": lambda wanted: recommended(study, wanted),
-        "one plain run": lambda wanted: cheapest(plain, wanted),
-        "fastest": lambda wanted: cheapest(study.complete, wanted),
-        LATTICE: lambda wanted: cheapest([s for s in levels if s.family == LATTICE], wanted),
-        FORMULA: lambda wanted: cheapest([s for s in levels if s.family == FORMULA], wanted),
-    }
-    cells = [["wanted", *columns]]
-    cells += [[f"{wanted:.0e}", *(_cell(choose(wanted)) for choose in columns.values())] for wanted in WANTED]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    lines = ["  ".join(map(str.ljust, line, widths)).rstrip() for line in cells]
-    lines += ["", f"{'level of model':16}{'':18}{'s, median':>10}" + "".join(f"{name:>10}" for name in COMPONENTS)]
+    lines = [f"{'level of model':16}{'':18}{'s, median':>10}" + "".join(f"{name:>10}" for name in COMPONENTS)]
     for s in levels:
         errors_of = ("-" if value is None else f"{value:.1e}" for value in s.error.values())
         lines.append(f"{s.family:16}{s.name:18}{s.seconds:10.2g}" + "".join(f"{error:>10}" for error in errors_of))
@@ -215,10 +195,6 @@ def table(found: Measured) -> str:
     if left_out := unheld(study.record):
         lines.append(f"no theory here holds {', '.join(left_out)}: LAMMPS stands alone")
     return "\n".join(lines)
-
-
-def _cell(setting: Setting | None) -> str:
-    return "-" if setting is None else f"{setting.name} ({setting.family}) {setting.seconds:.2g} s"
 
 
 # --- figure ----------------------------------------------------------------------------------------------------------
@@ -255,7 +231,7 @@ def draw(found: Measured) -> Figure:
     shown = [name for name in COMPONENTS if study.floor[name] is not None][:2]
     figure = Figure(figsize=(5.2 * len(shown), 6.4), layout="constrained")
     panels = figure.subplots(1, len(shown), sharex=True, squeeze=False)[0]
-    star = recommended(study, MARKED)
+    star = recommended(study)
     for axes, name in zip(panels, shown, strict=True):
         axes.set(xscale="log", yscale="log", xlabel="seconds, median", title=f"error of {TITLES[name]}")
         _panel(axes, study, [s for s in levels if s.family != LAMMPS], name)
