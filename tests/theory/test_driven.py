@@ -10,10 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cases.driven import case as driven_figure
+from cases.driven import waves as driven
 from cases.rows import amplitudes_at, rows_of
 from granular_analysis import second_harmonic as sh
 from granular_analysis.measure.norms import relative_error
-from granular_analysis.theory import driven as driven
 from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.wave import Wave, resonance

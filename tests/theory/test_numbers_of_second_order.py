@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.driven import waves as driven
 from cases.standing.case import standing
 from granular_analysis.theory import bloch, resonance, third_order
-from granular_analysis.theory import driven as driven
 from granular_analysis.theory import wave as plane
 from granular_analysis.theory.bloch import BONDS, GAUGE, hexagonal, in_plane, real_modes
 from granular_analysis.theory.contact import Contact

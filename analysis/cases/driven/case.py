@@ -1,4 +1,4 @@
-"""A driven row of a run, beside the steady waves of `granular_analysis.theory.driven`.
+"""A driven row of a run, beside the steady waves of `cases.driven.waves`.
 
     granular-analysis driven RUN [-o FILE]
 
@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from cases.driven.waves import beat_length, driven_amplitudes, slowest, static
 from cases.rows import AIRY, Rows, amplitudes_at, echo, load_form
 from cases.runner import script
 from granular_analysis.theory.choice import wave_of
-from granular_analysis.theory.driven import beat_length, driven_amplitudes, slowest, static
 from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
