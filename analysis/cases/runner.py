@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from granular_analysis.measure.runs import load, sweep
-from granular_analysis.plotting import SILICA, parser, save
-from granular_lmp.runs.record import GranularError, Record
+from granular_analysis.plotting import SILICA, in_one_line, parser, save
+from granular_lmp.runs.record import Record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,14 +62,10 @@ def script(
             command.add_argument(flag, type=value, default=default, help=f"{says} (default: {default})")
         chosen = vars(command.parse_args(arguments))
         output, given = chosen.pop("output"), chosen.pop("folders", [])
-        try:
+        with in_one_line(given[0] if len(given) == 1 else ""):
             found = measure(READ[kind](given), **chosen) if kind else measure(**chosen)
             print(table(found))
             drawn = draw(found)
-        except GranularError as error:  # its message names the folder
-            raise SystemExit(error.in_options()) from error
-        except ValueError as error:
-            raise SystemExit(f"{given[0]}: {error}" if len(given) == 1 else str(error)) from error
         save(drawn, output)
         return 0
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from granular_lmp.cli.arguments import changes_of
-from granular_lmp.runs.record import Scene
+from granular_lmp.runs.record import GranularError, Scene
 
 if TYPE_CHECKING:  # slow to import, and not every script draws
     from matplotlib.axes import Axes
@@ -29,6 +29,17 @@ def parser(doc: str | None, default: str) -> argparse.ArgumentParser:
 def scene_of(source: str, options: argparse.Namespace) -> Scene:
     """Return a scene, a file or a shipped one, with what ``--set`` changes."""
     return Scene.load(source, changes_of(options))
+
+
+@contextmanager
+def in_one_line(what: str = "") -> Iterator[None]:
+    """Make bad input one line and SystemExit; `what` it is about stands before an error that does not name it."""
+    try:
+        yield
+    except GranularError as error:
+        raise SystemExit(error.in_options()) from error
+    except ValueError as error:
+        raise SystemExit(f"{what}: {error}" if what else str(error)) from error
 
 
 def save(figure: "Figure", path: str | Path) -> None:

@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from granular_analysis.measure.runs import load
 from granular_analysis.measure.snapshot import first_snapshot
-from granular_analysis.plotting import COLOURS, parser, save
+from granular_analysis.plotting import COLOURS, in_one_line, parser, save
 from granular_analysis.theory import catalogue
 from granular_analysis.theory.choice import traits_of
 from granular_analysis.theory.rows import Rows, rows_of
 from granular_analysis.theory.transfer import scattering
-from granular_lmp.runs.record import GranularError, Record
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 
@@ -243,12 +243,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser(__doc__, "figures/scattering.png")
     options.add_argument("folders", nargs="+", metavar="FOLDER", help="folders of granular-lmp scatter")
     chosen = options.parse_args(arguments)
-    try:
+    with in_one_line():
         found = [compare(folder) for folder in chosen.folders]
-    except GranularError as error:
-        raise SystemExit(error.in_options()) from error
-    except ValueError as error:
-        raise SystemExit(str(error)) from error
     print(table(found))
     save(draw(found), chosen.output)
     return 0
