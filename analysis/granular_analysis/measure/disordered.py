@@ -1,7 +1,7 @@
 """The coherent second harmonic of disordered crystals, over seeds.
 
-In a disordered crystal part of the wave is scattered from k into 2k, at its own frequency and in
-first order, and hides the second harmonic. Two runs of one crystal whose waves differ in sign alone part the two:
+In a disordered crystal part of the wave is scattered from k into 2k, at its own frequency and in first order, and hides
+the second harmonic. Two runs of one crystal whose waves differ in sign alone part the two:
 
     even part (u₊ + u₋)/2: second order and fourth, ...        odd part (u₊ − u₋)/2: first order and third, ...
 
