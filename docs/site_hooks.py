@@ -86,7 +86,7 @@ def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
     if "<!-- commands -->" in text:
         text = text.replace("<!-- commands -->", _commands())
     if "<!-- cases -->" in text:
-        from granular_analysis.tools.case import page as cases
+        from cases.run import page as cases
 
         text = text.replace("<!-- cases -->", cases())
     text = _TABLE.sub(lambda match: table_of((ROOT / "docs" / match[1]).read_text("utf-8")), text)

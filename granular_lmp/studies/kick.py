@@ -1,7 +1,7 @@
 """A periodic sheet kicked at random: one run that excites every wave of the lattice, with snapshots of all spheres.
 
 The scene is the declared one with noise (``start.noise``) in place of its wave, small enough to stay linear, and it is
-run as any scene. ``granular_analysis.measure.dispersion`` reads what comes out.
+run as any scene. The case ``dispersion`` reads what comes out.
 """
 
 from pathlib import Path

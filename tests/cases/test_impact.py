@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from cases.impact import case as impact
-from cases.impact.case import Run, errors, stepped, table
+from cases.impact.case import Run, errors, stepped
 from cases.solitary import case as solitary
+from granular_analysis.plotting import save
 from granular_analysis.theory.chain_motion import SIXTH, VERLET
 
 
@@ -49,17 +50,9 @@ def test_the_figure_of_an_impact_is_drawn(
     assert said.count("energy error in 2e+03 steps") == 2
 
 
-def test_the_table_has_a_line_for_each_run() -> None:
-    runs = {"DOP853": [Run(0, np.zeros(impact.COUNT), 0.25)], "LAMMPS": [Run(10, np.zeros(impact.COUNT), 0.5)] * 2}
-    lines = table(runs).splitlines()
-    assert len(lines) == 4
-    assert lines[1].split() == ["DOP853", "9.9e-01", "0.2500"]  # the last sphere flies off with 0.986
-    assert lines[2].split()[:2] == ["LAMMPS", "10"]
-
-
 @pytest.mark.usefixtures("drawn_once")
 def test_the_figure_of_the_solitary_wave_is_drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(solitary, "RATIOS", np.array([1.1, 5.0]))
     monkeypatch.setattr(solitary, "MASSES", np.array([0.5, 2.0]))
-    assert solitary.main(["-o", str(tmp_path / "solitary.png")]) == 0
+    save(solitary.draw({}), tmp_path / "solitary.png")
     assert (tmp_path / "solitary.png").stat().st_size > 10_000

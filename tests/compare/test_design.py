@@ -10,17 +10,15 @@ import pytest
 from numpy.typing import NDArray
 
 from cases.mixing import case as mixing_map
-from cases.mixing.case import partners, width
+from cases.mixing.case import partners
 from granular_analysis import second_harmonic
-from granular_analysis.cli import main as analysis_main
 from granular_analysis.theory import lattice
 from granular_analysis.theory.bloch import BONDS
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.mixing import Pair, Tone, detunings, mixed_wave
 from granular_analysis.theory.neighbours import shifted
 from granular_analysis.theory.wave import Wave, generated
-from granular_analysis.tools import design as design_module
-from granular_analysis.tools.design import SILICA, Resonance, compressed, design, main, table
+from granular_analysis.tools.design import SILICA, Resonance, compressed, design, main
 from tests.conftest import members
 from tests.polarisations import modes
 from tests.theory.test_mixing import relative
@@ -99,16 +97,6 @@ def test_equal_frequencies_make_no_difference_and_unequal_ones_do() -> None:
     assert {each.pair.sign for each in design(SILICA, 2e8, 3e8, [17.0], [0.0])} == {1, -1}
 
 
-@pytest.mark.more
-def test_the_table_has_a_line_for_each(capsys: pytest.CaptureFixture[str]) -> None:
-    assert analysis_main(["design", str(HERTZ), "--direction", "90", "--opening", "0", "60"]) == 0
-    printed = capsys.readouterr().out
-    assert printed.rstrip("\n") == table(found(HERTZ), 0.1)
-    line = next(line for line in printed.splitlines() if line.startswith("TR + TR -> L      90.0   90.0   90.0"))
-    assert float(line.split()[8]) == pytest.approx(1.47628, abs=1e-5)
-    assert float(line.split()[11]) == pytest.approx(3.2e8)
-
-
 PAGE = Path(__file__).parents[2] / "docs" / "mixing.md"
 
 
@@ -161,11 +149,6 @@ def test_bad_input_is_named(arguments: list[str], said: str, capsys: pytest.Capt
     with pytest.raises(SystemExit, match="2"):
         main(arguments)
     assert re.search(said, " ".join(capsys.readouterr().err.split()))
-
-
-@pytest.mark.parametrize("hertz", members([1e-15, 1e15], 1e15))
-def test_spheres_without_adhesion_have_a_resonance_or_none_at_any_frequency(hertz: float) -> None:
-    assert design(STEEL, hertz, directions=[90.0], openings=[0.0]) == []
 
 
 def test_a_single_wave_grows_as_the_exchange_with_its_second_harmonic_says() -> None:
@@ -261,16 +244,10 @@ def test_the_lines_of_the_map_are_phase_matched(branch: int, sign: int) -> None:
         assert np.isfinite(rates).all()
 
 
-def test_a_line_is_as_wide_as_its_rate_says() -> None:
-    hair, wide, wider = (float(width(rate)) for rate in (0.0, 0.01, 0.02))
-    assert 0 < hair < wide
-    assert wider - hair == pytest.approx(2 * (wide - hair))
-
-
 @pytest.mark.usefixtures("drawn_once")
-def test_the_map_is_drawn_for_any_wave(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_map_is_drawn_for_any_wave(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mixing_map, "POINTS", 20)
-    target = tmp_path / "new folder" / "mixing.png"
+    target = tmp_path / "mixing.png"
     mixing_map.main(["-o", str(target), "--mode", "L", "--direction", "17", "--poisson-ratio", "-0.5"])
     assert target.read_bytes().startswith(b"\x89PNG")
 
@@ -278,16 +255,11 @@ def test_the_map_is_drawn_for_any_wave(tmp_path, monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--poisson-ratio", "0.7"], "poisson_ratio = 0.7 is outside [-1, 0.5]"),
-        (["--wavenumber", "0"], "wavenumber is 0.0; allowed: above 0"),
-        (["--mode", "T"], "invalid choice: 'T'"),
+        (["--poisson-ratio", "0.7"], r"poisson_ratio = 0\.7 is outside \[-1, 0\.5\]"),
+        (["--wavenumber", "0"], r"wavenumber is 0\.0; allowed: above 0"),
+        (["--mode", "T"], "name is 'T'; allowed: L, TR, RT"),
     ],
 )
-def test_the_map_refuses_what_is_no_wave(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="2"):
+def test_the_map_refuses_what_is_no_wave(arguments: list[str], said: str) -> None:
+    with pytest.raises(SystemExit, match=said):
         mixing_map.main(arguments)
-    assert said in capsys.readouterr().err
-
-
-def test_the_units_of_the_options_are_those_of_a_sphere() -> None:
-    assert set(design_module.UNITS) <= set(vars(SILICA))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cases.recovery.case import judged, setups, wrong_law
+from granular_analysis.measure.arrivals import crest
 from granular_analysis.measure.fitting import Fit
-from granular_analysis.measure.front import crest
 from granular_analysis.measure.points import Point
 from granular_analysis.second_harmonic import mode, ratios, second_harmonic
 from granular_analysis.theory.monolayer import Layer

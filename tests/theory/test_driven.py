@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from cases.driven import case as driven_figure
+from cases.driven import waves as driven
+from cases.rows import amplitudes_at, rows_of
 from granular_analysis import second_harmonic as sh
 from granular_analysis.measure.norms import relative_error
-from granular_analysis.measure.rows import amplitudes_at, rows_of
-from granular_analysis.theory import driven as driven
 from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.wave import Wave, resonance
-from granular_analysis.tools import driven as driven_figure
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER, members
 from tests.stand_in import AMPLITUDE, refused_in_one_line, run_of_rows
@@ -345,7 +345,7 @@ def test_rows_before_the_front_or_with_an_echo_are_left_out() -> None:
     ],
 )
 def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("granular_analysis.measure.rows.load", lambda _: run)
+    monkeypatch.setattr("cases.rows.load", lambda _: run)
     refused_in_one_line(driven_figure.main, message)
 
 
@@ -354,7 +354,7 @@ def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pyt
 def test_the_script_prints_deviations_and_writes_a_figure(
     mode: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("granular_analysis.measure.rows.load", lambda _: record(mode=mode))
+    monkeypatch.setattr("cases.rows.load", lambda _: record(mode=mode))
     assert driven_figure.main(["run", "-o", str(tmp_path / "figure.png")]) == 0
     assert (tmp_path / "figure.png").stat().st_size > 10_000
     assert "p at 2Ω" in capsys.readouterr().out

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from granular_analysis.measure.sheets import component
+from cases.fields import component
 from granular_analysis.theory import lattice
 from granular_analysis.theory.bloch import branch_index, frame, wavevector_of
 from granular_analysis.theory.contact import Contact

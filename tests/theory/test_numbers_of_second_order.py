@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.driven import waves as driven
+from cases.standing.case import standing
 from granular_analysis.theory import bloch, resonance, third_order
-from granular_analysis.theory import driven as driven
 from granular_analysis.theory import wave as plane
 from granular_analysis.theory.bloch import BONDS, GAUGE, hexagonal, in_plane, real_modes
 from granular_analysis.theory.contact import Contact
@@ -21,7 +22,6 @@ from granular_analysis.theory.mixing import Pair, Tone, detunings, growth_rates
 from granular_analysis.theory.second_order import Answer, Mixed, branch_of, second_order
 from granular_analysis.theory.timestep import stepped_second_harmonic
 from granular_analysis.theory.wave import Wave
-from granular_analysis.tools.standing import standing
 from tests.conftest import members
 from tests.sheet import Sheet, evolve
 

@@ -6,10 +6,10 @@ from itertools import product
 import numpy as np
 import pytest
 
+from cases.driven import waves as driven
 from cases.pull_off import jkr
 from granular_analysis import second_harmonic as sh
 from granular_analysis.theory import bonds, third_order
-from granular_analysis.theory import driven as driven
 from granular_analysis.theory.bloch import hexagonal
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.creep import creep, winding_rate

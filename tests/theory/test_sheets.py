@@ -12,13 +12,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from cases.fields import ROW, component, fields_of
+from cases.sheets.case import Comparison, carrier, compare, draw, main, relative
 from granular_analysis import second_harmonic
 from granular_analysis.measure.norms import slope
-from granular_analysis.measure.sheets import ROW, Comparison, carrier, compare, component, fields_of, relative
 from granular_analysis.theory.cell import fields
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import nonlinearity
-from granular_analysis.tools.sheets import draw, main
 from granular_lmp import Record, Scene, run
 from granular_lmp.crystal.lattices import Shape, lattice_constant, packed
 from granular_lmp.crystal.sphere import Sphere
@@ -460,7 +460,7 @@ def test_the_time_step_of_the_run_has_to_be_in_the_theory(lammps: Record, compar
 
 @pytest.mark.usefixtures("drawn_once")
 def test_the_script_draws(lammps: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([str(lammps.folder), "-o", str(tmp_path / "figure.png"), "--tau", "7.2"]) == 0
+    assert main([str(lammps.folder), "-o", str(tmp_path / "figure.png")]) == 0
     assert (tmp_path / "figure.png").stat().st_size > 0
     said = capsys.readouterr().out
     assert "16 rows x 3 columns, a = 0.02, 21 snapshots to tau = 20, carrier k = (0, 0.9069)" in said

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.rows import rows_of
+from cases.standing import case as standing_figure
 from granular_analysis import second_harmonic as sh
 from granular_analysis.measure.norms import relative_error
-from granular_analysis.measure.rows import rows_of
 from granular_analysis.theory import bloch, lattice
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.wave import Wave
-from granular_analysis.tools import standing as standing_figure
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER, members
 from tests.stand_in import AMPLITUDE, refused_in_one_line, run_of_rows
@@ -189,7 +189,7 @@ def test_rows_that_the_walls_have_reached_are_left_out() -> None:
     ],
 )
 def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("granular_analysis.measure.rows.load", lambda _: run)
+    monkeypatch.setattr("cases.rows.load", lambda _: run)
     refused_in_one_line(standing_figure.main, message)
 
 
@@ -198,7 +198,7 @@ def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pyt
 def test_the_script_prints_errors_and_writes_a_figure(
     mode: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("granular_analysis.measure.rows.load", lambda _: record(mode=mode, ends="fixed"))
+    monkeypatch.setattr("cases.rows.load", lambda _: record(mode=mode, ends="fixed"))
     assert standing_figure.main(["run", "-o", str(tmp_path / "figure.png")]) == 0
     assert (tmp_path / "figure.png").stat().st_size > 10_000
     assert "second harmonic" in capsys.readouterr().out

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from granular_analysis.measure.sheets import component, fields_of, rest_of
+from cases.fields import component, fields_of, rest_of
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.mixing import Pair, Tone, mixed_wave
 from granular_analysis.theory.selection import forbidden

@@ -21,11 +21,10 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from granular_analysis.measure.rows import amplitudes_at, rows_of, waves
-from granular_analysis.measure.runs import load
-from granular_analysis.plotting import parser, show, start
+from cases.rows import FORMS, amplitudes_at, rows_of, waves
+from cases.runner import script
 from granular_analysis.theory.bloch import real_modes, wavevector_of
-from granular_analysis.theory.catalogue import missing, said
+from granular_analysis.theory.catalogue import AT_REST
 from granular_analysis.theory.choice import contact_of, traits_of
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.mixing import Pair, Tone, forced_amplitude
@@ -34,7 +33,7 @@ from granular_lmp.runs.record import Record
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-SOURCES = {"source", said("wave.form", "none")}  # traits of a crystal that is shaken
+HELD = FORMS["driven"] | {"source", AT_REST}  # traits of a run that the theory holds
 PART = 1 / 3  # share of a run that is fitted, its end
 NEAR = 6  # rows beside a source, in which waves decay that it makes beside the one
 FEWEST_ROWS = 12
@@ -110,8 +109,7 @@ def compare(record: Record) -> Tones:
         If the run is not one of two rows that are shaken along x at two frequencies, or is too short or too coarse.
     """
     scene = record.scene
-    left_out = missing("granular-analysis driven", traits_of(record) - SOURCES)
-    if left_out:
+    if left_out := sorted(traits_of(record) - HELD):
         raise ValueError(f"the theory leaves out {', '.join(left_out)}, which this run has")
     low, high = _sources(record)
     n = np.arange(low.rows[1] + NEAR, high.rows[0] - NEAR + 1)
@@ -209,12 +207,4 @@ def table(found: Tones) -> str:
     return "\n".join(lines)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    options = parser(__doc__, "figures/two_tones.png", run="run folder of two shaken rows, with snapshots")
-    chosen = options.parse_args(argv)
-    return show(lambda: compare(load(chosen.run)), table, draw, chosen.output, run=chosen.run)
-
-
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, compare, table, draw, ("run", "of two shaken rows, with snapshots"), figure="two_tones.png")

@@ -7,9 +7,8 @@ A chain is integrated as Hertz's springs (`granular_analysis.theory.chain`), a s
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from granular_analysis.measure.front import crest
 from granular_analysis.measure.points import Point
 from granular_analysis.measure.strikes import Sites, densities
 from granular_analysis.theory.chain import spheres
@@ -34,6 +33,7 @@ _ENDS = ("free", "held")  # a sheet begins and ends with one of these
 _SAMPLES = 400  # until the last arrival; a crest at a tenth of the rows has ten
 _LATER = 1.3  # a front that is slower by this factor still arrives
 _RTOL = 1e-8
+SILENCE = 1e-5  # share of the striker's speed: a crest below it is rounding, or the foot of the front
 
 
 def fronts(scene: Scene, points: Sequence[Point]) -> Floats:
@@ -143,3 +143,20 @@ def _in_sheet(
     )
     run = integrate(network, start(network, 0.0, velocity), times, rtol=_RTOL, spheres=needed)
     return np.asarray(np.linalg.norm(run.velocity, axis=-1))
+
+
+def crest(times: ArrayLike, speed: ArrayLike) -> tuple[float, float]:
+    """Return the time and the height of the first crest of a speed (T,), by a parabola; nan if there is none.
+
+    Good values: ten samples to a crest give its height to 1e-3.
+    """
+    times, speed = np.asarray(times, dtype=float), np.asarray(speed, dtype=float)
+    inner = speed[1:-1]
+    tops = np.flatnonzero((inner > SILENCE) & (inner >= speed[:-2]) & (inner > speed[2:])) + 1
+    if not len(tops):
+        return np.nan, np.nan
+    top = int(tops[0])
+    before, here, after = speed[top - 1 : top + 2]
+    shift = (before - after) / (2 * (before - 2 * here + after))
+    step = times[top] - times[top - 1]
+    return float(times[top] + shift * step), float(here - (before - after) * shift / 4)
