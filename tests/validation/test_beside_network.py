@@ -177,6 +177,7 @@ IMPACT = Scene.load("point_impact").with_values(
 )
 ROW = Scene.load("compressed_chain").with_values({"packing.rows": 24, "time.duration": 30.0, "time.sample": 0.5})
 WALLS = {"packing.last": "wall", "packing.sides": "wall"}
+DASHPOT = {"effects.viscosity": 0.1 * IMPACT.scale.mass / IMPACT.scale.time}
 ROUGH = {"effects.friction": 0.3}
 SECANT = ROUGH | {"effects.shear_law": "secant"}
 LOOSE: dict[str, tuple[Scene, Values, float, int]] = {  # with the order of the error
@@ -211,6 +212,17 @@ LOOSE: dict[str, tuple[Scene, Values, float, int]] = {  # with the order of the 
     ),
     "a displaced state with friction": (IMPACT, SECANT | {"start.state": [[4, 3, 1e-6, 2e-6, 0.1, 0.2, 0.0]]}, 1e-3, 2),
     "a displaced state": (IMPACT, {"start.state": [[4, 3, 1e-6, 2e-6, 0.1, 0.2, 0.0]]}, 1e-5, 2),
+    "a free sheet": (IMPACT, {}, 1e-5, 2),
+    "a periodic sheet with friction": (IMPACT, {"packing.sides": "periodic"} | ROUGH, 3e-4, 1),
+    "dashpots in a sheet with friction": (IMPACT, DASHPOT | ROUGH, 3e-4, 1),
+    "dashpots in a chain": (ROW, DASHPOT | {"packing.rows": 12, "time.duration": 4.0}, 5e-5, 1),
+    "dashpots in a chain of two masses": (
+        Scene.load("dimer_chain"),
+        DASHPOT | {"packing.rows": 9, "inclusion.1.rows": [1, 8], "time.duration": 4.0, "time.sample": 1.0},
+        5e-5,
+        1,
+    ),
+    "a breather": (Scene.load("breather"), {"time.duration": 10.0, "time.sample": 1.0}, 1e-4, 2),
     "two spheres collide": (ROW, {"packing.rows": 2, "packing.last": "free", "packing.contact_force": 0.0}, 1e-4, 2),
 }
 
