@@ -1,7 +1,6 @@
 """Contacts and crystals by the JKR law in LAMMPS: forces, waves, guards, monitors, and a run that is resumed."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from math import pi
 from pathlib import Path
@@ -22,7 +21,6 @@ from granular_analysis.theory.timestep import phase_error, stepped
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.rounding import noise_floor
-from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps import contact
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
@@ -199,18 +197,6 @@ def test_a_monitor_records_contacts_that_hold_beyond_their_end(tmp_path: Path) -
     assert overlap.min() < -0.05 * sphere.static_overlap
     # The overlap is what is left of a distance of 1000 nm, rounded to 1e-13 nm
     np.testing.assert_allclose(force, LAW.force(overlap), rtol=0, atol=1e-9 * sphere.pull_off_force)
-
-
-@pytest.mark.more  # as the run that is resumed in test_unequal_jkr_in_lammps
-def test_a_run_that_is_resumed_while_contacts_hold_beyond_their_end_is_the_same(
-    tmp_path: Path, stop: Callable[[Scene, Path], None]
-) -> None:
-    values = {"sphere.adhesion_law": "jkr", "packing.rows": 24, "wave.wavenumber": pi / 2, "wave.mode": "L"}
-    scene = PERIODIC.with_values(values | {"wave.amplitude": 0.9, "time.duration": 100.0, "time.timestep": 0.02})
-    whole = run(scene, tmp_path / "whole")
-    assert whole.info["smallest_overlap"] < -0.05
-    stop(scene, tmp_path / "parts")
-    np.testing.assert_array_equal(resume(tmp_path / "parts").p, whole.p)
 
 
 def test_theories_that_leave_the_law_out_refuse_it_by_name(tmp_path: Path) -> None:
