@@ -1,7 +1,7 @@
 """Scenes of the square lattice and the chain: geometry, closed forms of their waves, what is refused, and LAMMPS."""
 
 from dataclasses import replace
-from math import cos, pi, sin, sqrt
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +28,11 @@ from granular_lmp.crystal.modes import (
     FULL,
     Physics,
     bears_compression,
-    bloch_mode,
     bloch_modes,
     highest_frequency,
     restored,
 )
-from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
+from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
@@ -138,55 +137,6 @@ def test_a_honeycomb_whose_spheres_roll_freely_has_a_wave_that_nothing_restores(
 
 
 # --- modes -----------------------------------------------------------------------------------------------------------
-
-
-def frequency(sphere: Sphere, lattice: Lattice, mode: str, wavenumber: float, physics: Physics = FULL) -> float:
-    vector = WaveVector.of(wavenumber, row_spacing=lattice.row_spacing)
-    return bloch_mode(unit_lattice(sphere, lattice), sphere, vector, mode, physics).frequency
-
-
-@pytest.mark.parametrize("sphere", SPHERES)
-@pytest.mark.parametrize("lattice", [CHAIN, SQUARE])
-def test_a_longitudinal_wave_is_that_of_a_chain_of_springs(lattice: Lattice, sphere: Sphere) -> None:
-    spring = sqrt(sphere.normal_stiffness / sphere.mass) * sphere.time_scale
-    for xi in WAVENUMBERS:
-        # Ω = 2 √(k/m) sin(ξ/2): a few operations
-        assert frequency(sphere, lattice, "L", xi) == pytest.approx(2 * spring * sin(xi / 2), rel=1e-12)
-
-
-def shear_constants(sphere: Sphere) -> tuple[float, float]:
-    """Return g t0²/m, and the inertia Ĩ/(1 − η) that LAMMPS's torque arm makes of Ĩ."""
-    return sphere.shear_stiffness / sphere.mass * sphere.time_scale**2, INERTIA_RATIO / (1 - sphere.overlap_ratio)
-
-
-@pytest.mark.parametrize("sphere", SPHERES)
-def test_the_rotational_wave_of_a_chain_has_its_closed_form(sphere: Sphere) -> None:
-    # One spring a sphere, δS = 2 sin(ξ/2) u − 2 cos(ξ/2) f: of u and f one combination is free, and the other has
-    # Ω² = 4g (sin²(ξ/2)/m + cos²(ξ/2)/I)
-    shear, inertia = shear_constants(sphere)
-    for xi in WAVENUMBERS:
-        squared = 4 * shear * (sin(xi / 2) ** 2 + cos(xi / 2) ** 2 / inertia)
-        assert frequency(sphere, CHAIN, "RT", xi) == pytest.approx(sqrt(squared), rel=1e-12)
-
-
-@pytest.mark.parametrize("sphere", SPHERES)
-def test_the_transverse_waves_of_the_square_lattice_have_their_closed_forms(sphere: Sphere) -> None:
-    # Contacts along y are sheared as those of the chain, contacts along x by δS = −2f. With s, c of ξ/2 and
-    # x = Ω² m/(g t0²): (4s² − x)(4(c² + 1) − Ix) = 16 s²c²
-    shear, inertia = shear_constants(sphere)
-    for xi in WAVENUMBERS:
-        s, c = sin(xi / 2) ** 2, cos(xi / 2) ** 2
-        middle = (4 * s + 4 * (c + 1) / inertia) / 2
-        product = 16 * s / inertia
-        upper = middle + sqrt(middle**2 - product)
-        # x₁x₂ = 16 s²/I gives the lower root without a difference of nearly equal numbers
-        assert frequency(sphere, SQUARE, "TR", xi) == pytest.approx(sqrt(shear * product / upper), rel=1e-12)
-        assert frequency(sphere, SQUARE, "RT", xi) == pytest.approx(sqrt(shear * upper), rel=1e-12)
-        # Without rotation both lattices have the same transverse wave; long ones are faster than with it
-        frozen = 2 * sqrt(shear) * sin(xi / 2)
-        for lattice in (CHAIN, SQUARE):
-            assert frequency(sphere, lattice, "TR", xi, FROZEN) == pytest.approx(frozen, rel=1e-12)
-    assert frequency(sphere, SQUARE, "TR", 0.802, FROZEN) > 1.3 * frequency(sphere, SQUARE, "TR", 0.802)
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,8 @@ JKR = {"sphere.adhesion_law": "jkr"}
 SPREAD = {"disorder.radius": 5e-5, "disorder.density": 0.1, "disorder.vacancies": 0.03}
 HERTZ = {"sphere.work_of_adhesion": 0.0}
 CHAIN = {"packing.lattice": "chain", "packing.columns": 1}
+SQUARE = {"packing.lattice": "square", "packing.columns": 4}
+PRESSED_CHAIN = CHAIN | HERTZ | {"wave.mode": "L", "packing.contact_force": 1e-7}
 SILICA = {"youngs_modulus": 73e9, "poisson_ratio": 0.17, "work_of_adhesion": 0.063}
 MEASURED = {
     "contact.normal_stiffness": 300.0,
@@ -89,7 +91,13 @@ WAVES: dict[str, Values] = {
     "quiet ends of a square sheet": QUIET | {"packing.lattice": "square", "packing.columns": 4, "source": [INWARD]},
     "quiet ends of a chain": QUIET | CHAIN | {"source": [INWARD]},
     "a JKR crystal with a spread of radii": JKR | {"disorder.radius": 3e-5},
-    "a compressed chain": CHAIN | HERTZ | {"wave.mode": "L", "packing.contact_force": 1e-7},
+    **{f"{mode} in a square sheet": SQUARE | {"wave.mode": mode} for mode in ("L", "TR", "RT")},
+    **{f"{mode} in a chain": CHAIN | {"wave.mode": mode} for mode in ("L", "RT")},
+    "a heavy sphere in a square sheet": SQUARE | {"inclusion": [{"spheres": [[3, 1]], "density": 20000.0}]},
+    "a compressed chain": PRESSED_CHAIN,
+    "a compressed chain of unequal radii": PRESSED_CHAIN | {"disorder.radius": 1e-5},
+    "a compressed chain with heavy rows": PRESSED_CHAIN | {"inclusion": [{"rows": [2, 3], "density": 4000.0}]},
+    "a compressed chain that is struck": PRESSED_CHAIN | {"striker": [{"spheres": [[1, 0]], "velocity": 0.02 * SPEED}]},
     "a source at the corner of a finite sheet": REST
     | {"packing.ends": "fixed", "packing.rows": 9, "packing.columns": 7}
     | {"packing.first": "free", "packing.last": "free", "packing.sides": "free"}
@@ -446,11 +454,13 @@ def forces_in_lammps(scene: Scene, folder: Path) -> np.ndarray:
     return forces / unit
 
 
+IN_PLANE = ["radii, s = 0.3", "rows of steel", "radii by JKR"]
 UNEQUAL = [name for name, (_, values) in IN_SPACE.items() if values.items() >= {"time.duration": 3.0}.items()]
+UNEQUAL += IN_PLANE
 
 
 @pytest.mark.parametrize("name", members(UNEQUAL, *set(MORE) & set(UNEQUAL)))
-def test_a_crystal_of_unequal_spheres_in_space_is_at_rest_in_lammps(name: str, tmp_path: Path) -> None:
+def test_a_crystal_of_unequal_spheres_is_at_rest_in_lammps(name: str, tmp_path: Path) -> None:
     forces = forces_in_lammps(CASES[name].scene, tmp_path / "deck")
     assert len(forces)
     # Positions of up to 10 radii are rounded to 1e-15 radii, 4e-12 overlaps
