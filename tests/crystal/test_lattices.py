@@ -1,7 +1,7 @@
 """Scenes of the square lattice and the chain: geometry, closed forms of their waves, what is refused, and LAMMPS."""
 
 from dataclasses import replace
-from math import pi
+from math import pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -159,20 +159,26 @@ def test_a_wave_is_named_where_contacts_restore_it(lattice: Lattice, physics: Ph
 
 
 def zone(lattice: Lattice, sphere: Sphere) -> np.ndarray:
-    """Return wave vectors all over the Brillouin zone of the square lattice or the chain, (P, 2), 1/R."""
+    """Return wave vectors all over the Brillouin zone, (P, 2), 1/R; of the hexagonal one a triangle Γ, M, K."""
+    if lattice == HEXAGONAL:
+        s, t = np.meshgrid(np.linspace(0, 1, 25), np.linspace(0, 1, 13))
+        corner = 4 * pi / 3 / lattice_constant(sphere)
+        return (corner * s[..., None] * np.stack([0.75 + 0.25 * t, sqrt(3) / 4 * (1 - t)], axis=-1)).reshape(-1, 2)
     side = np.linspace(0, pi, 31)
     first = side if lattice == SQUARE else np.zeros(1)
     return np.stack(np.meshgrid(first, side), axis=-1).reshape(-1, 2) / (sphere.lattice_constant / sphere.radius)
 
 
-@pytest.mark.parametrize("sphere", SPHERES)
+@pytest.mark.parametrize("sphere", [*SPHERES, replace(SILICA, poisson_ratio=-0.9)])
 @pytest.mark.parametrize("physics", [FULL, FROZEN, Physics(shear=False, rotation=False), Physics(rolling=1000.0)])
-@pytest.mark.parametrize("lattice", [CHAIN, SQUARE])
+@pytest.mark.parametrize("lattice", [CHAIN, SQUARE, HEXAGONAL])
 def test_no_wave_of_the_zone_is_above_the_highest_frequency(lattice: Lattice, physics: Physics, sphere: Sphere) -> None:
     contacts = unit_lattice(sphere, lattice)
     top = bloch_modes(contacts, sphere, zone(lattice, sphere), physics)[0].max()
-    # The corners of the zone, where the top is, are points of both
-    assert top == pytest.approx(highest_frequency(contacts, sphere, physics), rel=1e-12)
+    # The corners of the zone, where the top is, are points of both; grids of a hexagonal zone miss another top by the
+    # square of their spacing, 1/25 and 1/60 of the zone, but hold Γ
+    exact = lattice != HEXAGONAL or physics == FULL
+    assert top == pytest.approx(highest_frequency(contacts, sphere, physics), rel=1e-12 if exact else 3e-4)
 
 
 @pytest.mark.parametrize("sphere", SPHERES)
