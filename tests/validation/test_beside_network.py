@@ -87,6 +87,9 @@ WAVES: dict[str, Values] = {
     "a wave and a striker": STRUCK,
     "a state on a wave": {"start.state": MOVED},
     "a striker beside a packet": {"wave.wavenumber": 1.9, "envelope.length": 3.0} | STRUCK,
+    "a source on a standing wave": {"wave.form": "standing", "source": [PULSE]},
+    "a source on a driven wave": {"packing.ends": "fixed", "packing.rows": 13, "packing.columns": 4}
+    | {"wave.form": "driven", "envelope.ramp": 5.0, "source": [PULSE]},
     "a pulse from a source on a packet": {"wave.wavenumber": 1.9, "envelope.length": 3.0, "source": [PULSE]},
     "quiet ends of a square sheet": QUIET | {"packing.lattice": "square", "packing.columns": 4, "source": [INWARD]},
     "quiet ends of a chain": QUIET | CHAIN | {"source": [INWARD]},
@@ -374,6 +377,7 @@ def _all() -> Iterator[tuple[str, Beside]]:
 CASES = dict(_all())
 # Of each, a case with one feature more stands beside it, or its like in another family
 MORE = [
+    *("a source on a standing wave", "a source on a driven wave"),
     *(
         "a heavy sphere",
         "quiet ends of a square sheet",

@@ -1,6 +1,5 @@
 """Parts that stand in one scene: strikers, states and sources beside waves, in imperfect crystals, with monitors."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +11,8 @@ from granular_analysis.theory.network_motion import integrate
 from granular_analysis.tools.compare import compare
 from granular_lmp import Scene, build, run
 from granular_lmp.accuracy.ladder import first_step
-from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.effects.looks import fastest
 from granular_lmp.errors import SceneError
-from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import largest_step, prepare
 from tests.conftest import PAPER
 
@@ -35,42 +32,9 @@ def scene(wave: dict[str, Any] | None = None, **tables: Any) -> Scene:
     return Scene.from_dict({**base, "name": "struck", **tables})
 
 
-def test_a_weak_strike_is_added_to_the_wave_in_linear_theory(tmp_path: Path) -> None:
-    # The sum of two weak motions is their common motion but for products: 0.002 of each other
-    wave, strike = {"amplitude": 1e-3}, [{**STRUCK[0], "velocity": 1e-3 * UNIT}]
-    both = run(scene(wave, striker=strike), tmp_path / "both")
-    alone = run(scene(wave), tmp_path / "wave"), run(scene(wave | AT_REST, striker=strike), tmp_path / "strike")
-    for name in ("p", "q", "phi"):
-        added = sum(each.signals[name] for each in alone)
-        assert np.abs(both.signals[name] - added).max() < 0.01 * np.abs(added).max()
-
-
 PUSH = [{"rows": [3, 3], "force": "x", "amplitude": 0.3, "frequency": 0.6, "ramp": 3.0}]
 MOVE = [{"rows": [3, 3], "motion": "y", "amplitude": 0.3, "frequency": 0.6, "ramp": 3.0}]
 HELD = {"rows": 41, "columns": 3, "ends": "fixed"}
-
-
-@pytest.mark.parametrize(
-    ("wave", "packing"),
-    [
-        ({}, None),
-        pytest.param({"form": "standing"}, None, marks=pytest.mark.more),
-        pytest.param({"form": "driven"}, {**HELD, "rows": 9}, marks=pytest.mark.more),
-    ],
-    ids=["running", "standing", "driven"],
-)
-def test_a_weak_source_is_added_to_any_wave_in_linear_theory(
-    wave: dict[str, Any], packing: dict[str, Any] | None, tmp_path: Path
-) -> None:
-    weak, size = {"amplitude": 1e-3} | wave, {"packing": packing} if packing else {}
-    both = run(scene(weak, source=PUSH, **size), tmp_path / "both")
-    alone = (
-        run(scene(weak, **size), tmp_path / "wave"),
-        run(scene(weak | AT_REST, source=PUSH, **size), tmp_path / "push"),
-    )
-    for name in ("p", "q", "phi"):
-        added = sum(each.signals[name] for each in alone)
-        assert np.abs(both.signals[name] - added).max() < 0.01 * max(np.abs(each.signals["q"]).max() for each in alone)
 
 
 def test_a_row_that_is_moved_cuts_a_wave_off_as_a_held_one(tmp_path: Path) -> None:
@@ -120,19 +84,6 @@ def test_strikes_do_not_scale_with_the_amplitude_of_the_wave() -> None:
     np.testing.assert_allclose(deck.data.wave[at, 6:9:2], [length, 0.0])
     np.testing.assert_allclose(deck.data.wave[at, 9], velocity)
     assert not deck.data.wave[:at, 6:].any()
-
-
-@pytest.mark.more  # as the strike without a wave in test_strikes_at_rest
-def test_a_struck_run_that_was_stopped_continues_to_the_same_bytes(
-    stop: Callable[[Scene, Path], None], tmp_path: Path
-) -> None:
-    often = {"time.duration": 200.0, "output.checkpoint": 96 * 200 / SPEED / 60}
-    struck = scene(striker=STRUCK, start={"state": [[2, 1, *MOVED[0][2:]]]}).with_values(often)
-    whole = run(struck, tmp_path / "whole")
-    stop(struck, tmp_path / "cut")
-    resume(tmp_path / "cut")
-    assert (tmp_path / "cut/dump.centre").read_bytes() == (tmp_path / "whole/dump.centre").read_bytes()
-    assert whole.info["status"] == "finished"
 
 
 def test_friction_and_openings_are_judged_by_what_a_strike_may_do() -> None:
