@@ -173,6 +173,13 @@ STRIKES: dict[str, Values] = {
     "pressed": STILL | HERTZ | {"packing.contact_force": 1e-7},
     "source alone": {"striker": [], "source": [PUSH | {"signal": "burst", "frequency": 0.5}]},
     "source": {"source": [PUSH | {"signal": "step"}], "monitor": [{"name": "m", "rows": [4, 5], "what": "flux"}]},
+    "moved and turned": {
+        "striker": [],
+        "source": [
+            {"spheres": [[6, 4]], "motion": "y", "amplitude": 0.02, "signal": "burst", "frequency": 0.5},
+            {"spheres": [[3, 2]], "motion": "rotation", "amplitude": 0.02, "signal": "burst", "frequency": 0.5},
+        ],
+    },
     "quiet ends": STILL
     | {"striker": [], "packing.rows": 37, "absorb.rows": 10, "absorb.reflection": 0.45}
     | {"source": [{"rows": [18, 18], "force": "y", "amplitude": 0.02, "frequency": 0.5}], "time.duration": 20.0},
