@@ -145,6 +145,21 @@ BY_JKR: dict[str, Values] = {
     | {"effects.shear_law": "incremental", "wave.form": "standing", "striker": [{"rows": [4, 4], "velocity": 1e-3}]},
 }
 
+# --- waves in crystals of other stiffnesses, by pair of kinds and with a spread ---
+
+IN_TURN = {"inclusion": [{"rows": [0, 23], "every": 2, "density": 2500.0}]}
+OF_PAIRS = [{"of": [1, 0], "normal_stiffness": 700.0}, {"of": [1, 1], "shear_stiffness": 300.0}]
+STIFF: dict[str, Values] = {
+    "a spread of stiffness": {"disorder.stiffness": 0.1},
+    "pairs and a spread of stiffness": IN_TURN
+    | {"pair": OF_PAIRS, "disorder.stiffness": 0.05, "inclusion.1.youngs_modulus": 9e10},
+    "a spread of stiffness by JKR": JKR | {"disorder.stiffness": 0.1},
+    # The last classes of the other material have no sphere
+    "single spheres in a spread of stiffness": {"disorder.stiffness": 0.05}
+    | {"inclusion": [{"spheres": [[20, 0], [2, 1]], "work_of_adhesion": 0.07}]},
+    "a normal stiffness under a load": HERTZ | {"packing.contact_force": 1e-7, "contact.normal_stiffness": 700.0},
+}
+
 # --- strikes alone in crystals at rest under load ---
 
 STRIKE = Scene.from_dict(
@@ -299,6 +314,7 @@ SHAKE = {"rows": [14, 14], "frequency": 1.0}
 IN_SPACE: dict[str, tuple[str, Values]] = {
     "a vertical wave": ("monolayer_vertical", AS_SHIPPED),
     "a rocking wave": ("monolayer_rocking", AS_SHIPPED),
+    "a layer with a spread of stiffness": ("monolayer_rocking", AS_SHIPPED | {"disorder.stiffness": 0.1}),
     "measured stiffnesses": ("monolayer_rocking", AS_SHIPPED | MEASURED),
     "a soft substrate": (
         "monolayer_rocking",
@@ -368,6 +384,7 @@ def _all() -> Iterator[tuple[str, Beside]]:
     yield from ((name, Beside(WAVE.with_values(values))) for name, values in WAVES.items())
     yield "contacts that slide", Beside(SLIDING, 1e-5, (0.0125, 0.00625), other={"friction": 0.0303})
     yield from ((name, Beside(WAVE.with_values(values), 1e-5, (0.02, 0.01))) for name, values in BY_JKR.items())
+    yield from ((name, Beside(WAVE.with_values(values))) for name, values in STIFF.items())
     # Contacts that open, and dashpots
     slow = {"opening": (5e-4, (0.0125, 0.00625), 2), "viscosity": (3e-5, (0.0125, 0.00625), 1)}
     for name, values in STRIKES.items():
@@ -418,12 +435,14 @@ def wrong(first: FirstSnapshot) -> Iterator[Values]:
     if np.ptp(radius) > 0:
         # Deviations of a thousandth more
         yield {"radius": radius + 1e-3 * (radius - np.median(radius)) + 1e-7 * radius}
-    if len(network.materials) > 1:
+    if len(set(network.materials)) > 1:
         yield {"materials": network.materials[::-1]}
         yield {"shear_mixing": "lammps"}
     if network.viscosity:
         yield {"viscosity": 1.01 * network.viscosity}
-    if np.any(network.factors != np.ones(2)):
+    if np.ndim(network.factors) == 3:
+        yield {"factors": 1.01 * network.factors - 0.01}
+    elif np.any(network.factors != np.ones(2)) and network.walls:
         (wall,), (normal, shear) = network.walls, network.factors
         yield {"factors": (normal, 1.01 * shear)}
         yield {"walls": (wall._replace(factors=(1.01 * wall.factors[0], wall.factors[1])),)}
