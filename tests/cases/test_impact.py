@@ -9,7 +9,8 @@ from cases.impact import case as impact
 from cases.impact.case import Run, errors, stepped
 from cases.solitary import case as solitary
 from granular_analysis.plotting import save
-from granular_analysis.theory.chain_motion import SIXTH, VERLET
+from granular_analysis.theory.chain import uniform
+from granular_analysis.theory.chain_motion import SIXTH, VERLET, march
 
 
 @pytest.fixture(autouse=True)
@@ -35,6 +36,14 @@ def test_the_steps_that_the_page_recommends_have_the_errors_it_says() -> None:
     assert errors([fine])[0] < 2e-4
     assert errors([pair])[0] < 1e-5
     assert errors([stepped(20, SIXTH)])[0] < 1e-5
+
+
+def test_lammps_is_velocity_verlet_to_rounding() -> None:
+    velocities, v = np.asarray(impact.lammps(20, 0.1, 100, 20, (0, 20))[1]), np.eye(20)[0]
+    _, expected = march(uniform(20), 0 * v, v, 0.1, 100, every=20)
+    # Positions of 1e4 overlaps carry 1e-12, over 100 steps
+    assert velocities[1:] == pytest.approx(expected, abs=1e-9)
+    assert velocities[1:] != pytest.approx(np.roll(expected, 1, axis=0), abs=1e-3)
 
 
 @pytest.mark.usefixtures("drawn_once")

@@ -23,11 +23,11 @@ from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.runs.launch import resume
 from granular_lmp.studies.identity import names_of
+from tests.beside_network import STEPS, extrapolated, network_fields
 from tests.conftest import PAPER, latin, members
 from tests.manual import Measure, Mutant, verifies
 from tests.scene.test_sources import crystal_of, worst
 from tests.scene.test_sources import extrapolated as extrapolated_fields
-from tests.validation.test_imperfect_in_lammps import STEPS, extrapolated, network_fields
 
 PAGE = (Path(__file__).parents[2] / "docs" / "experiments.md").read_text("utf-8")
 SIDES, ENDS = {"packing.sides": FREE}, {"packing.first": FREE, "packing.last": FREE}

@@ -503,6 +503,9 @@ def test_the_perfect_crystal_is_the_lattice_in_lammps_geometry(name, waves, law)
         ({"shear_mixing": "mean"}, "shear_mixing = 'mean' is none of"),
         ({"friction": -1.0}, "friction = -1.0 must not be negative"),
         ({"friction": np.nan}, "friction = nan must not be negative"),
+        ({"viscosity": -1.0}, "viscosity = -1.0 must be finite and not negative"),
+        ({"restitution": 0.0}, "restitution"),
+        ({"restitution": 0.5}, "restitution"),  # with adhesion
         ({"cell": (2e-6, np.inf)}, "must be two periods of more than"),
     ],
 )
