@@ -72,7 +72,7 @@ def model(
     twisting : bool
         Resistance to twisting, ``twisting marshall``, with the stiffness and the friction of the shear force.
     shear_modulus : float, optional
-        Effective shear modulus G*, Pa, in place of that of the sphere's material.
+        Effective shear modulus G*, Pa, in place of that of the sphere's material and factors.
     late_parting : bool
         Contacts by "jkr" end at the largest distance: `LATE`.
 
@@ -97,15 +97,15 @@ def model(
         raise ValueError(f"normal = {normal!r}, shear = {shear!r}: must be one of {NORMAL_LAWS} and {TANGENTIAL_LAWS}")
     if restitution is not None and (normal != "hertz" or damping):
         raise ValueError(f"restitution = {restitution!r}: needs normal = 'hertz' and no other damping")
-    young, number = sphere.youngs_modulus, sphere.poisson_ratio
-    if young < 0:  # as stiffnesses were measured: LAMMPS takes E* of any E and ν that have it, and G* by itself
-        shear_modulus = sphere.effective_shear_modulus if shear_modulus is None else shear_modulus
-        young, number = 2 * sphere.effective_modulus, 0.0
-    modulus = units.number(young, mass=1, length=-1, time=-2)
+    pressing, shearing = sphere.factors
+    if shear_modulus is None and shearing != pressing:  # else LAMMPS has G* from E and ν
+        shear_modulus = shearing * sphere.effective_shear_modulus
+    number = sphere.poisson_ratio
+    modulus = units.number(pressing * sphere.youngs_modulus, mass=1, length=-1, time=-2)
     loss = units.number(damping, mass=1, time=-1) if restitution is None else restitution
     force = f"hertz/material {modulus!r} {loss!r} {number!r}"
     if normal != "hertz":
-        half_adhesion = units.number(sphere.work_of_adhesion / 2, mass=1, time=-2)  # LAMMPS's γ
+        half_adhesion = units.number(pressing * sphere.work_of_adhesion / 2, mass=1, time=-2)  # LAMMPS's γ
         force = f"{LATE if late_parting else normal} {modulus!r} {loss!r} {number!r} {half_adhesion!r}"
     stiffness = "NULL" if shear_modulus is None else repr(units.number(8 * shear_modulus, mass=1, length=-1, time=-2))
     slip = f"{_MINDLIN.get(shear)} {stiffness} {shear_damping!r} {friction}"
@@ -165,7 +165,11 @@ def of_law(law: AdhesionLaw, effective_radius: float, sphere: Sphere) -> tuple[S
     modulus = 3 / 4 * float(law.normal_coefficient) / root
     adhesion = float(law.pull_off_force) / (law.pull * pi * effective_radius)
     alike = replace(
-        sphere, youngs_modulus=2 * (1 - sphere.poisson_ratio**2) * modulus, work_of_adhesion=adhesion, contact_force=0.0
+        sphere,
+        youngs_modulus=2 * (1 - sphere.poisson_ratio**2) * modulus,
+        work_of_adhesion=adhesion,
+        contact_force=0.0,
+        factors=(1.0, 1.0),
     )
     return alike, float(law.shear_coefficient) / (8 * root)
 
