@@ -82,12 +82,13 @@ class Sphere:
         """
         if self.adhesion_law not in ADHESION_LAWS:
             raise ValueError(f"adhesion_law = {self.adhesion_law!r}: must be one of {', '.join(ADHESION_LAWS)}")
-        if self.adhesion_law == "jkr" and not self.work_of_adhesion > 0:
+        kind = ADHESION_LAWS[self.adhesion_law]
+        if kind.beyond and not self.work_of_adhesion > 0:
             raise ValueError(
-                f"work_of_adhesion = {self.work_of_adhesion!r}: must be above 0 with adhesion_law = 'jkr'; take 'dmt', "
-                "which is Hertz's law without adhesion"
+                f"work_of_adhesion = {self.work_of_adhesion!r}: must be above 0 with adhesion_law = "
+                f"{self.adhesion_law!r}; take 'dmt', which is Hertz's law without adhesion"
             )
-        law = ADHESION_LAWS[self.adhesion_law].between(
+        law = kind.between(
             self.effective_modulus, self.effective_shear_modulus, self.effective_radius, self.work_of_adhesion
         )
         return law.times(*self.factors)

@@ -10,7 +10,7 @@ LAMMPS 22Jul2025 differs from these equations as follows, measured in ``tests/va
 * ``coeff_restitution`` yields the requested restitution e to the error of the step. ``tsuji`` does not (0.616 for a
   requested 0.5) and is not offered here. LAMMPS refuses both with an adhesive law.
 * The sliding limit of Hertz contacts is μ times the normal force *with* its damping part, that of DMT contacts without.
-* A contact by "jkr" begins at overlap 0 and ends at the largest pull, not at the largest distance as `LATE` does.
+* A contact by "jkr" begins at overlap 0 and ends at the largest pull, not at the largest distance as the kernel can.
 * A wall has the material of the spheres, E* = E/(2(1−ν²)), G* likewise; Rc and the lever arm are R.
 
 https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/fix_wall_gran.html
@@ -20,12 +20,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import pi, sqrt
 
-from granular_lmp.crystal.adhesion_laws import AdhesionLaw
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, HERTZ, NORMAL_LAWS, AdhesionLaw
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.units import AnyUnits
 
-LATE = "jkr/distance"  # the kernel's name of "jkr" with late parting; LAMMPS knows no such law
-NORMAL_LAWS = ("dmt", "hertz", "jkr")
 # The laws differ in the effect of the overlap on the shear force (docs/choosing-a-shear-law.md). "rescaled" is
 # "secant" with a shear displacement that shrinks with the contact radius on unloading.
 _MINDLIN = {"secant": "mindlin", "incremental": "mindlin/force", "rescaled": "mindlin_rescale"}
@@ -74,7 +72,7 @@ def model(
     shear_modulus : float, optional
         Effective shear modulus G*, Pa, in place of that of the sphere's material and factors.
     late_parting : bool
-        Contacts by "jkr" end at the largest distance: `LATE`.
+        Contacts end at the largest distance, by a law of the kernel (`AdhesionLaw.late`).
 
     Returns
     -------
@@ -95,7 +93,7 @@ def model(
     """
     if normal not in NORMAL_LAWS or shear not in TANGENTIAL_LAWS:
         raise ValueError(f"normal = {normal!r}, shear = {shear!r}: must be one of {NORMAL_LAWS} and {TANGENTIAL_LAWS}")
-    if restitution is not None and (normal != "hertz" or damping):
+    if restitution is not None and (normal != HERTZ or damping):
         raise ValueError(f"restitution = {restitution!r}: needs normal = 'hertz' and no other damping")
     pressing, shearing = sphere.factors
     if shear_modulus is None and shearing != pressing:  # else LAMMPS has G* from E and ν
@@ -104,9 +102,10 @@ def model(
     modulus = units.number(pressing * sphere.youngs_modulus, mass=1, length=-1, time=-2)
     loss = units.number(damping, mass=1, time=-1) if restitution is None else restitution
     force = f"hertz/material {modulus!r} {loss!r} {number!r}"
-    if normal != "hertz":
+    if normal != HERTZ:
         half_adhesion = units.number(pressing * sphere.work_of_adhesion / 2, mass=1, time=-2)  # LAMMPS's γ
-        force = f"{LATE if late_parting else normal} {modulus!r} {loss!r} {number!r} {half_adhesion!r}"
+        name = ADHESION_LAWS[normal].late if late_parting else normal
+        force = f"{name} {modulus!r} {loss!r} {number!r} {half_adhesion!r}"
     stiffness = "NULL" if shear_modulus is None else repr(units.number(8 * shear_modulus, mass=1, length=-1, time=-2))
     slip = f"{_MINDLIN.get(shear)} {stiffness} {shear_damping!r} {friction}"
     slip = "linear_nohistory 0.0 0.0" if shear == "none" else slip

@@ -151,7 +151,7 @@ def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkp
         columns, numbers = f"{columns} c_contact[3]", f"{numbers} %.9g"
     if not how.lengths:
         columns, numbers = f"c_ends[1] c_ends[2] {columns}", f"%.0f %.0f {numbers}"
-        ends = [f"compute      ends inside property/local patom1 patom2 cutoff {how.formulas.cutoff}"]
+        ends = [f"compute      ends inside property/local patom1 patom2 cutoff {how.law.cutoff}"]
     holds = {
         SLIP.title: f"({SLIP.limit_in(problem):.4f}>={seen['v_slip']})",
         OPEN.title: f"({seen['v_overlap']}>={nearly_open(scene, problem.mode):.4f})",
