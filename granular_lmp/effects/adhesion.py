@@ -46,4 +46,4 @@ def law(scene: Scene, on: bool) -> Mapping[str, Any]:
     return {"normal": scene.material.adhesion_law if on else HERTZ}
 
 
-ADHESION = Effect("adhesion", called_for, cost="1 or 2", loss=loss, loose=loose, law=law, in_all=False)
+ADHESION = Effect("adhesion", called_for, cost="1 or 2", loss=loss, loose=loose, law=law, recorded=True, in_all=False)

@@ -72,4 +72,5 @@ QUIET_ENDS = Effect(
     switch="absorb.rows",
     declared=declared,
     in_all=False,
+    recorded=True,
 )

@@ -104,4 +104,5 @@ ROTATION = Effect(
     needs="shear",
     lines={"preload": preload, "wave": wave},
     guard=GUARD,
+    recorded=True,
 )

@@ -147,4 +147,5 @@ SLIDING = Effect(
     guard=GUARD,
     always=True,
     in_all=False,
+    recorded=True,
 )

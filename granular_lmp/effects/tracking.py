@@ -86,4 +86,5 @@ TRACKING = Effect(
     lines={"spheres": spheres, "wave": wave, "record": record},
     required=required,
     refuse=refuse,
+    recorded=True,
 )

@@ -40,10 +40,9 @@ def model(
     damping: float = 0.0,
     restitution: float | None = None,
     shear_damping: float = 0.0,
-    rolling: tuple[float, float, float] | None = None,
-    twisting: bool = False,
     shear_modulus: float | None = None,
     late_parting: bool = False,
+    **submodels: str,
 ) -> str:
     """Return the contact model of two equal spheres, as `pair` and `wall` take it.
 
@@ -65,14 +64,12 @@ def model(
         Coefficient e in (0, 1], instead of `damping`: ``damping coeff_restitution``.
     shear_damping : float
         Ratio of the damping coefficients of shear and normal motion.
-    rolling : (float, float, float), optional
-        Stiffness, N/m, dashpot, N s/m, and friction of ``rolling sds``; spheres roll freely without it.
-    twisting : bool
-        Resistance to twisting, ``twisting marshall``, with the stiffness and the friction of the shear force.
     shear_modulus : float, optional
         Effective shear modulus G*, Pa, in place of that of the sphere's material and factors.
     late_parting : bool
         Contacts end at the largest distance, by a law of the kernel (`AdhesionLaw.late`).
+    submodels : str
+        Words of other parts of the model by their names, such as "rolling" and "twisting".
 
     Returns
     -------
@@ -110,14 +107,9 @@ def model(
     slip = f"{_MINDLIN.get(shear)} {stiffness} {shear_damping!r} {friction}"
     slip = "linear_nohistory 0.0 0.0" if shear == "none" else slip
     loss_law = "velocity" if restitution is None else "coeff_restitution"
-    rolls = "none" if rolling is None else _rolling(units, *rolling)
-    turns = f" rolling {rolls} twisting {'marshall' if twisting else 'none'}" if rolling or twisting else ""
-    return f"{force} &\n             tangential {slip}{turns} damping {loss_law}"
-
-
-def _rolling(units: AnyUnits, stiffness: float, viscosity: float, friction: float) -> str:
-    spring, dashpot = units.number(stiffness, mass=1, time=-2), units.number(viscosity, mass=1, time=-1)
-    return f"sds {spring!r} {dashpot!r} {friction!r}"
+    words = {"rolling": "none", "twisting": "none"} | submodels if submodels else {}
+    more = "".join(f" {name} {text}" for name, text in words.items())
+    return f"{force} &\n             tangential {slip}{more} damping {loss_law}"
 
 
 def pair(contact: str) -> str:
