@@ -28,7 +28,7 @@ def wave(problem: Prepared) -> list[str]:
     return [
         "variable     mx atom cos(v_D0*d_phi/v_R)",
         "variable     my atom sin(v_D0*d_phi/v_R)",
-        "set          group all dipole v_mx v_my v_zero",
+        "set          group all dipole v_mx v_my 0.0",
     ]
 
 

@@ -54,7 +54,7 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
         text += [line for line in (*of_contacts, *guard.lines(problem)) if line not in text]
     seen = {name: f"f_looks[{place}]" for place, name in enumerate(_measured(problem), 1)}
     return [
-        "# --- guards: looks whether the effects occur that this deck leaves out",
+        f"# --- guards: looks whether the effects occur that this deck leaves out{_judges(problem)}",
         *inside_lines(problem),
         *look_lines(problem),
         *text,
@@ -166,11 +166,9 @@ def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkp
     ]
 
 
-def header(problem: Problem) -> list[str]:
-    """Return the comment at the top of a deck that says how it judges its run."""
-    if not problem.judged:
-        return []
-    return ["# Each line of the thermo table is a look; the last lines say INVALID, and why, if a limit was passed"]
+def _judges(problem: Problem) -> str:
+    """Return the words for the last lines of a deck, which judge its run."""
+    return "; the last lines say INVALID, and why, if they do" if problem.judged else ""
 
 
 def _trouble(guard: Guard, problem: Problem) -> str:
