@@ -160,7 +160,8 @@ class Problem:
     def monitors(self) -> tuple[PlacedMonitor, ...]:
         """Monitors in the crystal."""
         contacts = None if self.scene.perfect and not self.scene.loose else self.contacts
-        return placed_monitors(self.scene.monitor, self.crystal, self.scene.shape, contacts, self.on)
+        unrecorded = [each.name for each in EFFECTS if self.on.get(each.name) and not each.recorded]
+        return placed_monitors(self.scene.monitor, self.crystal, self.scene.shape, contacts, unrecorded)
 
     @cached_property
     def on(self) -> dict[str, bool]:

@@ -173,7 +173,9 @@ class Case:
             hold = float(weakest) / self.scene.sphere.holding_force
         stiffer = self.shear_stiffness / self.scene.sphere.stiffness_ratio
         strength = self.strength or 1.0  # strikes alone have that of their own amplitude
-        stiffer *= max(1.0, 3 * self.scene.sphere.effective_shear_modulus / self.scene.sphere.effective_modulus)
+        sphere = self.scene.sphere
+        normal, shear = sphere.factors
+        stiffer *= max(1.0, 3 * shear * sphere.effective_shear_modulus / (normal * sphere.effective_modulus))
         stiffer *= self._stiffer_walls * float(self._factors[..., 1].max())
         return FRICTION_PER_AMPLITUDE * strength * stiffer / hold if hold > 0 else inf
 

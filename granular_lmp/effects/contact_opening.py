@@ -82,4 +82,5 @@ CONTACT_OPENING = Effect(
     order=order,
     guard=GUARD,
     always=True,
+    recorded=True,
 )

@@ -63,5 +63,14 @@ def order(scene: Scene) -> int:
 
 
 DAMPING = Effect(
-    "damping", called_for, cost="1.00", loss=loss, loose=loose, law=law, refuse=refuse, order=order, in_all=False
+    "damping",
+    called_for,
+    cost="1.00",
+    loss=loss,
+    loose=loose,
+    law=law,
+    refuse=refuse,
+    order=order,
+    in_all=False,
+    recorded=True,
 )

@@ -37,15 +37,11 @@ def deepest(problem: Prepared) -> list[str]:
 
 
 def hertz_force(force: str, problem: Prepared) -> str:
-    """Return the force without adhesion whose overlap is that of a force, or a bound of it: f + F, by JKR's law more.
-
-    By JKR's law it is that of the contact radius, f + 2F + 2√(F(f + F)), as δ ≤ a²/Rc.
-    """
+    """Return the force without adhesion whose overlap is that of a force with the strongest adhesion, or a bound."""
     strongest = max(problem.materials, key=lambda each: each.pull_off_force)
     if not (pull := problem.units.number(strongest.pull_off_force, mass=1, length=1, time=-2)):
         return force
-    more = f"+{pull!r}+2*sqrt({pull!r}*({force}+{pull!r}))" if strongest.adhesion_law == "jkr" else ""
-    return f"({force}+{pull!r}{more})"
+    return strongest.contact_law.hertz_force(force, repr(pull))
 
 
 def overlap(problem: Prepared) -> list[str]:

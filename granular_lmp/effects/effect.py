@@ -75,6 +75,8 @@ class Effect:
         Scene → True if another guard looks there, and that guard.
     always : bool
         True if the guard also measures, without judging, while the effect is on.
+    recorded : bool
+        True if the record of contacts holds all forces and torques beside the effect.
     in_all : bool
         True if ``--all-effects`` switches the effect on.
     switch : str
@@ -99,6 +101,7 @@ class Effect:
     guard: Guard | None = None
     instead: tuple[Callable[[Scene], bool], Guard] | None = None
     always: bool = False
+    recorded: bool = False
     in_all: bool = True
     switch: str = ""
     declared: Callable[[Scene], bool] | None = None

@@ -22,7 +22,7 @@ _SHARE = 0.4939  # 3.5026/7.0922
 
 
 def finding(case: Case) -> Finding:
-    if case.scene.material.adhesion_law != "jkr":
+    if not case.scene.material.contact_law.late:
         return Finding(False, 0.0, "contacts of this law end at overlap 0")
     return Finding(False, _SHARE, "ended at the largest pull, a contact loses {} of the energy that it loses by JKR")
 

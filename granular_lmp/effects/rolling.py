@@ -43,8 +43,10 @@ def loss(case: Case) -> str:
 def law(scene: Scene, on: bool) -> Mapping[str, Any]:
     if not on:
         return {}
-    effects = scene.effects
-    return {"rolling": (effects.rolling_stiffness, effects.rolling_viscosity, effects.rolling_friction)}
+    effects, units = scene.effects, scene.units
+    spring = units.number(effects.rolling_stiffness, mass=1, time=-2)
+    dashpot = units.number(effects.rolling_viscosity, mass=1, time=-1)
+    return {"rolling": f"sds {spring!r} {dashpot!r} {effects.rolling_friction!r}"}
 
 
 def refuse(case: Case) -> str:
@@ -73,4 +75,5 @@ ROLLING = Effect(
     refuse=refuse,
     order=order,
     in_all=False,
+    recorded=True,
 )

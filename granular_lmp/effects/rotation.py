@@ -15,8 +15,7 @@ def preload(problem: Prepared) -> list[str]:
     if problem.scene.wave is None:
         return []
     return [
-        *(f"variable     to_th{axis} atom v_D0*d_phi{axis}/v_R/v_slow" for axis in turns(problem)),
-        "variable     zero  atom 0.0",
+        *(f"variable     to_th{axis} atom v_D0*d_phi{axis}/v_R/dt" for axis in turns(problem)),
         f"set          group all omega {about(problem, 'to_th')}",
     ]
 
@@ -104,4 +103,5 @@ ROTATION = Effect(
     needs="shear",
     lines={"preload": preload, "wave": wave},
     guard=GUARD,
+    recorded=True,
 )

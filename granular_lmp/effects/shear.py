@@ -61,4 +61,4 @@ def order(scene: Scene) -> int:
     return 1 if scene.effects.shear_law == "incremental" else 2
 
 
-SHEAR = Effect("shear", called_for, cost="1.20", loss=loss, loose=loose, law=law, order=order)
+SHEAR = Effect("shear", called_for, cost="1.20", loss=loss, loose=loose, law=law, order=order, recorded=True)

@@ -77,8 +77,9 @@ def sliding_force(how: Reading) -> str:
     It is that of the smallest overlap, or of the smallest normal force if the limit is that of the `whole` force.
     """
     if how.whole:
-        return f"($(v_mu:%.17g)*(1e-9*{how.formulas.holding_force!r}+(c_weakest>0)*c_weakest))"
-    return f"($(v_mu:%.17g)*({how.adhesive_force!r}+{how.formulas.above_pull_off(between(how))}))"
+        return f"($(v_mu:%.17g)*(1e-9*{how.holding_force!r}+(c_weakest>0)*c_weakest))"
+    above = how.law.above_pull_off(between(how), how.sphere.contact_force, how.holding_force)
+    return f"($(v_mu:%.17g)*({how.adhesive_force!r}+{above}))"
 
 
 def called_for(case: Case) -> Finding:
@@ -146,4 +147,5 @@ SLIDING = Effect(
     guard=GUARD,
     always=True,
     in_all=False,
+    recorded=True,
 )

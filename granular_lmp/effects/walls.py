@@ -38,4 +38,6 @@ def declared(scene: Scene) -> bool:
     return bool({HELD, WALL} & {*scene.shape.faces.values()})
 
 
-WALLS = Effect("walls", called_for, cost="rows", loss=loss, loose=loose, switch="packing.ends", declared=declared)
+WALLS = Effect(
+    "walls", called_for, cost="rows", loss=loss, loose=loose, switch="packing.ends", declared=declared, recorded=True
+)

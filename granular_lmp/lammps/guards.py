@@ -54,7 +54,7 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
         text += [line for line in (*of_contacts, *guard.lines(problem)) if line not in text]
     seen = {name: f"f_looks[{place}]" for place, name in enumerate(_measured(problem), 1)}
     return [
-        "# --- guards: looks whether the effects occur that this deck leaves out",
+        f"# --- guards: looks whether the effects occur that this deck leaves out{_judges(problem)}",
         *inside_lines(problem),
         *look_lines(problem),
         *text,
@@ -151,7 +151,7 @@ def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkp
         columns, numbers = f"{columns} c_contact[3]", f"{numbers} %.9g"
     if not how.lengths:
         columns, numbers = f"c_ends[1] c_ends[2] {columns}", f"%.0f %.0f {numbers}"
-        ends = [f"compute      ends inside property/local patom1 patom2 cutoff {how.formulas.cutoff}"]
+        ends = [f"compute      ends inside property/local patom1 patom2 cutoff {how.law.cutoff}"]
     holds = {
         SLIP.title: f"({SLIP.limit_in(problem):.4f}>={seen['v_slip']})",
         OPEN.title: f"({seen['v_overlap']}>={nearly_open(scene, problem.mode):.4f})",
@@ -166,11 +166,9 @@ def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkp
     ]
 
 
-def header(problem: Problem) -> list[str]:
-    """Return the comment at the top of a deck that says how it judges its run."""
-    if not problem.judged:
-        return []
-    return ["# Each line of the thermo table is a look; the last lines say INVALID, and why, if a limit was passed"]
+def _judges(problem: Problem) -> str:
+    """Return the words for the last lines of a deck, which judge its run."""
+    return "; the last lines say INVALID, and why, if they do" if problem.judged else ""
 
 
 def _trouble(guard: Guard, problem: Problem) -> str:

@@ -29,7 +29,7 @@ def watched_text(problem: Problem, text: str, checkpoint: str = "") -> str:
     other lines of an edited deck take something of the guards.
     """
     sphere, on = problem.scene.sphere, problem.on
-    past = not problem.scene.loose and (on["shear"] or sphere.adhesion_law == "jkr")
+    past = not problem.scene.loose and (on["shear"] or sphere.contact_law.beyond)
     if not past or Reading.of(problem).walls:
         return text
     theirs, own = guards(problem, checkpoint), _guards(problem)

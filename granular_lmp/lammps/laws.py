@@ -35,9 +35,5 @@ def of_pair(problem: Problem, one: int, other: int, law: Mapping[str, Any]) -> s
     sphere, factors = equivalent(problem.materials[one], problem.materials[other]), problem.crystal.info.get(FACTORS)
     if factors is None:
         return model(sphere, problem.units, **law)
-    normal, shear = map(float, factors[one, other])
-    stiffer = replace(
-        sphere, youngs_modulus=sphere.youngs_modulus * normal, work_of_adhesion=sphere.work_of_adhesion * normal
-    )
-    modulus = None if shear == normal else shear * sphere.effective_shear_modulus
-    return model(stiffer, problem.units, **law, shear_modulus=modulus)
+    normal, shear = (float(each * own) for each, own in zip(factors[one, other], sphere.factors, strict=True))
+    return model(replace(sphere, factors=(normal, shear)), problem.units, **law)

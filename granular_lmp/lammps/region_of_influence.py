@@ -87,14 +87,14 @@ def _leaving(problem: Problem) -> list[str]:
     scene, row = problem.scene, _row(problem)
     if not leave(scene):
         return []
+    way = f"{_speed(scene)!r}*(v_duration-v_tau)"
     beyond = repr(MARGIN * row)  # farther only if -var made the run shorter
     return [
-        "# spheres that can no longer affect the record leave; to keep them add the line: unfix gone",
-        f"variable     way equal {_speed(scene)!r}*(v_duration-v_tau)",
-        f"variable     front equal {row!r}*(v_way+{WIDTHS}*(v_way+{WIDTHS**1.5:.3f})^(1/3))",
+        f"variable     front equal {row!r}*({way}+{WIDTHS}*({way}+{WIDTHS**1.5:.3f})^(1/3))",
         f"variable     lives equal ternary(v_front>v_reach+{beyond},v_front,v_reach+{beyond})",
         *_far(problem),
-        f"fix          gone all evaporate {LOST * _interval(scene)} {_ALL} far 1",
+        f"fix          gone all evaporate {LOST * _interval(scene)} {_ALL} far 1"
+        "  # what can no longer affect the record leaves; to keep it: unfix gone",
     ]
 
 

@@ -118,14 +118,11 @@ def preload(problem: Problem) -> list[str]:
     if wave and state:
         ways = {axis: f"({way})" for axis, way in ways.items()}
     return [
-        f"# --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the "
-        f"{'wave' if wave else 'state'} in one",
-        "#     step without forces, which loads the shear springs; a long step, slow enough for negligible forces of "
-        "dashpots",
-        "variable     slow  equal 1e6*v_step",
-        "timestep     $(v_slow:%.17g)",
+        f"# --- preload: one long step without forces, from rest to the {'wave' if wave else 'state'}, loads the shear "
+        "springs",
+        "timestep     $(1e6*v_step:%.17g)  # so slow that dashpots hardly push",
         _REFERENCE,
-        *(f"variable     to_u{axis} atom {way}/v_slow" for axis, way in ways.items()),
+        *(f"variable     to_u{axis} atom {way}/dt" for axis, way in ways.items()),
         f"velocity     all set {along(problem, 'to_u', 'NULL')} units box",
         *selection.lines("preload", problem),
         *([] if problem.scene.loose else plane(problem)),  # else with the motion, which a continued run repeats too
@@ -184,5 +181,5 @@ def _begun(problem: Problem) -> list[str]:
         *(f"variable     {name} atom d_{name}" for name in names),
         *([] if there else [f"displace_atoms all move {along(problem, 'u', '0.0')} units box"]),
         f"velocity     all set {along(problem, 'v', '0.0')} units box",
-        *([f"set          group all omega {about(problem, 'spin', '0.0')}"] if spins else []),
+        *([f"set          group all omega {about(problem, 'spin')}"] if spins else []),
     ]

@@ -2,7 +2,6 @@
 
 from granular_lmp.effects import selection
 from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps import guards
 from granular_lmp.lammps.checkpoints import checkpoint_steps
 from granular_lmp.lammps.outputs import DUMP, LOG, SNAPSHOTS
 from granular_lmp.problem import Problem
@@ -35,10 +34,8 @@ def heading(problem: Problem) -> list[str]:
     values = "-var amplitude 0.1 -var timestep 0.025" if problem.mode else "-var timestep 0.01"
     return [
         f"# {title(scene)}",
-        f"# Runs as it is in this folder:  lmp -in in.{scene.name}",
-        f"# With other values:             lmp -in in.{scene.name} {values}",
+        f"# Runs in this folder:  lmp -in in.{scene.name}; with other values:  lmp -in in.{scene.name} {values}",
         *(["# Needs LAMMPS with the packages GRANULAR and BPM"] if scene.space == 3 else []),
-        *guards.header(problem),
     ]
 
 

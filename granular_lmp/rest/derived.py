@@ -10,7 +10,7 @@ from granular_lmp.crystal.lattices import ENDS_OF_Y, FREE, QUIET, WALL, Lattice,
 from granular_lmp.crystal.mode import Physics
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.stiffnesses import Pair
+from granular_lmp.crystal.stiffnesses import Pair, measured_factors
 from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
@@ -21,7 +21,6 @@ from granular_lmp.rest.frequency import hertz_of, wavenumbers_at
 from granular_lmp.rest.pattern import patterned
 from granular_lmp.rest.shape import Room, decide, declared_shape
 from granular_lmp.rest.space import lattice_of, remarks_on_space, space_of, wall_of
-from granular_lmp.rest.stiffnesses import measured
 from granular_lmp.scene.bodies import Contact
 from granular_lmp.scene.declaration import Declaration
 from granular_lmp.scene.sections import (
@@ -320,7 +319,10 @@ class Derived(Declaration):
 def at_rest(material: Sphere, packing: Packing, effects: Effects, contact: Contact) -> Sphere:
     """Return the spheres of the lattice at rest: pressed together, adhesive or not, with stiffnesses as measured."""
     adhesion = 0.0 if effects.adhesion is False else material.work_of_adhesion
-    return measured(replace(material, work_of_adhesion=adhesion, contact_force=packing.contact_force), contact)
+    sphere = replace(material, work_of_adhesion=adhesion, contact_force=packing.contact_force)
+    if not sphere.static_overlap:  # the check of the sphere says what presses no contact
+        return sphere
+    return replace(sphere, factors=measured_factors(contact, sphere.contact_law, sphere.contact_force))
 
 
 def physics_of(effects: Effects, space: int) -> Physics:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from math import sqrt
 from typing import Literal
 
-from granular_lmp.crystal.adhesion_laws import LATER, SKIN
+from granular_lmp.crystal.adhesion_laws import SKIN
 from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, PERIODIC, WALL
 from granular_lmp.crystal.scale import DEEPEST, LARGEST_OVERLAP_RATIO
 from granular_lmp.errors import SceneError
@@ -120,7 +120,7 @@ def restitution_of_adhesion(scene: Derived) -> str:
 
 @_line("physics")
 def adhesion_beyond_the_list(scene: Derived) -> str:
-    further = LATER if scene.effects.parting == DISTANCE else 1.0
+    further = scene.material.contact_law.later if scene.effects.parting == DISTANCE else 1.0
     reach = further * scene.material.pull_off_distance / scene.material.radius
     if reach <= SKIN:
         return ""

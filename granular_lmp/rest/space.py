@@ -5,6 +5,7 @@ from dataclasses import replace
 from granular_lmp.crystal.lattice import LATTICES, Lattice, orientations_of
 from granular_lmp.crystal.lattices import FREE, PERIODIC
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.stiffnesses import measured_factors
 from granular_lmp.crystal.walls import BOTH, Wall
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.bodies import Substrate
@@ -97,7 +98,8 @@ def wall_of(material: Sphere, substrate: Substrate | None, effects: Effects) -> 
         poisson_ratio=substrate.poisson_ratio,
         work_of_adhesion=substrate.work_of_adhesion,
     )
-    return Wall(material, half_space, substrate.normal_stiffness, substrate.shear_stiffness, substrate.sides)
+    wall = Wall(material, half_space, sides=substrate.sides)
+    return replace(wall, factors=measured_factors(substrate, wall.law(material.radius), load=0.0))
 
 
 def check_space(

@@ -8,6 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from math import ceil, pi
 from typing import Any
 
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattices import (
     CHAIN,
@@ -39,11 +40,13 @@ FEWEST_RADIANS = 4.0  # phase of the wave in a standard deviation of a packet: 3
 
 def check_adhesion_law(material: Sphere, effects: Effects, inclusions: Sequence[Inclusion] = ()) -> None:
     """Check that spheres whose adhesion acts beyond contact do adhere, those of inclusions too."""
-    if material.adhesion_law == Sphere.adhesion_law:
-        if effects.parting == DISTANCE:
-            raise SceneError(
-                f'effects.parting = "{DISTANCE}": needs sphere.adhesion_law = "jkr"; other contacts end at overlap 0'
-            )
+    law = ADHESION_LAWS[material.adhesion_law]
+    if effects.parting == DISTANCE and not law.late:
+        late = " or ".join(f'"{name}"' for name, each in ADHESION_LAWS.items() if each.late)
+        raise SceneError(
+            f'effects.parting = "{DISTANCE}": needs sphere.adhesion_law = {late}; other contacts end at overlap 0'
+        )
+    if not law.beyond:
         return
     if material.work_of_adhesion == 0 or effects.adhesion is False:
         raise SceneError(

@@ -5,7 +5,7 @@ The records of spheres and imperfections belong to other rooms, so that their ru
 
 from dataclasses import replace
 
-from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, words_of_laws
 from granular_lmp.crystal.walls import BELOW, BOTH
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.places import rows_rule, spheres_rule
@@ -61,7 +61,7 @@ SPHERE_RULES = Rules(
 )
 LATTICE_SPHERE_RULES = Rules(
     **SPHERE_RULES,
-    adhesion_law=Rule(str, "", "jkr: also beyond contact", words=tuple(ADHESION_LAWS)),
+    adhesion_law=Rule(str, "", words_of_laws(), words=tuple(ADHESION_LAWS)),
 )
 PAIR_RULES = Rules(
     of=ArrayRule(

@@ -9,7 +9,7 @@ A monitor has spheres, and records at every sample of the run
 Recording changes no motion. What a run leaves is read by `granular_lmp.runs.monitors`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import field
 
 import ase
@@ -37,10 +37,6 @@ from granular_lmp.scene.sections import Packing
 WHAT = ("motion", "contacts", "flux")
 # LAMMPS has 32 groups. A monitor takes one, two with contacts; a source takes one, and the rest of a deck at most 8
 MOST_GROUPS = 24
-# Effects beside which the record of contacts holds all forces and torques; twisting has none in the plane
-_HELD = frozenset(
-    ("adhesion", "shear", "rotation", "tracking", "damping", "sliding", "contact_opening", "rolling", "twisting")
-) | {"walls", "quiet_ends", "width"}
 _CONTACT_LINE = 110  # bytes
 
 
@@ -143,7 +139,7 @@ def check_monitors(monitors: Sequence[Monitor], packing: Packing, shape: Shape) 
 
 
 def placed_monitors(
-    monitors: Sequence[Monitor], crystal: ase.Atoms, shape: Shape, contacts: Contacts | None, on: Mapping[str, bool]
+    monitors: Sequence[Monitor], crystal: ase.Atoms, shape: Shape, contacts: Contacts | None, unrecorded: Sequence[str]
 ) -> tuple[PlacedMonitor, ...]:
     """Return the monitors of a scene in its crystal at rest.
 
@@ -155,8 +151,8 @@ def placed_monitors(
     shape : Shape
     contacts : Contacts, optional
         Contacts of all spheres; None for a perfect lattice, whose spheres touch those of the next rows only.
-    on : mapping of str to bool
-        Effects that are on.
+    unrecorded : sequence of str
+        Effects that are on and of which the record of contacts may lack forces or torques.
 
     Raises
     ------
@@ -171,9 +167,9 @@ def placed_monitors(
             raise SceneError(f"monitor {each.name}: {error}") from error
         around = chosen[:0]
         if each.with_contacts:
-            if unknown := [name for name, there in on.items() if there and name not in _HELD]:
+            if unrecorded:
                 raise SceneError(
-                    f'monitor {each.name}: what = "{each.what}": must be "motion" with the effect {unknown[0]}, '
+                    f'monitor {each.name}: what = "{each.what}": must be "motion" with the effect {unrecorded[0]}, '
                     "of which the record of contacts may lack forces or torques"
                 )
             if contacts is not None and _far(contacts, crystal, shape):

@@ -27,7 +27,6 @@ from granular_lmp.crystal.disorder import Disorder, imperfect
 from granular_lmp.crystal.equilibrium import relax
 from granular_lmp.crystal.lattices import Shape, packed, unit_cell
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.effects.law_formulas import JkrFormulas
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import sliding_force
 from granular_lmp.errors import SceneError
@@ -191,7 +190,7 @@ def test_contacts_of_a_crystal_found_from_its_places_have_the_constants_of_the_s
 def test_the_bound_of_the_sliding_force_is_below_it_for_all_overlaps_up_to_rest() -> None:
     for sphere in PRESSED:
         law, hold = sphere.contact_law, sphere.pull_off_distance / sphere.static_overlap
-        reading = Reading(True, JkrFormulas(sphere, sphere.holding_force), adhesive_force=sphere.pull_off_force)
+        reading = Reading(True, sphere, sphere.holding_force, adhesive_force=sphere.pull_off_force)
         text = sliding_force(reading).replace("^", "**").replace("$(v_mu:%.17g)", "1")
         filled = text.replace("v_overlap", "x")
         x = np.linspace(-hold, 1, 1001)

@@ -78,7 +78,7 @@ def test_strikes_do_not_scale_with_the_amplitude_of_the_wave() -> None:
     deck = build(scene(start={"state": MOVED}, striker=[{**STRUCK[0], "spheres": [[2, 2]]}]))
     assert "velocity     striker set" in deck.input_text
     assert "sum yes" in deck.input_text
-    assert "variable     to_ux atom (v_D0*d_ux+d_sx)/v_slow" in deck.input_text
+    assert "variable     to_ux atom (v_D0*d_ux+d_sx)/dt" in deck.input_text
     at = 5 * 8 + 4
     length, velocity = MOVED[0][2] * 1e9, MOVED[0][5] * 1.0  # nm, and m/s is nm/ns
     np.testing.assert_allclose(deck.data.wave[at, 6:9:2], [length, 0.0])

@@ -48,7 +48,7 @@ def contact_loop(network: Network, state: State) -> Acting | None:
     arrays = [np.ascontiguousarray(each) for each in (*ends, *numbers)]
     data = _Contacts(
         *(len(network.position), len(pairs.first), network.dimension),
-        *(network.adhesion == "jkr", network.law == "incremental", network.shear, network.adheres),
+        *(("dmt", "jkr").index(network.adhesion), network.law == "incremental", network.shear, network.adheres),
         *(network.friction, network.viscosity),
         -1.0 if network.restitution is None else sqrt(5) * damping_ratio(network.restitution),
         *map(loops.address, arrays),
