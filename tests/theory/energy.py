@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.integrator import Solver, written
+from granular_analysis.theory.integrator import solver_of
 from granular_analysis.theory.lattice import Touching, integrate, longest_step, on_torus, rhs, touching
 from granular_analysis.theory.lattice_loop import torus_slope
 from granular_analysis.theory.neighbours import Neighbours
@@ -140,14 +140,14 @@ def opening_time(wave: Wave, until: float, *, points: int = 31, rtol: float = 1e
     def closed(state: Floats) -> bool:
         return bool(np.max(touching(state, laws, neighbours).stretch) < 1 - laws.adhesion.least_overlap)
 
-    slope = torus_slope(start, laws, neighbours) or written(lambda state: rhs(state, laws, neighbours))
-    solver = Solver(slope, 0.0, start, until, rtol, rtol * wave.amplitude, longest_step(laws))
-    while solver.time < until:
+    slope = torus_slope(start, laws, neighbours) or (lambda state: rhs(state, laws, neighbours))
+    solver = solver_of(slope, start, until, rtol, rtol * wave.amplitude, longest_step(laws))
+    while solver.t < until:
         solver.step()
-        if not closed(solver.state):
-            low, high = solver.before, solver.time
+        if not closed(solver.y.reshape(start.shape)):
+            low, high, motion = solver.t_old, solver.t, solver.dense_output()
             while low < (middle := (low + high) / 2) < high:
-                low, high = (middle, high) if closed(solver.between(np.array([middle]))[0]) else (low, middle)
+                low, high = (middle, high) if closed(motion(middle).reshape(start.shape)) else (low, middle)
             return high
     return None
 

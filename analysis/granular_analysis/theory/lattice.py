@@ -42,7 +42,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.second_harmonic import Mode, refuse_oblique
-from granular_analysis.theory import loops
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.integrator import Array, Derivative, dop853
 from granular_analysis.theory.lattice_loop import torus_slope
@@ -228,7 +227,7 @@ def longest_step(contact: Contact) -> float:
 
 
 def integrate(
-    derivative: Derivative | loops.Slope,
+    derivative: Derivative,
     start: Floats,
     tau: ArrayLike,
     rtol: float,
