@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from granular_analysis.theory.breather import breather
+from cases.solitary.breather import breather
 from granular_analysis.theory.chain import Chain, bands, energies, linear_stiffness, spheres
 from granular_analysis.theory.chain_motion import integrate
 from granular_lmp import ImpactRecord, ImpactScene, run_impact

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.solitary.scattering import Meeting, crossing, impurity
+from cases.solitary.travelling import solitary_wave
 from granular_analysis.theory.chain import Chain, End, compressed, energies, spheres, uniform
 from granular_analysis.theory.chain_motion import first_peak, march, peak
 from granular_analysis.theory.network import Material, Network
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import start
-from granular_analysis.theory.scattering import Meeting, crossing, impurity
-from granular_analysis.theory.solitary import solitary_wave
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.errors import EffectError, RunFolderError, SceneError
 from granular_lmp.lammps.deck import deck_of

@@ -19,8 +19,8 @@ from functools import cache
 
 import numpy as np
 
+from cases.solitary.travelling import solitary_wave
 from granular_analysis.theory.chain import Array, Chain, Floats, dashpot_forces, rates
-from granular_analysis.theory.solitary import solitary_wave
 
 
 def power(chain: Chain, u: Array, v: Array) -> Array:

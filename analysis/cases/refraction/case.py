@@ -16,9 +16,9 @@ from matplotlib.figure import Figure
 
 from cases.refraction.angles import angle, quasi_particle
 from cases.refraction.refraction import FrontsAtInterface, fronts_at_interface
+from cases.solitary import scattering
 from granular_analysis.measure.strikes import Sites, require
 from granular_analysis.plotting import letter, parser, show, start
-from granular_analysis.theory import scattering
 from granular_lmp.runs.record import Record
 
 MASSES = np.geomspace(1 / 8, 8.0, 13)

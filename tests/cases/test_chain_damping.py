@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cases.impact.chain_damping import damping_ratio, decay, power
+from cases.solitary.travelling import solitary_wave
 from granular_analysis.theory.chain import (
     Chain,
     acceleration,
@@ -17,7 +18,6 @@ from granular_analysis.theory.chain import (
     uniform,
 )
 from granular_analysis.theory.chain_motion import SIXTH, collision_time, follow, integrate, march, peak
-from granular_analysis.theory.solitary import solitary_wave
 from tests.conftest import latin, members
 
 T = collision_time(1.0, 1.0, 1.0)
