@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.theory.chain import spheres
-from granular_analysis.theory.chain_motion import integrate as chain_motion
+from cases.solitary.chain import spheres
+from cases.solitary.chain_motion import integrate as chain_motion
 from granular_analysis.theory.network import Material, Network
 from granular_analysis.theory.network_motion import integrate as network_motion
 from granular_analysis.theory.network_state import start

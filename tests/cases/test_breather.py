@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cases.solitary.breather import breather, multipliers
-from granular_analysis.theory.chain import (
+from cases.solitary.chain import (
     Chain,
     Floats,
     bands,
@@ -17,9 +17,9 @@ from granular_analysis.theory.chain import (
     spheres,
     uniform,
 )
-from granular_analysis.theory.chain_motion import SIXTH, integrate, march
+from cases.solitary.chain_motion import SIXTH, integrate, march
+from tests.cases.test_chain import ALUMINIUM, FORCE, RADIUS, STEEL, diatomic
 from tests.conftest import members
-from tests.theory.test_chain import ALUMINIUM, FORCE, RADIUS, STEEL, diatomic
 
 COUNT, PER_PERIOD = 43, 96
 STEEL_ALUMINIUM = 2.963  # ratio of the masses of equal spheres, 8000 / 2700

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from cases.impact.chain_damping import damping_ratio, decay, power
-from cases.solitary.travelling import solitary_wave
-from granular_analysis.theory.chain import (
+from cases.solitary.chain import (
     Chain,
     acceleration,
     compressed,
@@ -17,7 +16,8 @@ from granular_analysis.theory.chain import (
     normal_modes,
     uniform,
 )
-from granular_analysis.theory.chain_motion import SIXTH, collision_time, follow, integrate, march, peak
+from cases.solitary.chain_motion import SIXTH, collision_time, follow, integrate, march, peak
+from cases.solitary.travelling import solitary_wave
 from tests.conftest import latin, members
 
 T = collision_time(1.0, 1.0, 1.0)

@@ -8,7 +8,7 @@ import pytest
 from cases.impact import case as impact
 from cases.impact.case import Run, errors, stepped, table
 from cases.solitary import case as solitary
-from granular_analysis.theory.chain_motion import SIXTH, VERLET
+from cases.solitary.chain_motion import SIXTH, VERLET
 
 
 @pytest.fixture(autouse=True)

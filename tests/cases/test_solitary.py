@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
+from cases.solitary.chain import acceleration, overlaps, uniform
+from cases.solitary.chain_motion import integrate, peak
 from cases.solitary.travelling import SolitaryWave, long_wave_speed, solitary_wave, sound
-from granular_analysis.theory.chain import acceleration, overlaps, uniform
-from granular_analysis.theory.chain_motion import integrate, peak
 from tests.manual import Measure, Mutant, off, verifies
 
 # V / v^{1/5} and V / δ^{1/4} for A = m = 1

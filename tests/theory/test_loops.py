@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from cases.solitary.chain import acceleration, compressed
+from cases.solitary.chain_loop import chain_slope
+from cases.solitary.chain_motion import SIXTH, VERLET, Scheme, march
+from cases.solitary.chain_motion import integrate as integrate_chain
 from granular_analysis.theory import lattice, loops, timestep
 from granular_analysis.theory.adhesion import Adhesion
-from granular_analysis.theory.chain import acceleration, compressed
-from granular_analysis.theory.chain_loop import chain_slope
-from granular_analysis.theory.chain_motion import SIXTH, VERLET, Scheme, march
-from granular_analysis.theory.chain_motion import integrate as integrate_chain
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.lattice_loop import MOST, torus_slope
 from granular_analysis.theory.neighbours import ring_neighbours, torus_neighbours

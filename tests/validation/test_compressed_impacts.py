@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from cases.solitary import case as figure
+from cases.solitary.chain import Chain, End, compressed, energies, spheres
+from cases.solitary.chain_motion import integrate, march, peak
 from cases.solitary.travelling import long_wave_speed, solitary_wave, sound
 from granular_analysis.measure.norms import slope
-from granular_analysis.theory.chain import Chain, End, compressed, energies, spheres
-from granular_analysis.theory.chain_motion import integrate, march, peak
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.crystal.scale import collision_time
 from granular_lmp.errors import SceneError

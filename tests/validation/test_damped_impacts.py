@@ -15,8 +15,8 @@ import pytest
 from scipy.special import beta
 
 from cases.impact.chain_damping import decay
-from granular_analysis.theory.chain import End, energies, spheres, uniform
-from granular_analysis.theory.chain_motion import integrate, march, peak
+from cases.solitary.chain import End, energies, spheres, uniform
+from cases.solitary.chain_motion import integrate, march, peak
 from granular_analysis.theory.integrator import dop853
 from granular_analysis.tools.compare import compare
 from granular_lmp import ImpactRecord, ImpactScene, run_impact

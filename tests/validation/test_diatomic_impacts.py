@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from cases.solitary.breather import breather
-from granular_analysis.theory.chain import Chain, bands, energies, linear_stiffness, spheres
-from granular_analysis.theory.chain_motion import integrate
+from cases.solitary.chain import Chain, bands, energies, linear_stiffness, spheres
+from cases.solitary.chain_motion import integrate
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.problem import prepare
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.solitary.chain import Chain, End, compressed, energies, spheres, uniform
+from cases.solitary.chain_motion import first_peak, march, peak
 from cases.solitary.scattering import Meeting, crossing, impurity
 from cases.solitary.travelling import solitary_wave
-from granular_analysis.theory.chain import Chain, End, compressed, energies, spheres, uniform
-from granular_analysis.theory.chain_motion import first_peak, march, peak
 from granular_analysis.theory.network import Material, Network
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import start

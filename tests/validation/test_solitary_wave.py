@@ -9,9 +9,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from cases.impact.case import lammps
+from cases.solitary.chain import uniform
+from cases.solitary.chain_motion import march, peak
 from cases.solitary.travelling import solitary_wave
-from granular_analysis.theory.chain import uniform
-from granular_analysis.theory.chain_motion import march, peak
 from granular_lmp import Scene, run
 from tests.conftest import members
 from tests.manual import Measure, Mutant, verifies

@@ -22,9 +22,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from cases.solitary.chain import compressed, energies, uniform
+from cases.solitary.chain_motion import SIXTH, VERLET, Scheme, collision_time, integrate, march
 from granular_analysis.plotting import letter, parser, save, start
-from granular_analysis.theory.chain import compressed, energies, uniform
-from granular_analysis.theory.chain_motion import SIXTH, VERLET, Scheme, collision_time, integrate, march
 
 Floats = NDArray[np.float64]
 

@@ -20,11 +20,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from cases.solitary.chain_motion import peak
 from cases.solitary.scattering import impurity
 from cases.solitary.travelling import long_wave_speed, solitary_wave, sound
 from granular_analysis.measure.strikes import Sites, require, rest_overlap
 from granular_analysis.plotting import letter, parser, save, start
-from granular_analysis.theory.chain_motion import peak
 from granular_lmp.runs.record import GranularError, Record
 
 STEADY = 1e-3  # relative

@@ -15,9 +15,9 @@ from typing import Literal
 
 import numpy as np
 
+from cases.solitary.chain import Chain, compressed, energies, uniform
+from cases.solitary.chain_motion import SIXTH, first_peak, march, peak
 from cases.solitary.travelling import solitary_wave
-from granular_analysis.theory.chain import Chain, compressed, energies, uniform
-from granular_analysis.theory.chain_motion import SIXTH, first_peak, march, peak
 
 WAVE = solitary_wave(1.0)
 STEP = 0.05  # share of the time in which the wave moves by one sphere; the shares of energy are good to 2e-6
