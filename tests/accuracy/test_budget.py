@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.timestep.stepped import limit, stepped
 from granular_analysis.measure.budget import Source, error_budget
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.signals import errors
 from granular_analysis.second_harmonic import second_order
 from granular_analysis.theory.choice import trajectory, wave_of
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.timestep import limit, stepped
 from granular_analysis.theory.wave import Wave
 from granular_analysis.tools.compare import compare, main
 from granular_lmp import Record, Scene, run

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cases.timestep.stepped import limit, stepped
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.signals import measured_amplitude, predicted_amplitude
 from granular_analysis.theory.choice import trajectory, wave_of
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.timestep import limit, stepped, stepped_second_harmonic
+from granular_analysis.theory.timestep import stepped_second_harmonic
 from granular_analysis.theory.wave import Wave
 from granular_analysis.theory.wave import second_harmonic as by_theory
 from granular_lmp import Record, Scene, run

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.timestep.stepped import limit, stepped
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.theory import wave as theory
-from granular_analysis.theory.timestep import limit, stepped
 from granular_lmp import Record, Scene, cli, run
 from granular_lmp.accuracy import extrapolation
 from granular_lmp.accuracy.extrapolation import EVEN, Judgement

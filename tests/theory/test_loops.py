@@ -19,7 +19,8 @@ from cases.solitary.chain import acceleration, compressed
 from cases.solitary.chain_loop import chain_slope
 from cases.solitary.chain_motion import SIXTH, VERLET, Scheme, march
 from cases.solitary.chain_motion import integrate as integrate_chain
-from granular_analysis.theory import lattice, loops, timestep
+from cases.timestep.stepped import stepped
+from granular_analysis.theory import lattice, loops
 from granular_analysis.theory.adhesion import Adhesion
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.lattice_loop import MOST, torus_slope
@@ -351,6 +352,6 @@ def test_chains_march_to_the_bits_of_numpy(scheme: Scheme, restitution: float, m
 @pytest.mark.parametrize("law", ["secant", "incremental"])
 def test_steps_are_those_of_numpy(law: Law, monkeypatch: pytest.MonkeyPatch) -> None:
     wave = Wave.of_mode("RT", 0.802, 0.1, Contact(0.17, overlap_ratio=0.003, law=law, viscosity=0.01))
-    found = timestep.stepped([wave], 5, records=20, points=17)
+    found = stepped([wave], 5, records=20, points=17)
     monkeypatch.setattr(loops, "library", lambda: None)
-    assert np.allclose(found, timestep.stepped([wave], 5, records=20, points=17), rtol=0, atol=1e-13)
+    assert np.allclose(found, stepped([wave], 5, records=20, points=17), rtol=0, atol=1e-13)

@@ -6,6 +6,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+from cases.timestep.stepped import limit, stepped
 from granular_analysis import second_harmonic as sh
 from granular_analysis.second_harmonic import ModeName
 from granular_analysis.theory import bloch, lattice
@@ -13,7 +14,6 @@ from granular_analysis.theory.bloch import hexagonal
 from granular_analysis.theory.contact import LAWS, Contact, Law, ratios_of
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.hierarchy import hierarchy_orders
-from granular_analysis.theory.timestep import limit, stepped
 from granular_analysis.theory.wave import Wave, residual, second_harmonic
 from granular_lmp import Scene
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from cases.adhesion_laws import case as figure
+from cases.timestep.stepped import phase_error, stepped
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.reference import Reference
 from granular_analysis.measure.spectrum import point
@@ -18,7 +19,6 @@ from granular_analysis.theory import catalogue
 from granular_analysis.theory.choice import THEORIES, holding, refuse_less, traits, trajectory, wave_of
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.lattice import torus
-from granular_analysis.theory.timestep import phase_error, stepped
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.rounding import noise_floor

@@ -22,7 +22,6 @@ import numpy as np
 from cases.solitary.chain import Chain, Floats
 from cases.solitary.chain_motion import SIXTH, march
 
-
 TINY = 1e-30  # size of a complex step; its square is lost in the rounding of any motion
 ENOUGH = 1e-12  # change of a Newton step, relative to the largest displacement
 MOST = 20  # Newton steps; it takes 4 to 8

@@ -25,7 +25,6 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-
 Floats = NDArray[np.float64]
 Array = NDArray[Any]  # floats, or complex numbers where a derivative is taken by a complex step
 End = Literal["free", "held", "wall"]

@@ -29,7 +29,6 @@ from cases.solitary.chain import Array, Chain, Floats, acceleration, energies, f
 from cases.solitary.chain_loop import chain_slope
 from granular_analysis.theory.integrator import dop853
 
-
 Scheme = tuple[float, ...]
 
 VERLET: Scheme = (1.0,)

@@ -1,4 +1,4 @@
-"""The error of p and q over the cost, of single runs and of Richardson pairs, by `granular_analysis.theory.timestep`.
+"""The error of p and q over the cost, of single runs and of Richardson pairs, by `cases.timestep.stepped`.
 
     granular-analysis timestep [-o FILE]
 
@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from cases.timestep.stepped import SAMPLE, TAU, extrapolated, limit, phase_error, stepped
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.plotting import parser, save, start
 from granular_analysis.second_harmonic import ModeName
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.timestep import SAMPLE, TAU, extrapolated, limit, phase_error, stepped
 from granular_analysis.theory.wave import Wave
 
 WAVES: tuple[tuple[ModeName, float, str], ...] = (

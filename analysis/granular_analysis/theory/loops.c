@@ -235,7 +235,7 @@ INLINE double complex root_near_complex(double complex s, double complex x)
 #define OF(name) name##_complex
 #include "loops.c"
 
-/* `count` steps of velocity Verlet, as of timestep.py: the slip grows with the speeds of half a step. */
+/* `count` steps of velocity Verlet, as of the case timestep: the slip grows with the speeds of half a step. */
 void stepped(const Torus *t, double *state, double *rate, double step, whole count)
 {
   const whole speeds = 3 * t->points, memory = 6 * t->points, size = (t->history ? 9 : 6) * t->points;

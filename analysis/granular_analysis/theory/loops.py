@@ -100,7 +100,7 @@ class Slope:
         return out
 
     def stepped(self, state: Floats, step: float, count: int) -> None:
-        """Make steps of velocity Verlet in a state of the lattice; see `timestep.verlet`."""
+        """Make steps of velocity Verlet in a state of the lattice; see `cases/timestep`."""
         loop, rate = library(), np.empty_like(state)
         assert loop is not None
         loop.stepped(ctypes.addressof(self.data), address(state), address(rate), step, count)
