@@ -171,7 +171,7 @@ def test_spheres_without_adhesion_have_a_resonance_or_none_at_any_frequency(hert
 def test_a_single_wave_grows_as_the_exchange_with_its_second_harmonic_says() -> None:
     (each,) = (one for one in found(HERTZ) if np.allclose(one.pair.first.wavevector, one.pair.second.wavevector))
     contact = each.pair.contact
-    xi, (omega, _) = wavenumbers(each)[0], each.pair.tones[0]
+    xi, omega = wavenumbers(each)[0], each.pair.mixed.first.frequency
     # B' = F/(2w̃) A², w̃ = 2Ω; and the forced wave is F/(w̃² − 4Ω²), which is not taken at the resonance itself
     near = Wave.of_mode("TR", xi + 1e-5, 1.0, contact)
     force = generated("TR", xi + 1e-5, contact) * (near.free_frequency**2 - 4 * near.mode.frequency**2)

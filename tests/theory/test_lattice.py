@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import DOP853, solve_ivp
 
+from benchmarks import paper_rows
 from granular_analysis import second_harmonic as sh
 from granular_analysis.theory import bloch, lattice
 from granular_analysis.theory.contact import Contact
@@ -53,7 +54,7 @@ def six_contacts(u, v, theta, kappa, eta):
 def test_equations_of_motion_are_the_sum_over_six_contacts(eta):
     p, q, phi = np.random.default_rng(1).uniform(-0.1, 0.1, (3, 3))
     contact = Contact(NU, overlap_ratio=eta)
-    neighbours = lattice.ring_neighbours()
+    neighbours = paper_rows.ring_neighbours()
     moving = np.zeros((6, 3))
     moving[:3] = p, q, phi
     rate = lattice.rhs(lattice.with_shear(moving, contact, neighbours), contact, neighbours)[3:6, 1]
@@ -99,7 +100,7 @@ def test_a_pair_turned_rigidly_slips_by_its_overlap():
 def test_torus_is_the_centre_of_201_rows_before_the_walls_are_heard(name, xi, measured):
     mode = sh.mode(name, xi, SILICA)
     wave, tau = Wave(mode, 0.2, Contact(NU), 0.3), np.linspace(0, 120, 25)
-    infinite, finite = lattice.torus(wave, tau, rtol=1e-12), lattice.rows(wave, tau, rtol=1e-12)
+    infinite, finite = lattice.torus(wave, tau, rtol=1e-12), paper_rows.rows(wave, tau, rtol=1e-12)
     # Fifty times rtol, the measured error of either integration.
     measured(off(infinite, finite, size=1))
 
@@ -108,7 +109,7 @@ def test_walls_are_heard_in_the_end():
     mode, tau = sh.mode("L", 0.802, SILICA), np.linspace(0, 80, 81)
     infinite, finite = (
         lattice.torus(Wave(mode, 0.2, Contact(NU)), tau, rtol=1e-10)[0],
-        lattice.rows(Wave(mode, 0.2, Contact(NU)), tau, rows=51, rtol=1e-10)[0],
+        paper_rows.rows(Wave(mode, 0.2, Contact(NU)), tau, rows=51, rtol=1e-10)[0],
     )
     difference = np.abs(infinite - finite)
     assert np.max(difference[tau <= 20]) < 1e-8
@@ -119,7 +120,7 @@ def test_walls_are_heard_in_the_end():
 def test_both_end_rows_are_held_at_zero():
     # Seven rows written out: the two ends are rows of their own, the contact between them carries nothing.
     mode, tau, ends = sh.mode("TR", 0.802, SILICA), np.linspace(0, 20, 21), [0, 6]
-    contact, neighbours = Contact(NU), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU), paper_rows.ring_neighbours()
     start = lattice.initial_state(mode, 0.2, mode.wavenumber * np.arange(-3.0, 4.0), contact, neighbours)
     start[:, ends] = 0
 
@@ -129,13 +130,13 @@ def test_both_end_rows_are_held_at_zero():
         return rate
 
     expected = lattice.integrate(held, start, tau, 1e-11, 0.2, lattice.longest_step(contact))[:, :3, 3].T / 0.2
-    assert np.allclose(lattice.rows(Wave(mode, 0.2, Contact(NU)), tau, rows=7), expected, rtol=0, atol=1e-9)
+    assert np.allclose(paper_rows.rows(Wave(mode, 0.2, Contact(NU)), tau, rows=7), expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(("k", "n"), members([(5, 40), (5, 16)], (5, 16)))
 def test_torus_is_the_periodic_lattice_for_a_long_time(k, n):
     mode, tau, amplitude = sh.mode("TR", 2 * np.pi * k / n, SILICA), np.linspace(0, 500, 26), 0.1
-    contact, neighbours = Contact(NU), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU), paper_rows.ring_neighbours()
     start = lattice.initial_state(mode, amplitude, mode.wavenumber * np.arange(n), contact, neighbours)
     states = lattice.motion(start, contact, neighbours, tau, 1e-8, amplitude)
     infinite = lattice.torus(Wave(mode, amplitude, Contact(NU)), tau, row=3, rtol=1e-8)
@@ -535,4 +536,4 @@ def test_contacts_that_are_none_are_refused(wrong):
 
 def test_too_few_rows_are_refused():
     with pytest.raises(ValueError, match="rows"):
-        lattice.rows(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), [0.0, 1.0], rows=4)
+        paper_rows.rows(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), [0.0, 1.0], rows=4)

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.paper_rows import ring_neighbours
 from cases.solitary.chain import acceleration, compressed
 from cases.solitary.chain_loop import chain_slope
 from cases.solitary.chain_motion import SIXTH, VERLET, Scheme, march
@@ -24,7 +25,7 @@ from granular_analysis.theory import lattice, loops
 from granular_analysis.theory.adhesion import Adhesion
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.lattice_loop import MOST, torus_slope
-from granular_analysis.theory.neighbours import ring_neighbours, torus_neighbours
+from granular_analysis.theory.neighbours import torus_neighbours
 from granular_analysis.theory.network import Law as NetworkLaw
 from granular_analysis.theory.network import Material, Network, Wall
 from granular_analysis.theory.network_ledger import work_rate

@@ -13,7 +13,7 @@ from granular_analysis.measure.norms import slope
 from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.network import Material, Network
-from granular_analysis.theory.network_ledger import energy, momentum
+from granular_analysis.theory.network_ledger import energy
 from granular_analysis.theory.network_motion import integrate, scales
 from granular_analysis.theory.network_state import contacts, forces, loaded, present, searched_again, settled, start
 from granular_analysis.theory.wave import Wave
@@ -163,6 +163,18 @@ def test_a_hard_sphere_on_a_soft_one_is_as_soft_as_against_a_rigid_one():
     A, B, F = network.coefficients(np.array([0]), np.array([1]))
     same, shear, _ = network.coefficients(np.array([0]), np.array([0]))
     assert [A[0], B[0], F[0]] == pytest.approx([2 * same[0], 2 * shear[0], 0.0], rel=1e-12)
+
+
+def momentum(network, state):
+    """Return the momentum, and the angular momentum about the origin: (f,), (3,) in the plane and (6,) in space.
+
+    Both are conserved where no sphere is held, the angular one in networks without periods only.
+    """
+    velocity, spin = np.split(state.motion[network.freedoms :], [network.dimension])
+    place = network.position + state.motion[: network.dimension].T
+    flat = (0, 0), (0, 3 - network.dimension)
+    orbits = network.mass @ np.cross(np.pad(place, flat), np.pad(velocity.T, flat))
+    return np.concatenate([velocity @ network.mass, orbits[-len(spin) :] + spin @ network.inertia])
 
 
 # --- collisions -------------------------------------------------------------------------------------------------------

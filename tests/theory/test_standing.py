@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks import paper_rows
 from granular_analysis import second_harmonic as sh
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.rows import rows_of
@@ -33,7 +34,7 @@ def on_the_ring(k: int) -> float:
 @cache
 def let_go(mode: sh.Mode, amplitudes: tuple[float, ...], contact: Contact, phase: float = 0.3) -> np.ndarray:
     """p, q, φ (A, T, 3, rows) in D0 of the exact lattice on a ring, let go at rest with each amplitude."""
-    neighbours, theta = lattice.ring_neighbours(), mode.wavenumber * np.arange(RING) + phase
+    neighbours, theta = paper_rows.ring_neighbours(), mode.wavenumber * np.arange(RING) + phase
     moving = np.zeros((6, RING))
     moving[:3] = mode.p * np.cos(theta), mode.q * np.cos(theta), -mode.f * np.sin(theta)
     sizes = np.array(amplitudes)[:, None, None]

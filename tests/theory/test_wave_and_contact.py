@@ -6,6 +6,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+from benchmarks import paper_rows
 from cases.timestep.stepped import limit, stepped
 from granular_analysis import second_harmonic as sh
 from granular_analysis.second_harmonic import ModeName
@@ -126,7 +127,7 @@ def test_what_is_stepped_or_set_on_rows_is_a_wave_along_y() -> None:
     right = Wave.of_mode("TR", 1.1, 0.2, contact)
     oblique = Wave(bloch.mode("TR", 1.1, 17.0, contact), 0.2, contact)
     with pytest.raises(ValueError, match=r"direction = 17\.0 of the mode is not 90"):
-        lattice.rows(oblique, [0.0, 1.0], rows=7)
+        paper_rows.rows(oblique, [0.0, 1.0], rows=7)
     wrong: list[tuple[list[Wave], str]] = [
         ([oblique], r"direction = 17\.0 of the mode is not 90"),
         ([replace(right, phase=0.3)], r"phase = 0\.3 must be 0"),

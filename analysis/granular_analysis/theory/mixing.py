@@ -22,7 +22,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular_analysis.theory.bloch import GAUGE, hexagonal, in_plane
+from granular_analysis.theory.bloch import hexagonal, in_plane
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.second_order import RIGID, Mixed, branch_of
 
@@ -65,14 +65,6 @@ class Pair:
         return Mixed(crystal, first, second if self.sign == 1 else second.reversed)
 
     @property
-    def tones(self) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-        """Frequency (...) and shape W (..., 3) of the first and of the second wave, as it stands in a sum."""
-        first, second = (
-            (each.frequency, np.real(in_plane(each.shape) / GAUGE)) for each in (self.mixed.first, self.mixed.second)
-        )
-        return first, second
-
-    @property
     def wavevector(self) -> Floats:
         """Return k1 ± k2, (..., 2)."""
         return self.mixed.wavevector[..., :2]
@@ -81,12 +73,6 @@ class Pair:
     def frequency(self) -> Floats:
         """Return Ω1 ± Ω2, (...); a negative one is that of a wave along −k."""
         return self.mixed.frequency
-
-    @property
-    def targets(self) -> tuple[Floats, Floats]:
-        """Frequencies (..., J) and shapes W (..., J, 3) of the modes at k1 ± k2."""
-        modes = self.mixed.targets
-        return modes.frequencies, np.real(in_plane(modes.shapes) / GAUGE)
 
 
 def forced_amplitude(pair: Pair) -> Complexes:

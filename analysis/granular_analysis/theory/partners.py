@@ -69,8 +69,7 @@ class Resonance:
     @property
     def generated_frequency(self) -> float:
         """Return |f1 ± f2| in hertz."""
-        (first, _), _ = self.pair.tones
-        return float(abs(self.pair.frequency) / first * self.frequency)
+        return float(abs(self.pair.frequency) / self.pair.mixed.first.frequency * self.frequency)
 
     @property
     def rate(self) -> float:
@@ -162,7 +161,7 @@ def design(
         pair = _root(guess, ratio, lambda omega: Contact.of(under_pressure(omega)))
         if pair is None or forbidden(pair.mixed)[guess.target]:
             continue
-        omega = float(pair.tones[0][0])
+        omega = float(pair.mixed.first.frequency)
         each = Resonance(pair, guess.target, under_pressure(omega), frequency)
         agrees = abs(omega / (2 * np.pi * frequency) - each.sphere.time_scale) < CLOSE * each.sphere.time_scale
         if agrees and not any(each.mirrors(other) for other in found):
@@ -170,7 +169,8 @@ def design(
     if not found and sphere.work_of_adhesion:
         held = Contact.of(resting)
         pairs = [(guess, _root(guess, ratio, lambda _: held)) for guess in guesses]
-        omegas = [float(pair.tones[0][0]) for guess, pair in pairs if pair and not forbidden(pair.mixed)[guess.target]]
+        left = [pair.mixed for guess, pair in pairs if pair and not forbidden(pair.mixed)[guess.target]]
+        omegas = [float(each.first.frequency) for each in left]
         lowest = min(omegas, default=0.0) / (2 * np.pi * resting.time_scale)
         if frequency < lowest:
             raise ValueError(f"frequency is {frequency:g}; allowed: {lowest:.4g} Hz and above, without a pull")
