@@ -118,13 +118,14 @@ def ledger(wave: Wave, tau: ArrayLike, *, points: int = 31, rtol: float = 1e-11)
     _refuse(laws)
     start, neighbours = on_torus(wave, points)
 
+    moves = torus_slope(start, laws, neighbours) or (lambda moving: rhs(moving, laws, neighbours))
+
     def derivative(state: Floats) -> Floats:
-        moving = state[:-1]
-        return np.concatenate([rhs(moving, laws, neighbours), law_power(moving, laws, neighbours)[None]])
+        moving = np.ascontiguousarray(state[:-1])
+        return np.concatenate([moves(moving), law_power(moving, laws, neighbours)[None]])
 
     start = np.concatenate([start, np.zeros((1, points))])
-    loop = torus_slope(start, laws, neighbours, WORK_SIGN[laws.law])
-    states = integrate(loop or derivative, start, tau, rtol, wave.amplitude, longest_step(laws))
+    states = integrate(derivative, start, tau, rtol, wave.amplitude, longest_step(laws))
     work = states[:, -1].mean(axis=-1)
     return Ledger(np.asarray(tau, dtype=float), energy(states[:, :-1], laws, neighbours), work)
 

@@ -22,7 +22,6 @@ from cases.solitary.chain_motion import SIXTH, VERLET, Scheme, march
 from cases.solitary.chain_motion import integrate as integrate_chain
 from cases.timestep.stepped import stepped
 from granular_analysis.theory import lattice, loops
-from granular_analysis.theory.adhesion import Adhesion
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.lattice_loop import MOST, torus_slope
 from granular_analysis.theory.neighbours import torus_neighbours
@@ -34,7 +33,6 @@ from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import State, present, resultants, settled, start
 from granular_analysis.theory.wave import Wave
 from granular_lmp.compiled import seal, trouble
-from tests.theory import energy as energy_of_waves
 
 compiled = pytest.mark.skipif(loops.library() is None, reason="no C compiler")
 Floats = NDArray[np.float64]
@@ -273,25 +271,6 @@ def test_the_slope_of_the_lattice_is_that_of_numpy(contact: Contact, size: compl
     known = lattice.rhs(state, contact, neighbours)
     # By the potential law a contact that barely touches takes 1/(1−x) of the rounding of x
     assert np.allclose(out, known, rtol=0, atol=1e-13 * np.abs(known).max())
-
-
-@compiled
-@pytest.mark.parametrize(
-    ("law", "adhesion"),
-    [("secant", "dmt"), ("incremental", "dmt"), ("potential", "dmt"), ("secant", "jkr"), ("incremental", "jkr")],
-)
-@pytest.mark.parametrize("size", [0.1, 2.0], ids=["closed", "opening"])
-def test_the_work_of_the_law_is_that_of_numpy(law: Law, adhesion: Adhesion, size: float) -> None:
-    contact, neighbours = Contact(0.17, law=law, adhesion_law=adhesion), torus_neighbours(0.8, 21, 77.0)
-    state = size * RNG.normal(size=(10 if contact.has_history else 7, 21))
-    slope = torus_slope(state, contact, neighbours, energy_of_waves.WORK_SIGN[law])
-    assert slope is not None
-    out = slope(state)
-    if size < 1 or (law, adhesion) == ("secant", "dmt"):  # the others have no bound where a contact opens
-        known = energy_of_waves.law_power(state[:-1], contact, neighbours)
-        assert np.allclose(out[-1], known, rtol=0, atol=1e-12 * np.abs(known).max())
-    known = lattice.rhs(state[:-1], contact, neighbours)
-    assert np.allclose(out[:-1], known, rtol=0, atol=1e-13 * np.abs(known).max())
 
 
 @compiled

@@ -184,18 +184,16 @@ typedef struct {
 } Chain;
 
 /* Waves on the phase torus of K points, real or complex, as of lattice.py: a state has the rows p, q, φ, their rates,
-   with `history` the shear of the contacts ahead, and with `works` the work of the shear law as of energy.py, (6 to 10,
-   K) a wave. */
+   and with `history` the shear of the contacts ahead, (6 or 9, K) a wave. */
 enum { BONDS = 3, MOST = 128 };
 typedef struct {
-  whole waves, points, history, incremental, potential, works;
+  whole waves, points, history, incremental, potential;
   const double *shifts, *back; /* to the neighbours ahead (K, 3K), and its transpose */
   double along[BONDS], across[BONDS]; /* p and q of the directions at rest */
   double A, F, shear, length, overlap_ratio; /* a length of 0: directions are fixed */
   double depth, width, least; /* of JKR, as of network_laws.py and adhesion.py; a depth of 0: contacts are DMT's */
   double dashpot, softens; /* and whether a dashpot goes as the root of the contact radius */
   double mobility[3];
-  double sign; /* of the work */
 } Torus;
 
 INLINE double root_of(double x) { return sqrt(x); }
@@ -335,8 +333,8 @@ INLINE NUMBER OF(stretched)(const Torus *t, NUMBER n, NUMBER s, NUMBER *distance
   return t->length != 0 ? OF(ratio)(excess, *distance + t->length) : n;
 }
 
-/* Radius, −f_N and the growth of the radius with the overlap (M) of contacts by JKR */
-static void OF(adhered)(const Torus *t, const NUMBER apart[3][BONDS * MOST], NUMBER *radius, NUMBER *pull, NUMBER *growth)
+/* Radius and −f_N (M) of contacts by JKR */
+static void OF(adhered)(const Torus *t, const NUMBER apart[3][BONDS * MOST], NUMBER *radius, NUMBER *pull)
 {
   for (whole m = 0; m < BONDS * t->points; m++) {
     NUMBER distance;
@@ -346,25 +344,23 @@ static void OF(adhered)(const Torus *t, const NUMBER apart[3][BONDS * MOST], NUM
     const double u = first - fourth / first, root = sqrt(u), near = (root + sqrt(4 / (3 * root) - u)) / 2;
     const double cube = near * near * near;
     const NUMBER s = OF(root_near)(near - (3 * cube * near - 2 * near - x) / (12 * cube - 2), place), y = s * s * s;
-    const NUMBER spreading = t->depth * (6 * y * s - s);
     radius[m] = t->width * s * s;
     pull[m] = -3 * t->F * (y * y - y);
-    growth[m] = creal(spreading) > 0 ? OF(ratio)(radius[m], spreading) : 0;
   }
 }
 
 /* rate = the time derivative of a state, `lattice.rhs` */
 VECTORS void OF(torus)(const Torus *t, const NUMBER *states, NUMBER *rates)
 {
-  const whole K = t->points, M = BONDS * K, last = (t->history ? 9 : 6) * K, size = last + (t->works ? K : 0);
+  const whole K = t->points, M = BONDS * K, size = (t->history ? 9 : 6) * K;
   for (whole wave = 0; wave < t->waves; wave++) {
     const NUMBER *state = states + wave * size, *memory = state + 6 * K;
     NUMBER *rate = rates + wave * size;
-    NUMBER apart[3][BONDS * MOST], moving[3][BONDS * MOST], pull[3][BONDS * MOST], behind[MOST], power[BONDS * MOST];
-    NUMBER radius[BONDS * MOST], presses[BONDS * MOST], grows[BONDS * MOST];
+    NUMBER apart[3][BONDS * MOST], moving[3][BONDS * MOST], pull[3][BONDS * MOST], behind[MOST];
+    NUMBER radius[BONDS * MOST], presses[BONDS * MOST];
     OF(deformed)(t, state, apart);
-    if (t->depth != 0) OF(adhered)(t, apart, radius, presses, grows);
-    if (t->history || t->works || t->dashpot != 0)
+    if (t->depth != 0) OF(adhered)(t, apart, radius, presses);
+    if (t->history || t->dashpot != 0)
       OF(deformed)(t, state + 3 * K, moving);
     else
       for (int row = 0; row < 3; row++)
@@ -385,9 +381,6 @@ VECTORS void OF(torus)(const Torus *t, const NUMBER *states, NUMBER *rates)
       const NUMBER resists = t->dashpot * (t->softens != 0 ? OF(root_of)(root) : creal(overlap) > t->least ? 1.0 : 0.0);
       const NUMBER N = (t->depth != 0 ? presses[m] : t->F - t->A * overlap * root - pushed) + resists * opening;
       const NUMBER S = spring + (t->shear != 0 ? resists * slipping : 0);
-      const NUMBER sheared = t->history && t->incremental ? OF(ratio)(slip, t->shear * root) : slip;
-      const NUMBER growth = t->depth != 0 ? grows[m] : creal(overlap) > 0 ? OF(ratio)(0.5, root) : 0;
-      power[m] = -0.5 * t->sign * t->shear * growth * sheared * sheared * moving[0][m];
       pull[0][m] = cosine * N - sine * S;
       pull[1][m] = sine * N + cosine * S;
       pull[2][m] = S * (1 - t->overlap_ratio * overlap);
@@ -396,8 +389,6 @@ VECTORS void OF(torus)(const Torus *t, const NUMBER *states, NUMBER *rates)
     for (whole k = 0; k < 3 * K; k++) rate[k] = state[3 * K + k];
     if (t->history)
       for (whole m = 0; m < M; m++) rate[6 * K + m] = moving[2][m];
-    if (t->works)
-      for (whole k = 0; k < K; k++) rate[last + k] = power[k] + power[K + k] + power[2 * K + k];
     for (int bond = 0; bond < BONDS; bond++)
       for (whole m = bond * K; m < (bond + 1) * K; m++) {
         const NUMBER n = pull[0][m], s = pull[1][m];
