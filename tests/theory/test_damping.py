@@ -177,23 +177,3 @@ def test_the_dashpot_of_a_restitution_goes_as_the_fourth_root_of_the_overlap(str
     # Rounding of forces that are at most (2/3) 16^{3/2}/(2(κ+3)) = 5.5, thousandfold
     assert [p, q, phi * 0.4] == pytest.approx([force[1], -force[0], force[2]], rel=0, abs=1e-12)
     assert np.max(np.abs(force - wrong)) > 1e-3
-
-
-def test_no_restitution_is_no_damping():
-    assert restitution_viscosity(1.0, SILICA.kappa) == 0
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"viscosity": -0.1}, "viscosity"),
-        ({"viscosity": np.inf}, "viscosity"),
-        ({"restitution": 0.0, "prestress": 1.0}, "restitution = 0.0 is outside"),
-        ({"restitution": 1.1, "prestress": 1.0}, "restitution = 1.1 is outside"),
-        ({"restitution": 0.9}, "needs prestress = 1"),
-        ({"restitution": 0.9, "prestress": 1.0, "viscosity": 0.1}, "one dashpot"),
-    ],
-)
-def test_dashpots_that_are_none_are_refused(wrong, message):
-    with pytest.raises(ValueError, match=message):
-        Contact(NU, **wrong)
