@@ -1,4 +1,4 @@
-"""The second harmonic under three shear laws, against the exact lattice, and against LAMMPS for those it has."""
+"""The second harmonic under three shear laws, against the forms of their page and the exact lattice."""
 
 from pathlib import Path
 

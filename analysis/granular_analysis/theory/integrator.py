@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 Derivative = Callable[[Array], Array]
 
 
-class Solver(DOP853):  # type: ignore[misc]  # SciPy has no types
+class Solver(DOP853):
     """Steps from a time and a state (n,) to an end, as long as their error allows; attributes as of SciPy."""
 
     def step(self) -> None:
