@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis import second_harmonic
 from granular_analysis.second_harmonic import SOLID_SPHERE
-from granular_analysis.theory import bloch, bonds, crystal, lattice, mixing
+from granular_analysis.theory import bloch, bonds, crystal, lattice
 from granular_analysis.theory.bloch import BONDS, branch_index, wavevector_of
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave, nonlinearity, trajectory
@@ -91,15 +91,9 @@ def imported_from(module, other: str) -> set[str]:
 def test_neither_derivation_imports_the_other():
     # The closed form gives only what a mode is called and consists of.
     assert imported_from(bloch, "second_harmonic") == {"Mode", "ModeName"}
-    for module in (bonds, crystal, mixing):
+    for module in (bonds, crystal):
         assert not imported_from(module, "second_harmonic")
-    for other in (
-        "theory.bonds",
-        "theory.crystal",
-        "theory.second_order",
-        "theory.bloch",
-        "theory.mixing",
-    ):
+    for other in ("theory.bonds", "theory.crystal", "theory.second_order", "theory.bloch"):
         assert not imported_from(second_harmonic, other)
         assert not imported_from(lattice, other)
 
