@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.integrator import solver_of
+from granular_analysis.theory.integrator import of_state, solver_of, step
 from granular_analysis.theory.lattice import Touching, integrate, longest_step, on_torus, rhs, touching
 from granular_analysis.theory.lattice_loop import torus_slope
 from granular_analysis.theory.neighbours import Neighbours
@@ -142,9 +142,10 @@ def opening_time(wave: Wave, until: float, *, points: int = 31, rtol: float = 1e
         return bool(np.max(touching(state, laws, neighbours).stretch) < 1 - laws.adhesion.least_overlap)
 
     slope = torus_slope(start, laws, neighbours) or (lambda state: rhs(state, laws, neighbours))
-    solver = solver_of(slope, start, until, rtol, rtol * wave.amplitude, longest_step(laws))
+    options = {"rtol": rtol, "atol": rtol * wave.amplitude, "max_step": longest_step(laws)}
+    solver = solver_of(of_state(slope, start), 0.0, start.ravel(), until, **options)
     while solver.t < until:
-        solver.step()
+        step(solver)
         if not closed(solver.y.reshape(start.shape)):
             low, high, motion = solver.t_old, solver.t, solver.dense_output()
             while low < (middle := (low + high) / 2) < high:

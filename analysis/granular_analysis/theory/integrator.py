@@ -9,27 +9,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
 Array = NDArray[Any]  # floats or complex numbers
 Floats = NDArray[np.float64]
 Derivative = Callable[[Array], Array]
-
-
-class Solver(DOP853):
-    """Steps from a time and a state (n,) to an end, as long as their error allows; attributes as of SciPy."""
-
-    def step(self) -> None:
-        """Make one step; RuntimeError when it has fallen to rounding, or a state is not finite."""
-        super().step()
-        if self.status == "failed":
-            raise RuntimeError(
-                f"the step has fallen to {self.h_abs:.1e} at tau = {self.t:.6g}: the state is not smooth there"
-            )
-
-    def between(self, times: Floats) -> Array:
-        """Return the states (T, n) at times of the last step."""
-        return np.asarray(self.dense_output()(times).T)
+Slope = Callable[[float, Array], Array]
 
 
 def dop853(derivative: Derivative, start: Array, tau: Floats, rtol: float, atol: float, longest: float) -> Array:
@@ -47,20 +31,38 @@ def dop853(derivative: Derivative, start: Array, tau: Floats, rtol: float, atol:
     done = int(np.searchsorted(tau, 0.0, side="right"))
     result[:done] = start.ravel()
     if done < len(tau):
-        solver = solver_of(derivative, start, float(tau[-1]), rtol, atol, longest)
+        end = float(tau[-1])
+        solver = solver_of(of_state(derivative, start), 0.0, start.ravel(), end, rtol=rtol, atol=atol, max_step=longest)
     while done < len(tau):
-        solver.step()
+        step(solver)
         upto = int(np.searchsorted(tau, solver.t, side="right"))
         if upto > done:
-            result[done:upto] = solver.between(tau[done:upto])
+            result[done:upto] = between(solver, tau[done:upto])
         done = upto
     return result.reshape(len(tau), *start.shape)
 
 
-def solver_of(derivative: Derivative, start: Array, end: float, rtol: float, atol: float, longest: float) -> Solver:
-    """Return what makes the steps of `dop853`, one by one."""
+def of_state(derivative: Derivative, start: Array) -> Slope:
+    """Return the slope of packed states (n,) of the shape of a start."""
+    return lambda _, numbers: derivative(numbers.reshape(start.shape)).ravel()
 
-    def slope(_: float, numbers: Array) -> Array:
-        return derivative(numbers.reshape(start.shape)).ravel()
 
-    return Solver(slope, 0.0, start.ravel(), end, rtol=rtol, atol=atol, max_step=longest)
+def solver_of(slope: Slope, time: float, start: Array, end: float, **options: Any) -> Any:
+    """Return SciPy's solver of y' = slope(t, y) for y (n,) from a time to an end, with its options, for `step`."""
+    from scipy.integrate import DOP853  # slow to import, and only motions need it
+
+    return DOP853(slope, time, start, end, **options)
+
+
+def step(solver: Any) -> None:
+    """Make one step of a solver; RuntimeError when it has fallen to rounding, or a state is not finite."""
+    solver.step()
+    if solver.status == "failed":
+        raise RuntimeError(
+            f"the step has fallen to {solver.h_abs:.1e} at tau = {solver.t:.6g}: the state is not smooth there"
+        )
+
+
+def between(solver: Any, times: Floats) -> Array:
+    """Return the states (T, n) at times of the last step of a solver."""
+    return np.asarray(solver.dense_output()(times).T)

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.errors import TheoryError
-from granular_analysis.theory.integrator import Solver
+from granular_analysis.theory.integrator import between, solver_of, step
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_ledger import energy, work_rate
 from granular_analysis.theory.network_loop import contact_loop
@@ -164,36 +164,36 @@ def integrate(
     if times[0] == 0:
         samples.append((state.motion[:, chosen], initial_energy, 0.0))
     time, work = 0.0, 0.0
-    step = _FIRST * longest_step
+    first = _FIRST * longest_step
     steps = evaluations = 0
     while time < times[-1]:
         if rates.start is not state:
             rates = _Rates(network, state)
         atol = rtol * _sizes(network, state, length, speed)
-        solver = Solver(
+        solver = solver_of(
             *(rates, time, _packed(state, work), times[-1]),
             rtol=rtol,
             atol=atol,
             max_step=longest_step,
-            first_step=min(step, times[-1] - time),
+            first_step=min(first, times[-1] - time),
         )
         tidy = True
         while tidy and time < times[-1]:
-            solver.step()
+            step(solver)
             reached = _at(network, state, solver.t, solver.y)
             if _farthest(reached) > network.margin / 2:
                 # Contacts may have been missed: back to before the step, with other pairs and a shorter step
                 state = searched_again(network, _at(network, state, solver.t_old, solver.y_old))
-                time, work, step = solver.t_old, solver.y_old[-1], solver.step_size / 2
+                time, work, first = solver.t_old, solver.y_old[-1], solver.step_size / 2
                 break
             after, tidy = rates.settled(reached)
             due = times[(times > solver.t_old) & (times <= solver.t)]
             if due.size:
-                for moment, y in zip(due, solver.between(due), strict=True):
+                for moment, y in zip(due, between(solver, due), strict=True):
                     sample = _at(network, state, moment, y)
                     samples.append((sample.motion[:, chosen], energy(network, sample).total, y[-1]))
             state, steps = after, steps + 1
-            time, work, step = solver.t, solver.y[-1], 2 * solver.step_size
+            time, work, first = solver.t, solver.y[-1], 2 * solver.step_size
         evaluations += rates.evaluations
     motion, energies, works = (np.array(values) for values in zip(*samples, strict=True))
     return Trajectory(times, chosen, motion, energies, works, initial_energy, state, steps, evaluations)
