@@ -12,11 +12,9 @@ from granular_analysis.second_harmonic import SOLID_SPHERE
 from granular_analysis.theory import bloch, bonds, crystal, lattice
 from granular_analysis.theory.bloch import BONDS, branch_index, wavevector_of
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.wave import Wave, nonlinearity, trajectory
 from tests.conftest import latin
 from tests.polarisations import (
     bloch_matrix,
-    doubled_wave,
     mean_rotation,
     modes,
     second_harmonic_amplitude,
@@ -53,32 +51,7 @@ def largest_error(measured: NDArray, expected: NDArray) -> float:
     return float(np.max(np.abs(np.asarray(measured) - expected)))
 
 
-def relative_error(measured: NDArray, expected: NDArray) -> float:
-    return float(np.linalg.norm(measured - expected) / np.linalg.norm(expected))
-
-
-def slope(amplitudes: list[float], errors: list[float]) -> float:
-    return float(np.polyfit(np.log(amplitudes), np.log(errors), 1)[0])
-
-
-# ---- an independent witness: the exact force laws, six contacts written out, on the phase torus --
-
-
-# ---- the paper's direction -----------------------------------------------------------------------
-
-
-GRID = np.linspace(0.05, 3.1, 62)
-
-
-@pytest.mark.parametrize("name", ["L", "TR", "RT"])
-@pytest.mark.parametrize("poisson_ratio", [-0.5, 0.0, SILICA, 0.35])
-def test_two_derivations_agree_along_y(name, poisson_ratio):
-    ratios, contact = second_harmonic.ratios(poisson_ratio), Contact(poisson_ratio)
-    closed = (second_harmonic.generated_amplitude(second_harmonic.mode(name, xi, ratios), ratios) for xi in GRID)
-    expected = 1j * np.array(list(closed))
-    k = along_y(GRID)
-    amplitude = second_harmonic_amplitude(k, branch_index(name, k, contact), contact)[:, 1]
-    assert np.all(np.abs(amplitude - expected) < 1e-12 * np.maximum(1.0, np.abs(expected) ** 2))  # as above
+# ---- two derivations -----------------------------------------------------------------------
 
 
 def imported_from(module, other: str) -> set[str]:
@@ -175,21 +148,6 @@ def test_the_response_starts_from_rest():
     assert largest_error(field[1], np.zeros(3)) < 1e-8  # τ²/2 times accelerations of order one
 
 
-def test_on_resonance_the_response_grows_as_time():
-    xi = 1.476255486117  # ξ_res for silica
-    tau = np.linspace(0.0, 1000.0, 2001)
-    w = np.sin(xi)  # Ω_L(2ξ)
-    ratios = second_harmonic.ratios(SILICA)
-    beside = second_harmonic.mode("TR", xi + 1e-4, ratios)
-    detuning = np.sin(xi + 1e-4) ** 2 - 4 * beside.frequency**2
-    source = second_harmonic.generated_amplitude(beside, ratios) * detuning  # G, smooth across the resonance
-    response = 1j * tau * np.exp(-1j * w * tau) / (2 * w) - 1j * np.sin(w * tau) / (2 * w**2)
-    expected = 0.5 * nonlinearity(Contact(SILICA), 0.1) * np.real(1j * source * response)
-    measured = second_order(along_y(xi), 0, 0.1, tau, Contact(SILICA))
-    assert relative_error(measured[:, 1], expected) < 1e-3  # G is taken 1e-4 off the resonance
-    assert largest_error(measured[:, [0, 2]], np.zeros((2001, 2))) < 1e-12
-
-
 def test_a_uniform_rotation_has_no_second_harmonic():
     # 2k = 0, where two of the target frequencies are exactly zero.
     field = second_order((0.0, 0.0), 2, 0.1, np.linspace(0, 100, 50), Contact(SILICA))
@@ -203,50 +161,6 @@ def test_waves_of_the_zone_edge_stay_finite():
 
 
 # ---- the paper's variables, and LAMMPS's contact geometry -----------------------------------------
-
-# Physics that a scene can call for, in the words of `granular_analysis.theory.contact.Contact`.
-CONTACTS = {
-    "paper": {},
-    "geometry": {"overlap_ratio": 0.01},
-    "compression": {"overlap_ratio": 0.05, "prestress": 1.0},
-    "incremental": {"overlap_ratio": 0.01, "law": "incremental"},
-    "no rotation": {"overlap_ratio": 0.02, "prestress": 0.5, "rotation": False},
-    "no shear": {"overlap_ratio": 0.02, "prestress": 1.0, "shear": False},
-}
-WAVES = [(key, name) for key in CONTACTS for name in ("L", "TR", "RT") if name != "RT" or not key.startswith("no ")]
-
-
-@pytest.mark.parametrize(
-    ("contacts", "name"), [(key, name) for key, name in WAVES if not Contact(SILICA, **CONTACTS[key]).departures]
-)
-@pytest.mark.parametrize("xi", [0.5, 1.3, 2.2])
-def test_along_y_modes_and_second_order_are_the_closed_form(contacts, name, xi):
-    options = CONTACTS[contacts]
-    ratios = Contact(SILICA, **options).closed
-    expected = second_harmonic.mode(name, xi, ratios)
-    found = bloch.mode(name, xi, 90.0, Contact(SILICA, **options))
-    assert (found.name, found.wavenumber, found.direction) == (name, xi, 90.0)
-    for component in ("frequency", "p", "q", "f"):
-        assert getattr(found, component) == pytest.approx(getattr(expected, component), rel=0, abs=1e-13)  # rounding
-    tau = np.linspace(0.0, 30.0, 31)
-    # Phase 0.4: what the start leaves in the contacts is there too. Rounding of Ωτ, and of terms a few times larger.
-    fields = trajectory(Wave(found, 0.2, Contact(SILICA, **options), 0.4), tau)
-    closed = second_harmonic.second_order(expected, ratios, 0.2, tau, phase=0.4)
-    assert largest_error(np.array(fields), np.array(closed)) < 1e-12
-
-
-def test_doubled_wave_is_what_a_projection_on_2k_shows():
-    mode, tau = bloch.mode("TR", 1.1, 17.0, Contact(SILICA, overlap_ratio=0.01)), np.linspace(0.0, 20.0, 21)
-    phases = lattice.torus_phases(15)
-    exact = lattice.torus_trajectory(Wave(mode, 0.005, Contact(SILICA, overlap_ratio=0.01)), tau, points=15, rtol=1e-12)
-    shown = 2.0 * np.mean(exact * np.exp(-2j * phases), axis=-1)
-    k = wavevector_of(1.1, 17.0)
-    factor = doubled_wave(k, 0, 0.005, tau, Contact(SILICA, overlap_ratio=0.01))
-    along = k / np.linalg.norm(k)
-    turned = np.stack([factor[:, :2] @ along, factor[:, :2] @ [-along[1], along[0]], factor[:, 2]], axis=-1)
-    assert relative_error(shown, turned) < 1e-4  # a² = 2.5e-5 times a number of order one
-    later = doubled_wave(k, 0, 0.005, tau, Contact(SILICA, overlap_ratio=0.01), phase=0.3)
-    assert largest_error(later, factor * np.exp(0.6j)) < 1e-15
 
 
 def test_a_phase_is_a_place():
@@ -270,46 +184,7 @@ def test_modes_of_any_direction_are_named_and_signed_as_they_are_said_to_be():
             assert np.hypot(np.hypot(mode.p, mode.q), mode.f) == pytest.approx(1.0, rel=1e-14)
 
 
-def test_the_forced_second_harmonic_without_rotation_is_that_of_the_sum_over_modes():
-    k = np.array(OBLIQUE["19 degrees"])
-    amplitude = second_harmonic_amplitude(k, 0, Contact(SILICA, rotation=False, overlap_ratio=0.02))
-    frequency = modes(k, Contact(SILICA, rotation=False, overlap_ratio=0.02))[0][0]
-    targets = modes(2 * k, Contact(SILICA, rotation=False, overlap_ratio=0.02))[0]
-    tau = np.linspace(0.0, 60.0, 601)
-    factor = doubled_wave(k, 0, 0.1, tau, Contact(SILICA, rotation=False, overlap_ratio=0.02))
-    # The part of X that turns with 2Ω, beside free waves at 2k and what the start leaves.
-    columns = np.exp(-1j * tau[:, None] * np.concatenate([[2 * frequency, 0.0], targets, -targets]))
-    forced = np.linalg.lstsq(columns, factor)[0][0]
-    assert largest_error(forced, 0.5 * nonlinearity(Contact(SILICA), 0.1) * amplitude) < 1e-12
-    assert forced[2] == 0
-
-
-@pytest.mark.parametrize(
-    "function",
-    [
-        second_harmonic.doubled_frequency,
-        second_harmonic.generated_amplitude,
-        lambda mode, ratios: second_harmonic.second_harmonic(mode, ratios, 0.2, [1.0]),
-        lambda mode, ratios: second_harmonic.second_harmonic_terms(mode, ratios, 0.2, [1.0]),
-        lambda mode, ratios: second_harmonic.second_order(mode, ratios, 0.2, [1.0]),
-    ],
-)
-@pytest.mark.parametrize("name", ["L", "TR"])
-def test_closed_forms_refuse_a_mode_of_another_direction(function, name):
-    mode, ratios = bloch.mode(name, 1.0, 17.0, Contact(SILICA)), second_harmonic.ratios(SILICA)
-    with pytest.raises(ValueError, match="direction = 17.0 of the mode is not 90"):
-        function(mode, ratios)
-
-
 # ---- the helpers and what is refused -------------------------------------------------------------
-
-
-def test_the_error_measures_see_a_wrong_value():
-    right = np.array([1.0, 2.0, 3.0])
-    assert relative_error(right, right) == 0.0
-    assert relative_error(1.01 * right, right) == pytest.approx(0.01)
-    assert largest_error(right - [0.0, 0.5, 0.0], right) == pytest.approx(0.5)
-    assert slope([1.0, 2.0, 4.0], [1.0, 2.0, 4.0]) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("xi", [0.802, 1.475])

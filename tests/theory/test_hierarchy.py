@@ -174,62 +174,6 @@ def test_the_mode_is_all_there_is_at_the_start():
     assert np.max(np.abs(orders[1:, 0])) < 1e-14 * hierarchy.RADIUS**-2
 
 
-# Frequencies of p of order a⁴ at the antiresonance: products of the fundamental (ξ, Ω), which obey ω = 2Ω and 4Ω,
-# of the free waves of order a³ (ξ, ±Ω_RT(ξ); 3ξ, ±Ω_TR, ±Ω_RT of 3ξ) with the fundamental, and free L waves.
-
-
-@cache
-def antiresonant_harmonics():
-    """p of order a⁴ at the antiresonance as complex amplitudes of e^{imϑ}, (T, m)."""
-    mode = sh.mode("TR", sh.antiresonance(SILICA), SILICA)
-    orders = hierarchy.hierarchy_orders(mode, Contact(NU), LONG, order=4, rtol=1e-12)
-    return 2 * np.fft.rfft(orders[3, :, 0], norm="forward")
-
-
-def antiresonant_waves(harmonic):
-    """p of order a⁴ at 2ξ or 4ξ, complex (T,), and the frequencies of its waves: free, launched, bound."""
-    xi = sh.antiresonance(SILICA)
-    omega = sh.mode("TR", xi, SILICA).frequency
-    part = antiresonant_harmonics()[:, harmonic]
-
-    def free(name, multiple):
-        folded = abs((multiple * xi + np.pi) % (2 * np.pi) - np.pi)
-        return float(sh.dispersion(folded, name, SILICA)) * np.array([1.0, -1.0])
-
-    once, thrice = free("RT", 1), np.concatenate([free("TR", 3), free("RT", 3)])
-    launched = {2: [once - omega, thrice + omega], 4: [thrice - omega, once - 3 * omega]}[harmonic]
-    bound = {2: [-2 * omega, 0, 2 * omega], 4: [-4 * omega, -2 * omega, 0]}[harmonic]
-    return part, (free("L", harmonic), np.concatenate(launched), np.array(bound))
-
-
-def fit(part, frequencies):
-    """Amplitudes of e^{iωτ} of the given frequencies that fit best, and the relative error that is left."""
-    waves = np.exp(1j * np.outer(LONG, frequencies))
-    amplitudes = np.linalg.lstsq(waves, part, rcond=None)[0]
-    rest = np.linalg.norm(waves @ amplitudes - part) / np.linalg.norm(part)
-    return amplitudes, rest
-
-
-@pytest.mark.parametrize(("harmonic", "shares"), [(2, (0.61, 0.37, 0.017)), (4, (0.46, 0.42, 0.117))])
-def test_antiresonant_p_is_mostly_launched_by_the_initial_condition(harmonic, shares):
-    part, kinds = antiresonant_waves(harmonic)
-    amplitudes, rest = fit(part, np.concatenate(kinds))
-    assert rest < 1e-6  # nothing is missing: the integration leaves 3e-8 of p
-    energy = [np.sum(np.abs(a) ** 2) for a in np.split(amplitudes, np.cumsum([len(k) for k in kinds])[:-1])]
-    assert energy / np.sum(energy) == pytest.approx(shares, abs=0.005)  # two digits
-
-
-@pytest.mark.parametrize("harmonic", [2, 4])
-def test_free_and_bound_waves_alone_do_not_make_antiresonant_p(harmonic):
-    part, (free, _, bound) = antiresonant_waves(harmonic)
-    assert fit(part, np.concatenate([free, bound]))[1] > 0.5
-
-
-def test_antiresonant_p_is_the_harmonic_two():
-    weight = np.mean(np.abs(antiresonant_harmonics()) ** 2, axis=0)
-    assert weight[4] / np.sum(weight) == pytest.approx(0.0136, abs=5e-4)
-
-
 def test_an_order_below_two_is_refused():
     with pytest.raises(ValueError, match="order = 1"):
         hierarchy.hierarchy(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), [0.0, 1.0], order=1)

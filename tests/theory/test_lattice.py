@@ -1,11 +1,10 @@
 """The integrated lattice against the paper's appendix, against finite lattices, and against the closed form."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
-from scipy.integrate import DOP853, solve_ivp
+from scipy.integrate import DOP853
 
 from benchmarks import paper_rows
 from granular_analysis import second_harmonic as sh
@@ -223,95 +222,6 @@ def test_geometry_changes_p_by_a_fifth_at_the_antiresonance():
 
 
 # --- any direction ---
-
-
-SHEET = (5, 7)  # spheres along (1, 0) and along (1/2, √3/2), periodic
-SIGNS = np.array([-1, -1, 1])[:, None, None]  # a contact pulls both spheres together, and turns both one way
-TO_NEIGHBOURS = {0: (1, 0), 60: (0, 1), 120: (-1, 1)}  # the other three are their opposites
-
-
-@cache
-def cells(step):
-    """Where the neighbours that lie `step` cells on are in a sheet of numbers (I, J)."""
-    return np.ix_(*((np.arange(size) + far) % size for size, far in zip(SHEET, step, strict=True)))
-
-
-def neighbour(values, step):
-    """The values (…, I, J) of the neighbour that lies `step` cells on."""
-    return values[..., *cells(step)]
-
-
-def sheet_rate(state, kappa, eta):
-    """Rate of u, v, φ, their velocities and three slips (9, I, J): the appendix in x and y, contact by contact."""
-    place, velocity, slips = state[:3], state[3:6], state[6:]
-    total, slip_rates = np.zeros_like(place), []
-    for bond, (degrees, step) in enumerate(TO_NEIGHBOURS.items()):
-        n0 = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])[:, None, None]
-        there = neighbour(state[:6], step)
-        d, d_rate = there[:2] - place[:2], there[3:5] - velocity[:2]
-        if eta:
-            r = (1 / eta - 1) * n0 + d
-            distance = np.sqrt(r[0] ** 2 + r[1] ** 2)
-            n, overlap = r / distance, 1 / eta - distance
-        else:
-            n, overlap = n0 + 0 * d, 1 - (n0 * d).sum(axis=0)
-        t = np.stack([-n[1], n[0]])
-        slip_rates.append((t * d_rate).sum(axis=0) - there[5] - velocity[2])
-        slip = slips[bond] if eta else (t * d).sum(axis=0) - there[2] - place[2]
-        shear = kappa * slip * np.sqrt(overlap)
-        force = (2 / 3) * (1 - overlap * np.sqrt(overlap)) * n + shear * t
-        torque = shear * (1 - eta * overlap)
-        load = np.concatenate([force, torque[None]])
-        total += load + SIGNS * neighbour(load, (-step[0], -step[1]))
-    return np.concatenate([velocity, total / [[[1.0]], [[1.0]], [[0.4]]] / (2 * (kappa + 3)), slip_rates])
-
-
-def on_a_sheet(mode, wavevector, amplitude, tau, eta):
-    """p, q, φ (T, 3) in D0 of the sphere at the origin of a periodic sheet, started as the mode."""
-    i, j = np.meshgrid(*(np.arange(size) for size in SHEET), indexing="ij")
-    theta = wavevector[0] * (i + j / 2) + wavevector[1] * j * np.sqrt(3) / 2
-    angle = np.radians(mode.direction)
-    to_xy = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    wave = amplitude * np.multiply.outer(to_xy @ [mode.p, mode.q, 1j * mode.f], np.exp(1j * theta))
-    moving = np.concatenate([wave.real, (-1j * mode.frequency * wave).real])
-    kappa = Contact(NU).kappa
-    start = np.concatenate([moving, np.zeros((3, *SHEET))])
-    for bond, (degrees, step) in enumerate(TO_NEIGHBOURS.items()):  # loaded in one step along the final tangents
-        n0 = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])[:, None, None]
-        d = neighbour(start[:3], step) - start[:3]
-        r = n0 + d[:2] * eta / (1 - eta)
-        n = r / np.sqrt(r[0] ** 2 + r[1] ** 2)
-        start[6 + bond] = n[0] * d[1] - n[1] * d[0] - d[2] - 2 * start[2]
-    solution = solve_ivp(
-        lambda _, y: sheet_rate(y.reshape(start.shape), kappa, eta).ravel(),
-        (0, tau[-1]), start.ravel(), method="DOP853", t_eval=tau, rtol=1e-11, atol=1e-12,
-    )  # fmt: skip
-    place = solution.y.reshape(*start.shape, -1)[:3, 0, 0]
-    return (to_xy.T @ place).T / amplitude
-
-
-ON_SHEETS = [
-    (*wave, eta) for wave in (("L", (1, 1)), ("TR", (1, 2)), ("RT", (-1, 2)), ("L", (2, 0))) for eta in (0.0, 0.01)
-]
-LEFT = [("RT", (-1, 2), 0.01), ("L", (2, 0), 0.0)]
-
-
-@pytest.mark.parametrize(
-    ("name", "cycles", "eta"), members(ON_SHEETS, *(each for each in ON_SHEETS if each not in LEFT))
-)
-def test_torus_is_a_periodic_sheet_in_any_direction(name, cycles, eta):
-    first, second = (2 * np.pi * c / size for c, size in zip(cycles, SHEET, strict=True))
-    k = np.array([first, (second - first / 2) * 2 / np.sqrt(3)])  # k·(1, 0) and k·(1/2, √3/2)
-    direction, wavenumber = np.degrees(np.arctan2(k[1], k[0])), np.sqrt(3) / 2 * np.hypot(*k)
-    mode = bloch.mode(name, wavenumber, direction, Contact(NU, overlap_ratio=eta))
-    tau = np.linspace(0, 30, 16)
-    sheet = on_a_sheet(mode, k, 0.2, tau, eta)
-    infinite = np.stack(lattice.torus(Wave(mode, 0.2, Contact(NU, overlap_ratio=eta)), tau, rtol=1e-12), axis=-1)
-    assert np.max(np.abs(sheet)) > 0.8  # something moves
-    assert np.allclose(sheet, infinite, rtol=0, atol=1e-9)  # a hundred times rtol
-    turned = bloch.mode(name, wavenumber, direction + 1, Contact(NU, overlap_ratio=eta))
-    other = np.stack(lattice.torus(Wave(turned, 0.2, Contact(NU, overlap_ratio=eta)), tau, rtol=1e-8), axis=-1)
-    assert np.max(np.abs(other - sheet)) > 1e-3  # one degree is seen
 
 
 def test_contacts_within_the_row_stretch_where_the_wave_runs_along_it():

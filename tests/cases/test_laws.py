@@ -1,7 +1,5 @@
 """The second harmonic under three shear laws, against the forms of their page and the exact lattice."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -15,7 +13,6 @@ from tests.polarisations import forgetful
 NU = 0.17
 SILICA = sh.ratios(NU)
 ETA = 2.498514361612e-10 / 1e-6  # Δ0/2R of the paper's spheres
-DECK = Path(__file__).parents[2] / "lammps_inputs/in.plane_wave"
 NUS = np.linspace(-1, 0.5, 61)
 WAVENUMBERS = np.linspace(0.01, np.pi - 0.01, 300)
 SMALL, SHORT = 2e-3, np.linspace(0, 30, 31)
