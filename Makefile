@@ -147,7 +147,7 @@ packages:
 	.venv-packages/bin/python -m build --outdir dist && .venv-packages/bin/twine check --strict dist/*
 
 FLOORS = cli/test_cli.py lammps/test_datafile.py lammps/test_deck.py runs/test_export.py house/test_floors.py runs/test_launch.py crystal/test_modes.py crystal/test_packing.py \
-    runs/test_particles.py scene/test_scene.py theory/test_sheets.py cases/test_spectrum.py studies/test_sweep.py plot/test_view.py crystal/test_wave.py house/test_wheel.py
+    runs/test_particles.py scene/test_scene.py cases/test_sheets.py cases/test_spectrum.py studies/test_sweep.py plot/test_view.py crystal/test_wave.py house/test_wheel.py
 floors:
 	$(PYTHON) -m venv .venv-floors
 	.venv-floors/bin/python -m pip install --quiet --constraint .ci/floors.txt --editable '.[test]'

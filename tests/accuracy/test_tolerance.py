@@ -13,7 +13,6 @@ import pytest
 
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.theory import wave as theory
-from granular_analysis.theory.timestep import limit, stepped
 from granular_lmp import Record, Scene, cli, run
 from granular_lmp.accuracy import extrapolation
 from granular_lmp.accuracy.extrapolation import EVEN, Judgement
@@ -38,6 +37,7 @@ from granular_lmp.rest.step_rules import COARSEST
 from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER
 from tests.manual import Measure, Mutant, verifies
+from tests.stepped import limit, stepped
 from tests.stepped_waves import NAMES, Stepped, Wave, in_lammps, scene_of
 
 # --- LAMMPS itself ---------------------------------------------------------------------------------------------------

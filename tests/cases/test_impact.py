@@ -8,9 +8,9 @@ import pytest
 from cases.impact import case as impact
 from cases.impact.case import Run, errors, stepped
 from cases.solitary import case as solitary
+from cases.solitary.chain import uniform
+from cases.solitary.chain_motion import SIXTH, VERLET, march
 from granular_analysis.plotting import save
-from granular_analysis.theory.chain import uniform
-from granular_analysis.theory.chain_motion import SIXTH, VERLET, march
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.theory.chain import bands, compressed, linear_stiffness, normal_modes
+from cases.solitary.chain import bands, compressed, linear_stiffness, normal_modes
 from granular_lmp import ImpactScene, Scene
 from granular_lmp.cli import main
 from granular_lmp.crystal.chain_bands import cell_of, edges, frequencies, gaps

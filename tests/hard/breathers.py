@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from cases.solitary.chain import Chain, bands, compressed
+from cases.solitary.chain_motion import integrate
 from granular_analysis.measure.norms import slope
-from granular_analysis.theory.chain import Chain, bands, compressed
-from granular_analysis.theory.chain_motion import integrate
 from granular_lmp import ImpactRecord, ImpactScene
 from granular_lmp.problem import Problem, prepare
 from tests.hard.case import Case, Cases, Edits

@@ -79,7 +79,6 @@ def test_the_wheel_holds_both_packages_typed_and_every_shipped_file(built: Path)
     wanted |= {
         "granular_lmp/lammps/kernel/contact.cpp",
         "granular_lmp/studies/identity.json",
-        "granular_analysis/theory/dop853.json",
         "granular_analysis/theory/loops.c",
         "granular_lmp/plot/page.html",
     }

@@ -89,7 +89,7 @@ def test_the_impact_is_the_unit() -> None:
 
 
 def test_the_collision_time_and_the_deepest_overlap_are_hertzs() -> None:
-    from granular_analysis.theory.chain_motion import collision_time as other
+    from cases.solitary.chain_motion import collision_time as other
 
     assert collision_time(0.5) == pytest.approx(other(1.0, 1.0, 1.0), rel=1e-12)
     assert pytest.approx(0.5 * 0.5) == 2 / 5 * DEEPEST**2.5  # ½ μ v² = (2/5) A δ^{5/2}, μ = m/2

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.paper_rows import rows
 from granular_analysis.second_harmonic import mode, ratios
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.lattice import rows, torus
+from granular_analysis.theory.lattice import torus
 from granular_analysis.theory.wave import Wave
 from granular_lmp import build
 from granular_lmp.crystal.lattices import lattice_constant, unit_lattice

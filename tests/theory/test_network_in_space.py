@@ -12,12 +12,13 @@ from granular_analysis.theory.cell import Cell
 from granular_analysis.theory.crystal import Crystal
 from granular_analysis.theory.crystal import Wall as Plane
 from granular_analysis.theory.network import Material, Network, Wall
-from granular_analysis.theory.network_ledger import energy, momentum
+from granular_analysis.theory.network_ledger import energy
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_outside import Drive
 from granular_analysis.theory.network_state import forces, present, searched_again, start
 from granular_analysis.theory.network_tangents import combined, dot, frames, tangents, turned
 from tests.conftest import members
+from tests.theory.test_network import momentum
 
 SILICA, STEEL = Material(73e3, 0.17, 63.0), Material(200e3, 0.3, 100.0)  # MPa, mJ/m²: nm, ag, ns
 RADIUS, DENSITY = 500.0, 0.0022

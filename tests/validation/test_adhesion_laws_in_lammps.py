@@ -17,7 +17,6 @@ from granular_analysis.theory import catalogue
 from granular_analysis.theory.choice import THEORIES, holding, refuse_less, traits, trajectory, wave_of
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.lattice import torus
-from granular_analysis.theory.timestep import phase_error, stepped
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.rounding import noise_floor
@@ -26,6 +25,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps import contact
 from granular_lmp.units import NANO
 from tests.instance import silent_lammps
+from tests.stepped import phase_error, stepped
 from tests.validation.test_contact_law import touch
 
 PERIODIC = Scene.load("tr_periodic")

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from cases.solitary import case as figure
-from granular_analysis.theory.chain import compressed
-from granular_analysis.theory.chain_motion import integrate, peak
-from granular_analysis.theory.solitary import long_wave_speed, solitary_wave, sound
+from cases.solitary.chain import compressed
+from cases.solitary.chain_motion import integrate, peak
+from cases.solitary.travelling import long_wave_speed, solitary_wave, sound
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.crystal.scale import collision_time
 from granular_lmp.errors import SceneError

@@ -14,7 +14,7 @@ import pytest
 from scipy.special import beta
 
 from cases.impact.chain_damping import decay
-from granular_analysis.theory.chain_motion import peak
+from cases.solitary.chain_motion import peak
 from granular_analysis.tools.compare import compare
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.errors import SceneError

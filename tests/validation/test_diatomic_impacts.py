@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from granular_analysis.theory.breather import breather
-from granular_analysis.theory.chain import Chain, bands, linear_stiffness, spheres
+from cases.solitary.breather import breather
+from cases.solitary.chain import Chain, bands, linear_stiffness, spheres
 from granular_lmp import ImpactScene, run_impact
 from granular_lmp.problem import prepare
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.theory.chain import Chain, End, compressed, energies, spheres, uniform
-from granular_analysis.theory.chain_motion import first_peak, march, peak
-from granular_analysis.theory.scattering import Meeting, crossing, impurity
-from granular_analysis.theory.solitary import solitary_wave, sound
+from cases.solitary.chain import Chain, End, compressed, energies, spheres, uniform
+from cases.solitary.chain_motion import first_peak, march, peak
+from cases.solitary.scattering import Meeting, crossing, impurity
+from cases.solitary.travelling import solitary_wave, sound
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.errors import EffectError, RunFolderError, SceneError
 from granular_lmp.lammps.deck import deck_of

@@ -11,7 +11,7 @@ import pytest
 
 from granular_analysis.theory.crystal import Crystal
 from granular_analysis.theory.network import Material, Network
-from granular_analysis.theory.scenes import Setting, signals
+from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.second_order import second_order, wave
 from granular_lmp import Record, Scene, run
 from tests.by_commands import moved, padded
@@ -110,23 +110,6 @@ def test_another_density_is_seen(even: Callable[[str], tuple[Record, np.ndarray]
     other = record.scene.with_values({"inclusion": [LAYERS[0] | {"density": 4300.0}]})
     theory = np.array(Setting(other).signals(record.tau)[1])
     assert np.linalg.norm(found - theory) > 1e-2 * np.linalg.norm(theory)
-
-
-def test_one_call_says_which_theory_answers_for_a_scene() -> None:
-    tau = np.linspace(0, 30, 31)
-    by = {}
-    for name, (shipped, values) in CASES.items():
-        scene = Scene.load(shipped).with_values({"wave.phase": 0.3} | values)
-        answer = signals(scene, tau)
-        by[name] = answer.theory
-        if answer.theory == "closed form":
-            first, second = Setting(scene).signals(tau)
-            # Two derivations: rounding of places a thousand overlaps long
-            np.testing.assert_allclose(answer.first, first, rtol=0, atol=1e-9)
-            np.testing.assert_allclose(answer.second, second, rtol=0, atol=1e-7 * np.abs(second).max())
-    assert {name for name, theory in by.items() if theory == "closed form"} == {"secant"}
-    with pytest.raises(ValueError, match="disorder"):
-        signals(Scene.load("tr_periodic").with_values({"disorder.vacancies": 0.01}), tau)
 
 
 def test_what_is_no_pattern_of_rows_is_refused() -> None:

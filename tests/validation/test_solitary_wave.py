@@ -5,7 +5,7 @@ from pathlib import Path
 
 from scipy.interpolate import CubicSpline
 
-from granular_analysis.theory.chain_motion import peak
+from cases.solitary.chain_motion import peak
 from granular_lmp import Scene, run
 from tests.manual import Measure, Mutant, verifies
 

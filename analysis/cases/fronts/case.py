@@ -25,7 +25,7 @@ DIRECTIONS = (0, 30, 60, 90)  # degrees from the edge
 NEAREST, FARTHEST = 10.0, 0.6  # distances of neighbours; share of the rows, so that no echo is in the fit
 ASIDE = 0.85  # share of the way to the nearer side: the head of the front, 3 distances, has no echo at its crest there
 FEWEST = 4  # spheres of a fit
-CHAIN = 0.907470  # V/v^{1/5} of the solitary wave of a chain (granular_analysis.theory.solitary)
+CHAIN = 0.907470  # V/v^{1/5} of the solitary wave of a chain (cases.solitary.travelling)
 _STYLES = {0: "o", 30: "s", 60: "^", 90: "D"}
 
 

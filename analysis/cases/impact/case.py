@@ -23,9 +23,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cases.runner import script
+from cases.solitary.chain import compressed, energies, uniform
+from cases.solitary.chain_motion import SIXTH, VERLET, Scheme, collision_time, integrate, march
 from granular_analysis.plotting import letter
-from granular_analysis.theory.chain import compressed, energies, uniform
-from granular_analysis.theory.chain_motion import SIXTH, VERLET, Scheme, collision_time, integrate, march
 
 Floats = NDArray[np.float64]
 

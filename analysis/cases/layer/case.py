@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from cases.layer.monolayer import Layer
 from cases.runner import script
 from granular_analysis.theory.crystal import Crystal
-from granular_analysis.theory.monolayer import Layer
 from granular_analysis.theory.phase_matching import zone_edge
 from granular_analysis.theory.scenes import Setting
 from granular_lmp.runs.record import Record

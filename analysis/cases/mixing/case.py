@@ -4,7 +4,7 @@
 
 The star is the first wave. A panel holds the second waves of one branch: above for the sum of the two, below for their
 difference, the first less the second. A line is where Ω1 ± Ω2 is the frequency of a branch at k1 ± k2. Its colour says
-of which, its width how fast that wave grows (`granular_analysis.theory.mixing.growth_rates`).
+of which, its width how fast that wave grows (`granular_analysis.theory.second_order.Mixed.growth_rates`).
 
 How to read it. A point on a wide line is a second wave that makes, with the first, a third one of the size of both in
 τ = 1/(rate·a), a = D0/Δ0. Where a line thins out the drive has a zero. On Γ–M and Γ–K symmetry forbids some drives
@@ -25,13 +25,15 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
+from numpy.typing import NDArray
 
 from cases.map.case import BRANCHES, CORNER, EDGE, wave_vectors
 from cases.runner import POISSON_RATIO, script
-from granular_analysis.theory.bloch import branch_index, wavevector_of
+from granular_analysis.theory.bloch import branch_index, pair_of, wavevector_of
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.mixing import Floats, Pair, Tone, detunings, growth_rates
 
+Floats = NDArray[np.float64]
+Tone = tuple[Floats, int]  # a wave vector, and its branch
 POINTS = 240  # per axis; even, so that Γ, where all of a static wave is 0/0, falls between grid points
 COLOURS: Final = ("tab:blue", "black", "tab:red")  # by the branch that grows, lower to upper
 SHOWN = (0.01, 0.03, 0.1)  # rates of the legend
@@ -60,11 +62,11 @@ def partners(
     the branch that grows; wave vectors (N, 2) of a line; rates (N,) per τ and a
     """
     k = wave_vectors(points)
-    gaps = detunings(Pair(first, Tone(k, branch), sign, contact))
+    gaps = pair_of(first, (k, branch), sign, contact).detunings
     for target in range(gaps.shape[-1]):
         for line in contour_generator(k[..., 0], k[..., 1], gaps[..., target]).lines(0.0):
             vectors = np.asarray(line, dtype=float)
-            yield target, vectors, growth_rates(Pair(first, Tone(vectors, branch), sign, contact))[:, target]
+            yield target, vectors, pair_of(first, (vectors, branch), sign, contact).growth_rates()[:, target]
 
 
 class Found(NamedTuple):
@@ -78,7 +80,7 @@ class Found(NamedTuple):
 def measured(poisson_ratio: float, mode: str, wavenumber: float, direction: float) -> Found:
     """Return the partners of a wave; ValueError for one that the lattice does not have."""
     contact, k = Contact(poisson_ratio), wavevector_of(wavenumber, direction)
-    first = Tone(k, int(branch_index(mode, k, contact)))
+    first = k, int(branch_index(mode, k, contact))
     found = {
         (name, branch): list(partners(first, branch, sign, contact, POINTS))
         for sign, name in SIGNS.items()
@@ -140,7 +142,7 @@ def _zone(panel: Axes, first: Tone) -> None:
     for name, place in (("Γ", (0.0, 0.0)), ("M", (0.0, EDGE)), ("K", (CORNER, 0.0))):
         panel.plot(*place, ".", color="0.4", markersize=4, clip_on=False)
         panel.annotate(name, place, (4, 2), textcoords="offset points", color="0.4", fontsize=9)
-    panel.plot(*np.asarray(first.wavevector), "*", color="tab:orange", markersize=12, markeredgecolor="black", zorder=5)
+    panel.plot(*np.asarray(first[0]), "*", color="tab:orange", markersize=12, markeredgecolor="black", zorder=5)
     panel.set(xlim=(-1.12 * CORNER, 1.12 * CORNER), ylim=(-1.12 * EDGE, 1.12 * EDGE), aspect="equal")
 
 

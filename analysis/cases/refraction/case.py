@@ -17,10 +17,10 @@ from matplotlib.figure import Figure
 from cases.refraction.angles import angle, quasi_particle
 from cases.refraction.refraction import FrontsAtInterface, fronts_at_interface
 from cases.runner import script
+from cases.solitary import scattering
 from cases.strikes import recorded, require
 from granular_analysis.measure.strikes import Sites
 from granular_analysis.plotting import letter
-from granular_analysis.theory import scattering
 from granular_lmp.runs.record import Record
 
 MASSES = np.geomspace(1 / 8, 8.0, 13)

@@ -21,11 +21,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cases.runner import script
+from cases.solitary.chain_motion import peak
+from cases.solitary.scattering import impurity
+from cases.solitary.travelling import long_wave_speed, solitary_wave, sound
 from cases.strikes import recorded, require, rest_overlap
 from granular_analysis.plotting import letter
-from granular_analysis.theory.chain_motion import peak
-from granular_analysis.theory.scattering import impurity
-from granular_analysis.theory.solitary import long_wave_speed, solitary_wave, sound
 from granular_lmp.runs.record import Record
 
 STEADY = 1e-3  # relative

@@ -3,7 +3,7 @@
     granular-analysis tones RUN [-o FILE]
 
 Between the rows two waves run towards each other. At Ω1 ± Ω2 the field there is the forced wave of
-`granular_analysis.theory.mixing`, at k1 ± k2, and two free waves that come from where the pair ends:
+`granular_analysis.theory.bloch.pair_of`, at k1 ± k2, and two free waves that come from where the pair ends:
 
     X(n) = X_forced e^{ikn} + A e^{iξn} + B e^{−iξn},    Ω_L(ξ) = Ω1 ± Ω2
 
@@ -23,11 +23,10 @@ from scipy.optimize import brentq
 
 from cases.rows import FORMS, amplitudes_at, rows_of, waves
 from cases.runner import script
-from granular_analysis.theory.bloch import real_modes, wavevector_of
+from granular_analysis.theory.bloch import in_plane, pair_of, real_modes, wavevector_of
 from granular_analysis.theory.catalogue import AT_REST
 from granular_analysis.theory.choice import contact_of, traits_of
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.mixing import Pair, Tone, forced_amplitude
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -132,18 +131,18 @@ def compare(record: Record) -> Tones:
     contact, step, place = contact_of(record), record.snapshots().step, n - scene.shape.centre_row
     # Velocity Verlet moves a wave of the lattice's Ω at the frequency 2/h·asin(Ωh/2)
     xi = [wavenumber(w * np.sinc(w * step / (2 * np.pi)), contact, longitudinal=False) for w in (first, second)]
-    pair_of = [Tone(wavevector_of(xi[0], 90.0), 0), Tone(wavevector_of(xi[1], -90.0), 0)]
+    both = [(wavevector_of(xi[0], 90.0), 0), (wavevector_of(xi[1], -90.0), 0)]
     sent = []
-    for frequency, each, ahead, tone in zip((first, second), xi, (1, -1), pair_of, strict=True):
-        shape = real_modes(tone.wavevector, contact)[1][0]
+    for frequency, each, ahead, (k, _) in zip((first, second), xi, (1, -1), both, strict=True):
+        shape = real_modes(k, contact)[1][0]
         sent.append(-waves(q[frequency], place, [ahead * each, -ahead * each])[0][0] / shape[0])
     lines = []
     signs: tuple[tuple[str, Literal[1, -1]], ...] = ("sum", 1), ("difference", -1)
     for name, sign in signs:
         at = first + sign * second
-        pair = Pair(pair_of[0], pair_of[1], sign, contact)
+        made = in_plane(pair_of(both[0], both[1], sign, contact).forced())[1]
         product = sent[0] * (sent[1] if sign > 0 else sent[1].conjugate())
-        theory, forced = complex(forced_amplitude(pair)[1] * product * scene.wave.amplitude), xi[0] - sign * xi[1]
+        theory, forced = complex(made * product * scene.wave.amplitude), xi[0] - sign * xi[1]
         frequency = abs(at)
         if at < 0:  # the same field with a positive frequency
             theory, forced = theory.conjugate(), -forced

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis.measure.stiffnesses import CLASSES, deviates, kinds_of, scaled, spread
-from granular_analysis.theory import green
+from granular_analysis.theory import signals
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.lattices import LATTICES
 from granular_analysis.theory.network import RIGID, Material, Network, Wall
@@ -126,7 +126,7 @@ def _driven_row(scene: Scene, network: Network, scales: Scales) -> Drive:
     return Drive(
         row,
         1 if along else 0,
-        _scaled(green.tone(frequency, envelope.ramp, scene.wave.phase), scales.length, scales.time),
+        _scaled(signals.tone(frequency, envelope.ramp, scene.wave.phase), scales.length, scales.time),
         moves=True,
         longest=scales.time / frequency,
         size=scales.length,
@@ -169,19 +169,19 @@ def signal_of(source: Any, scene: Scene, second: float = 1.0) -> tuple[Function,
     if not isinstance(source.signal, str):
         pairs = np.array([each for each in source.signal if not isinstance(each[0], str)])
         pairs[:, 0] /= second
-        return green.samples(pairs, source.delay), pairs[1, 0] - pairs[0, 0], float(np.abs(pairs[:, 1]).max())
+        return signals.samples(pairs, source.delay), pairs[1, 0] - pairs[0, 0], float(np.abs(pairs[:, 1]).max())
     if source.signal == "step":
-        return green.step(source.ramp, source.delay), source.ramp / 4, 1.0
+        return signals.step(source.ramp, source.delay), source.ramp / 4, 1.0
     if source.hertz is not None:
         frequency = 2 * np.pi * source.hertz * scene.sphere.time_scale
     else:
         frequency = _own_frequency(scene) if source.frequency is None else source.frequency
     known: dict[str, Callable[[], tuple[Function, float]]] = {
-        "tone": lambda: (green.tone(frequency, source.ramp, source.phase, source.delay), 1.0),
-        "burst": lambda: (green.burst(frequency, source.cycles, source.phase, source.delay), 1.0),
-        "ricker": lambda: (green.ricker(frequency, source.delay), 1.0),
+        "tone": lambda: (signals.tone(frequency, source.ramp, source.phase, source.delay), 1.0),
+        "burst": lambda: (signals.burst(frequency, source.cycles, source.phase, source.delay), 1.0),
+        "ricker": lambda: (signals.ricker(frequency, source.delay), 1.0),
         "chirp": lambda: (
-            green.chirp(frequency, source.sweep, source.cycles, source.phase, source.delay),
+            signals.chirp(frequency, source.sweep, source.cycles, source.phase, source.delay),
             max(1.0, source.sweep),
         ),
     }

@@ -59,18 +59,6 @@ def kinetic_energy(network: Network, state: State) -> float:
     return float(speeds[free].sum()) / 2
 
 
-def momentum(network: Network, state: State) -> Floats:
-    """Return the momentum, and the angular momentum about the origin: (f,), (3,) in the plane and (6,) in space.
-
-    Both are conserved where no sphere is held, the angular one in networks without periods only.
-    """
-    velocity, spin = np.split(state.motion[network.freedoms :], [network.dimension])
-    place = network.position + state.motion[: network.dimension].T
-    flat = (0, 0), (0, 3 - network.dimension)
-    orbits = network.mass @ np.cross(np.pad(place, flat), np.pad(velocity.T, flat))
-    return np.concatenate([velocity @ network.mass, orbits[-len(spin) :] + spin @ network.inertia])
-
-
 def work_rate(network: Network, pairs: Pairs, now: Contacts) -> float:
     """Return dW/dt of the shear law and of the lever arm: the equation at the top of this module."""
     # ½ (dk/dδ)(S/k)² = ½ (S²/k) d(ln k)/dδ, and k ∝ a

@@ -43,7 +43,6 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 _FAR = 1e9  # a plane, in radii of the sphere on it
-BLOCK = 1024  # spheres: the numbers of their steps are in a cache together with those of a dozen other blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,8 +173,7 @@ def search(network: Network, displacement: Floats) -> Pairs:
     wrapped[periodic & (wrapped >= period)] = 0.0  # np.mod of a tiny negative number is the period itself
     found = cKDTree(wrapped, boxsize=box).query_pairs(network.reach, output_type="ndarray")
     first, second = found.T
-    # Block by block, and of a crystal the contacts of spheres i, i + 1, … with j, j + 1, … one after the other
-    order = np.lexsort((first, second - first, second // BLOCK, first // BLOCK))
+    order = np.lexsort((second, first))
     first, second = found[order].T.astype(np.intp)
 
     way = (displacement.T[second] - displacement.T[first]).T

@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize.elementwise import find_root
 
 from granular_analysis.theory.crystal import Crystal, Modes, padded
 from granular_analysis.theory.second_order import Mixed, Wave, branch_of, chosen
@@ -267,6 +266,8 @@ class _Line:
 
 def _crossings(function: Callable[..., Floats], low: Floats, high: Floats, *pairs: Integers) -> Floats:
     """Return where functions of a number and what says which pair it is cross 0, each between two numbers, (N,)."""
+    from scipy.optimize.elementwise import find_root  # slow to import, and only a search needs it
+
     return np.asarray(find_root(function, (low, high), args=pairs, tolerances={"xatol": 0.0, "xrtol": 1e-14}).x)
 
 

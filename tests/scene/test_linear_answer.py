@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from granular_analysis.theory import green
+from granular_analysis.theory import signals
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.green import Crystal, Load, response
+from tests.linear_answer import COMPONENTS, Crystal, Load, response
 from tests.manual import Measure, Mutant, off, verifies
 from tests.polarisations import modes
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.rounding
 CONTACT = Contact(0.17, overlap_ratio=0.01)
 ROWS, COLUMNS = 6, 5
 TAU = np.linspace(0.0, 9.0, 10)
-PUSH = green.burst(0.9, 1.0)
+PUSH = signals.burst(0.9, 1.0)
 
 
 def sheet(rows: int = ROWS, columns: int = COLUMNS, *, walls: bool = False, contact: Contact = CONTACT) -> Crystal:
@@ -34,7 +34,7 @@ def sheet(rows: int = ROWS, columns: int = COLUMNS, *, walls: bool = False, cont
     tolerance=1e-05,
     reason="the trapezoidal rule, (ωh)²/12 with h = 9/2000",
     mutant=Mutant(
-        "analysis/granular_analysis/theory/green.py",
+        "tests/linear_answer.py",
         "(self.contact.shear_stiffness, np.hstack([-tangent, -one, tangent, -one]))",
         "(self.contact.shear_stiffness, np.hstack([-tangent, -one, tangent, one]))",
     ),
@@ -66,14 +66,14 @@ def test_a_point_force_is_the_bloch_sum(measured: Measure) -> None:
     [
         (Load([7, 8], "torque", PUSH), False),
         (Load([12], "y", PUSH, moves=True), True),
-        (Load(range(5), "x", green.tone(0.7, 5.0, phase=0.4, delay=1.0), moves=True), True),
+        (Load(range(5), "x", signals.tone(0.7, 5.0, phase=0.4, delay=1.0), moves=True), True),
     ],
 )
 def test_the_sum_over_modes_solves_the_equations_of_motion(load: Load, walls: bool) -> None:
     crystal = sheet(walls=walls)
     found, speed = response(crystal, [load], TAU)
     count = crystal.mass.size
-    freedoms = 3 * np.asarray(load.spheres) + green.COMPONENTS[load.axis]
+    freedoms = 3 * np.asarray(load.spheres) + COMPONENTS[load.axis]
     stuck = np.repeat(crystal.held, 3)
     if load.moves:
         stuck[(3 * np.asarray(load.spheres)[:, None] + np.arange(3)).ravel()] = True
@@ -108,7 +108,7 @@ def test_the_sum_over_modes_solves_the_equations_of_motion(load: Load, walls: bo
     tolerance=0.0001,
     reason="the trapezoidal rule, h²ω²/12 with h = 0.01",
     mutant=Mutant(
-        "analysis/granular_analysis/theory/green.py",
+        "tests/linear_answer.py",
         "0.5 * np.asarray(v**2 @ self.mass +",
         "0.5 * np.asarray(v**2 @ (1.01 * self.mass) +",
     ),
@@ -127,7 +127,7 @@ def test_the_power_of_a_force_is_the_change_of_energy(measured: Measure) -> None
 @pytest.mark.parametrize("sweep", [0.4, 1.0, 3.0])
 def test_a_chirp_goes_from_one_frequency_to_the_other(sweep: float) -> None:
     tau, duration = np.linspace(0.0, 200.0, 20001), 4 * np.pi * 20 / (1.3 * (1 + sweep))
-    quadratures = [green.chirp(1.3, sweep, 20.0, phase, delay=2.0)(tau) for phase in (0.0, np.pi / 2)]
+    quadratures = [signals.chirp(1.3, sweep, 20.0, phase, delay=2.0)(tau) for phase in (0.0, np.pi / 2)]
     share = (tau - 2.0) / duration
     inside = (share > 0.02) & (share < 0.98)  # where the window is above 4e-3
     pitch = np.gradient(np.unwrap(np.arctan2(*quadratures[::-1])), tau)
@@ -136,17 +136,17 @@ def test_a_chirp_goes_from_one_frequency_to_the_other(sweep: float) -> None:
     np.testing.assert_allclose(window[inside], np.sin(np.pi * share[inside]) ** 2, atol=1e-12)
     assert not window[(share < 0) | (share > 1 + 1e-12)].max() > 1e-20
     if sweep == 1.0:
-        np.testing.assert_allclose(green.burst(1.3, 20.0, delay=2.0)(tau), quadratures[0], atol=1e-12)
+        np.testing.assert_allclose(signals.burst(1.3, 20.0, delay=2.0)(tau), quadratures[0], atol=1e-12)
 
 
 def test_a_ricker_wavelet_and_a_step_are_what_they_are_called() -> None:
     tau = np.linspace(0, 40, 4001)
-    wavelet = green.ricker(1.3, delay=2.0)(tau)
+    wavelet = signals.ricker(1.3, delay=2.0)(tau)
     assert tau[np.argmax(wavelet)] == pytest.approx(2.0 + 12 / 1.3, abs=0.01)  # the spacing of the times
     padded = np.abs(np.fft.rfft(wavelet, 1 << 16))
     at = 2 * np.pi * np.fft.rfftfreq(1 << 16, 0.01)[np.argmax(padded)]
     assert at == pytest.approx(1.3, abs=0.01)  # the spacing of the frequencies
-    assert green.step(5.0, delay=1.0)(np.array([0.0, 3.5, 9.0])) == pytest.approx([0.0, 0.5, 1.0])
+    assert signals.step(5.0, delay=1.0)(np.array([0.0, 3.5, 9.0])) == pytest.approx([0.0, 0.5, 1.0])
 
 
 @pytest.mark.parametrize(

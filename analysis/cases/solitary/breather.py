@@ -19,10 +19,8 @@ Breaks near ω₂, where the breather is wider than the chain, and near ω₁.
 
 import numpy as np
 
-from granular_analysis.theory.chain import Chain, Floats
-from granular_analysis.theory.chain_motion import SIXTH, march
-
-__all__ = ["breather"]
+from cases.solitary.chain import Chain, Floats
+from cases.solitary.chain_motion import SIXTH, march
 
 TINY = 1e-30  # size of a complex step; its square is lost in the rounding of any motion
 ENOUGH = 1e-12  # change of a Newton step, relative to the largest displacement

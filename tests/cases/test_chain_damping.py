@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cases.impact.chain_damping import damping_ratio, decay, power
-from granular_analysis.theory.chain import (
+from cases.solitary.chain import (
     Chain,
     acceleration,
     compressed,
@@ -16,8 +16,8 @@ from granular_analysis.theory.chain import (
     normal_modes,
     uniform,
 )
-from granular_analysis.theory.chain_motion import SIXTH, collision_time, follow, integrate, march, peak
-from granular_analysis.theory.solitary import solitary_wave
+from cases.solitary.chain_motion import SIXTH, collision_time, follow, integrate, march, peak
+from cases.solitary.travelling import solitary_wave
 from tests.conftest import latin, members
 
 T = collision_time(1.0, 1.0, 1.0)

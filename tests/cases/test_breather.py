@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from granular_analysis.theory.breather import breather, multipliers
-from granular_analysis.theory.chain import (
+from cases.solitary.breather import breather, multipliers
+from cases.solitary.chain import (
     Chain,
     Floats,
     bands,
@@ -17,9 +17,9 @@ from granular_analysis.theory.chain import (
     spheres,
     uniform,
 )
-from granular_analysis.theory.chain_motion import SIXTH, integrate, march
+from cases.solitary.chain_motion import SIXTH, integrate, march
+from tests.cases.test_chain import ALUMINIUM, FORCE, RADIUS, STEEL, diatomic
 from tests.conftest import members
-from tests.theory.test_chain import ALUMINIUM, FORCE, RADIUS, STEEL, diatomic
 
 COUNT, PER_PERIOD = 43, 96
 STEEL_ALUMINIUM = 2.963  # ratio of the masses of equal spheres, 8000 / 2700
@@ -156,7 +156,7 @@ def test_what_has_no_breather_is_refused(
 
 
 def test_newtons_method_that_does_not_converge_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("granular_analysis.theory.breather.MOST", 2)
+    monkeypatch.setattr("cases.solitary.breather.MOST", 2)
     with pytest.raises(RuntimeError, match=re.escape("no breather of frequency 1.5 from this guess")):
         breather(diatomic(21, 3.0), 1.5, np.eye(21)[11])
 

@@ -25,11 +25,9 @@ from math import gamma, pi, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular_analysis.theory.chain import Array, Chain, Floats, acceleration, energies, forces, linear_stiffness
-from granular_analysis.theory.chain_loop import chain_slope
+from cases.solitary.chain import Array, Chain, Floats, acceleration, energies, forces, linear_stiffness
+from cases.solitary.chain_loop import chain_slope
 from granular_analysis.theory.integrator import dop853
-
-__all__ = ["collision_time", "follow"]
 
 Scheme = tuple[float, ...]
 

@@ -14,7 +14,7 @@ times their relative velocity, whatever it is (LAMMPS's ``coeff_restitution``). 
 Forces are differences of those at rest: motions of 1e-10 of the overlap have six digits, and weaker ones fewer.
 
 Units are any consistent ones; with A = m = 1 a velocity v gives overlaps of v^{4/5} and times of v^{−1/5}.
-`granular_analysis.theory.chain_motion` integrates, `granular_analysis.theory.solitary` has the exact travelling wave.
+`cases.solitary.chain_motion` integrates.
 """
 
 from collections.abc import Sequence
@@ -24,8 +24,6 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-__all__ = ["bands", "linear_stiffness", "spheres"]
 
 Floats = NDArray[np.float64]
 Array = NDArray[Any]  # floats, or complex numbers where a derivative is taken by a complex step

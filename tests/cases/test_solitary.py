@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from granular_analysis.theory.chain import acceleration, overlaps, uniform
-from granular_analysis.theory.chain_motion import integrate, peak
-from granular_analysis.theory.solitary import SolitaryWave, long_wave_speed, solitary_wave, sound
+from cases.solitary.chain import acceleration, overlaps, uniform
+from cases.solitary.chain_motion import integrate, peak
+from cases.solitary.travelling import SolitaryWave, long_wave_speed, solitary_wave, sound
 from tests.manual import Measure, Mutant, off, verifies
 
 # V / v^{1/5} and V / δ^{1/4} for A = m = 1
@@ -31,7 +31,7 @@ def test_the_constants_are_those_of_the_travelling_wave() -> None:
     reference="other integrator: a struck chain by DOP853",
     tolerance=1e-07,
     reason="errors of 3e-9 of DOP853, and 6e-8 at sphere 25 where the start is still near",
-    mutant=Mutant("analysis/granular_analysis/theory/solitary.py", "force = change**2", "force = 1.001 * change**2"),
+    mutant=Mutant("analysis/cases/solitary/travelling.py", "force = change**2", "force = 1.001 * change**2"),
 )
 def test_a_chain_struck_at_unit_velocity_carries_this_wave(measured: Measure) -> None:
     count, times = 70, np.arange(0.0, 74.0, 0.1)
@@ -104,7 +104,7 @@ def test_the_long_wave_theory_is_near_from_sound_to_the_strong_wave(ratio: float
     tolerance=1e-12,
     reason="some roundings",
     mutant=Mutant(
-        "analysis/granular_analysis/theory/solitary.py",
+        "analysis/cases/solitary/travelling.py",
         "(2 * y**3 + 4 * y**2 + 6 * y + 3)",
         "(2 * y**3 + 4 * y**2 + 5 * y + 3)",
     ),
@@ -180,7 +180,7 @@ def test_what_has_no_solitary_wave_is_refused(values: dict[str, float], message:
 
 
 def test_an_iteration_that_does_not_end_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("granular_analysis.theory.solitary.MOST", 5)
+    monkeypatch.setattr("cases.solitary.travelling.MOST", 5)
     with pytest.raises(RuntimeError, match="no solitary wave after 5 iterations"):
         solitary_wave(1.0)
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from granular_analysis.theory.chain import (
+from cases.solitary.chain import (
     Chain,
     acceleration,
     bands,
@@ -18,7 +18,7 @@ from granular_analysis.theory.chain import (
     spheres,
     uniform,
 )
-from granular_analysis.theory.chain_motion import SIXTH, march
+from cases.solitary.chain_motion import SIXTH, march
 from granular_analysis.theory.network import Material, Network
 
 STEEL, ALUMINIUM = (193e9, 0.30, 8000.0), (70e9, 0.33, 2700.0)

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.layer.monolayer import Layer
 from granular_analysis.theory.crystal import Crystal, Wall
 from granular_analysis.theory.lattices import LATTICES
-from granular_analysis.theory.monolayer import Layer
 from granular_analysis.theory.network import Material, mixed
 from tests.manual import Measure, Mutant, verifies
 
@@ -63,7 +63,7 @@ def test_six_branches_miss_those_of_the_crystal_by_half_of_the_overlap_ratio(nam
     tolerance=0.00025,
     reason="closed forms leave out η/2, η = 2.5e-4 of two spheres",
     mutant=Mutant(
-        "analysis/granular_analysis/theory/monolayer.py",
+        "analysis/cases/layer/monolayer.py",
         "total = 7 * substrate + 5 * neighbours * shear",
         "total = 7 * substrate + 4.98 * neighbours * shear",
     ),

@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from granular_analysis.theory.chain import compressed, energies, uniform
-from granular_analysis.theory.chain_motion import SIXTH, integrate, march
-from granular_analysis.theory.scattering import WAVE, crossing, impurity
+from cases.solitary.chain import compressed, energies, uniform
+from cases.solitary.chain_motion import SIXTH, integrate, march
+from cases.solitary.scattering import WAVE, crossing, impurity
 
 
 def head_on(count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,6 @@
 """A solitary wave meets another one, a wall, an impurity or an interface, among spheres that just touch.
 
-The waves start as exact ones (`granular_analysis.theory.solitary`), so that nothing else moves, and run by
+The waves start as exact ones (`cases.solitary.travelling`), so that nothing else moves, and run by
 `chain_motion.SIXTH`. Shares are of the energy of the incoming wave. No unit enters: every wave of such spheres is one
 wave but for its scale.
 
@@ -15,9 +15,9 @@ from typing import Literal
 
 import numpy as np
 
-from granular_analysis.theory.chain import Chain, compressed, energies, uniform
-from granular_analysis.theory.chain_motion import SIXTH, first_peak, march, peak
-from granular_analysis.theory.solitary import solitary_wave
+from cases.solitary.chain import Chain, compressed, energies, uniform
+from cases.solitary.chain_motion import SIXTH, first_peak, march, peak
+from cases.solitary.travelling import solitary_wave
 
 WAVE = solitary_wave(1.0)
 STEP = 0.05  # share of the time in which the wave moves by one sphere; the shares of energy are good to 2e-6

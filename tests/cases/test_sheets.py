@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +13,14 @@ from scipy.integrate import solve_ivp
 
 from cases.fields import ROW, component, fields_of
 from cases.sheets.case import Comparison, carrier, compare, draw, main, relative
-from granular_analysis import second_harmonic
 from granular_analysis.measure.norms import slope
 from granular_analysis.theory.cell import fields
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.wave import nonlinearity
 from granular_lmp import Record, Scene, run
 from granular_lmp.crystal.lattices import Shape, lattice_constant, packed
 from granular_lmp.crystal.sphere import Sphere
-from tests.conftest import latin, members
-from tests.polarisations import modes, second_order_at
+from tests.conftest import latin
+from tests.polarisations import modes
 from tests.sheet import Sheet, evolve
 from tests.stand_in import of_first_format
 
@@ -118,69 +115,6 @@ def test_the_time_step_of_a_run_is_in_the_first_order_exactly() -> None:
 
 
 # ---- second order, against closed forms
-
-
-@pytest.mark.parametrize(
-    ("cycles", "name"),
-    latin([1, 3, 5], ["L", "TR", "RT"]),
-)
-def test_a_wave_along_y_makes_the_second_harmonic_of_the_closed_form(name: Any, cycles: int) -> None:
-    sheet, tau = Sheet(12, 3, SILICA), np.array([0.0, 1.0, 7.5, 20.0])
-    ratios = second_harmonic.ratios(SILICA)
-    mode = second_harmonic.mode(name, 2 * np.pi * cycles / sheet.rows, ratios)
-    rows = np.round(sheet.rest[:, 1] / ROW)
-    theta = mode.wavenumber * rows
-    turn = mode.frequency
-    field = np.column_stack([-mode.q * np.cos(theta), mode.p * np.cos(theta), -mode.f * np.sin(theta)])
-    rate = turn * np.column_stack([-mode.q * np.sin(theta), mode.p * np.sin(theta), mode.f * np.cos(theta)])
-    _, second = evolve(sheet, field, rate, tau)
-    expected = [second_harmonic.second_harmonic(mode, ratios, 1.0, tau, row=int(row)) for row in rows]
-    assert second[..., 1] == pytest.approx(np.transpose(expected), abs=1e-8)
-    assert np.abs(second[..., [0, 2]]).max() < 1e-12  # symmetry, to rounding
-
-
-OBLIQUE = list(product([(1, 1), (2, 1), (-1, 3)], [0, 1, 2]))
-
-
-@pytest.mark.parametrize(
-    ("x", "y", "branch"),
-    members([(*way, branch) for way, branch in OBLIQUE], *((*way, n) for way, n in OBLIQUE if n != way[0] % 3)),
-)
-def test_an_oblique_wave_makes_the_field_of_the_closed_form(x: int, y: int, branch: int) -> None:
-    sheet, tau = Sheet(8, 7, SILICA), np.array([0.0, 1.0, 12.0])
-    k = wavevector(sheet, x, y)
-    field, rate = plane_wave(sheet, k, branch, tau, phase=float(-sheet.rest[0] @ k))
-    _, second = evolve(sheet, field[0], rate[0], tau)
-    j = np.round((sheet.rest - sheet.rest[0])[:, 1] / ROW)
-    i = np.round((sheet.rest - sheet.rest[0])[:, 0] - j / 2)
-    expected = second_order_at(k, branch, 1.0, tau, Contact(SILICA), site=np.stack([i, j], axis=1))
-    assert second == pytest.approx(expected.swapaxes(0, 1), abs=1e-10)  # rounding
-
-
-def standing(sheet: Sheet, cycles: int, tau: Floats) -> tuple[Floats, Floats]:
-    """Initial field (N, 3) of a standing TR wave, q = Q cos ξn, φ = −f sin ξn, and its p (T, N) for a = 1.
-
-    p = −(ε/2) G sin(2ξn) Z(τ),  Z″ + w̃²Z = cos²Ωτ,  G = sin ξ Q[αs²Q − (β/√3) sin ξ f]
-    """
-    ratios = second_harmonic.ratios(SILICA)
-    mode = second_harmonic.mode("TR", 2 * np.pi * cycles / sheet.rows, ratios)
-    xi, rows = mode.wavenumber, np.round(sheet.rest[:, 1] / ROW)
-    sine, half = np.sin(xi), np.sin(xi / 2)
-    drive = sine * mode.q * (ratios.alpha * half**2 * mode.q - ratios.beta / np.sqrt(3) * sine * mode.f)
-    twice, own = 2 * mode.frequency, abs(sine)
-    z = (1 - np.cos(own * tau)) / (2 * own**2) + (np.cos(twice * tau) - np.cos(own * tau)) / (2 * (own**2 - twice**2))
-    field = np.column_stack([-mode.q * np.cos(xi * rows), 0 * rows, -mode.f * np.sin(xi * rows)])
-    epsilon = nonlinearity(Contact(SILICA), 1.0)
-    return field, -epsilon / 2 * drive * np.multiply.outer(z, np.sin(2 * xi * rows))
-
-
-@pytest.mark.parametrize("cycles", [1, 2, 5])
-def test_a_standing_wave_makes_the_second_harmonic_of_its_own_closed_form(cycles: int) -> None:
-    sheet, tau = Sheet(16, 3, SILICA), np.array([0.0, 2.0, 9.0, 30.0])
-    field, expected = standing(sheet, cycles, tau)
-    _, second = evolve(sheet, field, np.zeros_like(field), tau)
-    assert second[..., 1] == pytest.approx(expected, abs=1e-10)  # rounding
-    assert second[..., 1] != pytest.approx(-expected, abs=1e-3)
 
 
 def test_the_times_between_make_no_difference() -> None:
@@ -371,23 +305,6 @@ def test_the_second_order_of_an_oblique_wave_is_around_0_and_2k() -> None:
 
 
 # ---- LAMMPS
-
-
-@pytest.mark.parametrize(
-    ("overlap_ratio", "branch"),
-    latin([0.001, 0.05], [0, 1, 2]),
-)
-def test_the_geometry_of_contacts_is_that_of_a_plane_wave(branch: int, overlap_ratio: float) -> None:
-    sheet, amplitude = Sheet(8, 7, SILICA, overlap_ratio), 0.02
-    k = wavevector(sheet, 2, 1)
-    centre = 3 * 7 + 3  # the sphere at which the phase is counted
-    field, rate = plane_wave(sheet, k, branch, TAU, phase=float(-sheet.rest[centre] @ k))
-    _, second = evolve(sheet, field[0], rate[0], TAU)
-    constants: dict[str, Any] = {"poisson_ratio": SILICA, "overlap_ratio": overlap_ratio}
-    expected = second_order_at(k, branch, amplitude, TAU, Contact(**constants))
-    np.testing.assert_allclose(amplitude * second[:, centre], expected, rtol=0, atol=1e-10 * np.abs(expected).max())
-    flat = second_order_at(k, branch, amplitude, TAU, Contact(SILICA, inertia=sheet.contact.masses[2]))
-    assert np.abs(flat - expected).max() > 0.1 * overlap_ratio * np.abs(expected).max()
 
 
 SHORT = {"wave.amplitude": 0.02, "time.duration": 20.0, "output.particles": 1.0}

@@ -1,4 +1,4 @@
-"""The slope of `granular_analysis.theory.chain_motion` in one call of `granular_analysis.theory.loops`.
+"""The slope of `cases.solitary.chain_motion` in one call of `granular_analysis.theory.loops`.
 
 The formulas are those of `chain.acceleration`, which is the reference.
 """
@@ -7,8 +7,8 @@ import ctypes
 
 import numpy as np
 
+from cases.solitary.chain import Chain
 from granular_analysis.theory import loops
-from granular_analysis.theory.chain import Chain
 
 
 class _Chain(ctypes.Structure):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cases.impact.case import collision_error, energy_errors
-from granular_analysis.theory.chain import Chain, compressed, energies, uniform
-from granular_analysis.theory.chain_motion import (
+from cases.solitary.chain import Chain, compressed, energies, uniform
+from cases.solitary.chain_motion import (
     SIXTH,
     VERLET,
     Scheme,
@@ -18,8 +18,8 @@ from granular_analysis.theory.chain_motion import (
     march,
     peak,
 )
+from tests.cases.test_chain import diatomic
 from tests.conftest import members
-from tests.theory.test_chain import diatomic
 
 T = collision_time(1.0, 1.0, 1.0)
 

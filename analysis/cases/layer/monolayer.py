@@ -23,8 +23,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Layer"]
-
 Floats = NDArray[np.float64]
 INERTIA = 0.4  # I/mR² of a solid sphere
 

@@ -14,9 +14,9 @@ from cases.refraction import plane_front as settling
 from cases.refraction.angles import ROWS, angle, front_speed, quasi_particle
 from cases.refraction.plane_front import scaled_speed
 from cases.refraction.refraction import fronts_at_interface, plane_front
-from granular_analysis.theory import scattering
-from granular_analysis.theory.chain import compressed, uniform
-from granular_analysis.theory.chain_motion import march
+from cases.solitary import scattering
+from cases.solitary.chain import compressed, uniform
+from cases.solitary.chain_motion import march
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 
 SCENE = ImpactScene.load("refraction")
