@@ -104,8 +104,8 @@ def test_no_rolling_mode_of_soft_spheres_lies_above_the_bound() -> None:
     reason="a torque of 0 changes no bit",
     mutant=Mutant(
         "granular_lmp/lammps/contact.py",
-        'rolls = "none" if rolling is None',
-        'rolls = "sds 1e5 0.0 1.0" if rolling is None',
+        '{"rolling": "none", "twisting": "none"}',
+        '{"rolling": "sds 1e5 0.0 1.0", "twisting": "none"}',
     ),
 )
 def test_twisting_changes_no_byte_of_a_record_in_the_plane(tmp_path: Path, measured: Measure) -> None:

@@ -18,6 +18,7 @@ from granular_analysis.measure.signals import IN_SPACE as SIGNALS_IN_SPACE
 from granular_analysis.measure.snapshot import FirstSnapshot, first_snapshot
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import present
+from granular_analysis.theory.network_tangents import combined
 from granular_analysis.tools.compare import compare, table
 from granular_lmp import Scene, build, run
 from granular_lmp.crystal.balance import BALANCED
@@ -527,7 +528,7 @@ def test_forces_on_substrates_are_those_of_the_network(name: str, tmp_path: Path
     }
     at = [on[i, wall] for i, _, wall in contacts.pairs if wall]
     walls = contacts.wall != ""
-    pushed = now.repulsion * now.normal - np.einsum("dkm,km->dm", now.tangents.along, now.shear)
+    pushed = now.repulsion * np.array(now.normal) - np.array(combined(now.shear, now.tangents.along))
     expected, found = pushed[:, at].T / unit, contacts.force[-1, walls]
     assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
     assert np.abs(found - 1.01 * expected).max() > 5e-3 * np.abs(expected).max()

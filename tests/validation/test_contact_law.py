@@ -167,8 +167,8 @@ def test_restitution_with_adhesion_is_refused_as_lammps_refuses_it(normal: str) 
     reason="some ten roundings on either side, and up to 2e-13 where LAMMPS takes the root of a distance",
     mutant=Mutant(
         "granular_lmp/lammps/contact.py",
-        "units.number(sphere.work_of_adhesion / 2, mass=1, time=-2)",
-        "units.number(sphere.work_of_adhesion, mass=1, time=-2)",
+        "units.number(pressing * sphere.work_of_adhesion / 2, mass=1, time=-2)",
+        "units.number(pressing * sphere.work_of_adhesion, mass=1, time=-2)",
     ),
 )
 def test_normal_force_of_the_deck_is_dmt(overlap: float, measured: Measure) -> None:
