@@ -181,7 +181,7 @@ def _defaults(scene: "Scene") -> dict[str, object]:
     """Return key → default for keys that a scene leaves out, and whose default depends on whether it has a wave."""
     from granular_lmp.scene.json_schema import keys
 
-    others = {f"{each.section}.{each.name}": each.default for each in keys(bare=scene.wave is not None)}
+    others = {f"{each.section}.{each.name}": each.default for each in keys()}
     own = {f"{table}.{each.name}": each.default for table in scene.layout.sections for each in scene.keys_of(table)}
     return {
         key: default

@@ -14,7 +14,7 @@ are at rest as beside a wave, and the units are those of a wave. Spheres that ju
 and a compressed chain are loose (`Scene.loose`): times are in t0 of the impact (`granular_lmp.crystal.scale`).
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -58,7 +58,7 @@ from granular_lmp.scene.sources import Source, check_quiet, check_sources
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.start import located as located_state
 from granular_lmp.scene.strikers import Striker, check_strikes
-from granular_lmp.scene.without_wave import NEEDS_REST, NEEDS_WAVE, UNWAVED, is_loose, refuse_tables
+from granular_lmp.scene.without_wave import HELD, NOT_HELD, WAVE
 
 __all__ = ["Scene"]
 
@@ -203,20 +203,11 @@ class Scene(HasCard, Derived):
     def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the tables with a wave vector as wave number and direction; refuse a step beside a tolerance."""
         refuse_step_beside_tolerance(tables)
-        tables = validation.with_quiet_rows(tables)
-        if cls._is_bare(tables):
-            refuse_tables(tables, loose=is_loose(tables))
-        return with_placeholder(without_wavevector(tables))
+        return with_placeholder(without_wavevector(super()._completed(validation.with_quiet_rows(tables))))
 
-    @classmethod
-    def _bare_tables(cls, tables: Mapping[str, Any]) -> Collection[str]:
-        """Return the tables whose keys are declared otherwise without a wave: all of loose spheres, else `UNWAVED`."""
-        every = super()._bare_tables(tables)
-        return every if is_loose(tables) else [key for key in every if key in UNWAVED]
-
-    def _bare_in(self, table: str) -> bool:
-        """Return whether the keys of a table are declared otherwise than beside a wave; see `_bare_tables`."""
-        return self._bare and (self.loose or table in UNWAVED)
+    @property
+    def _variant(self) -> str:
+        return WAVE if self.wave is not None else NOT_HELD if self.loose else HELD
 
     @classmethod
     def _solved(cls, records: dict[str, Any]) -> dict[str, Any]:
@@ -244,16 +235,19 @@ class Scene(HasCard, Derived):
         if self.material.adhesion_law == Sphere.adhesion_law:
             tables["sphere"].pop("adhesion_law", None)
         tables["time"] = _without_replaced(tables["time"])
-        if self._bare:
+        if self.wave is None:
             output = {key: value for key, value in tables.pop("output").items() if value != getattr(Output(), key)}
-            tables |= {"output": output} if output else {}
-            return _without_keys(tables, NEEDS_WAVE | (NEEDS_REST if self.loose else {}))
+            return tables | ({"output": output} if output else {})
         return tables | {"wave": _without_replaced(tables["wave"])}
 
     @classmethod
     def _told(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
         """Return tables of records as nested plain values; a tolerance or a frequency is told alone, as in a file."""
-        pairs = {key: _without_replaced(said(tables[key])) for key in ("time", "wave") if is_dataclass(tables.get(key))}
+        pairs = {
+            key: _without_replaced(said(tables[key], cls.layout.differing(key)))
+            for key in ("time", "wave")
+            if is_dataclass(tables.get(key))
+        }
         return super()._told({**tables, **pairs})
 
     def departures(self) -> dict[str, Any]:
@@ -274,7 +268,7 @@ class Scene(HasCard, Derived):
         return found
 
     def __repr__(self) -> str:
-        if self._bare:
+        if self.wave is None:
             return f"<Scene {self.name}: {self.words}, t0 = {self.scale.time:.3g} s>"
         shape = self.shape
         return (
@@ -301,7 +295,7 @@ class Scene(HasCard, Derived):
         check_quiet(self.source, self.absorb)
         check_monitors(self.monitor, self.packing, shape)
         validation.check_faces(self.packing, shape, FREE if wave is None else AUTO)
-        validation.check_lattice(shape, self.packing, self.effects, self.sphere, bare=self._bare)
+        validation.check_lattice(shape, self.packing, self.effects, self.sphere, without_wave=wave is None)
         validation.check_straight(self.lattice, self.packing, words.across(wave, self.source, self.start))
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
         bodies = self.material, self.contact, self.substrate
@@ -327,15 +321,6 @@ def _without_replaced(table: Mapping[str, Any]) -> dict[str, Any]:
     kept = dict(table)
     for key, other in (("tolerance", "timestep"), ("frequency", "wavenumber")):
         kept.pop(key if kept.get(key) is None else other, None)
-    return kept
-
-
-def _without_keys(tables: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
-    """Return tables without some of them, and without some keys of others, which are dotted."""
-    kept = {name: table for name, table in tables.items() if name not in keys}
-    for table, _, name in (key.partition(".") for key in keys if "." in key):
-        if table in kept:
-            kept[table] = {key: value for key, value in kept[table].items() if key != name}
     return kept
 
 

@@ -112,12 +112,16 @@ def check_faces(packing: Packing, shape: Shape, unset: str = AUTO) -> None:
         )
 
 
-def check_lattice(shape: Shape, packing: Packing, effects: Effects, sphere: Sphere, *, bare: bool = False) -> None:
-    """Check that rows and columns are those of the lattice, and that it does not buckle; `bare` is without a wave."""
+def check_lattice(shape: Shape, packing: Packing, effects: Effects, sphere: Sphere, *, without_wave: bool) -> None:
+    """Check that rows and columns are those of the lattice, and that it does not buckle."""
     lattice, columns = shape.lattice, shape.columns
     if columns > 1 and not lattice.sheet:
-        allowed = "1" if bare else '1 or "auto"'
-        default = f', the default without [wave]; a sheet needs packing.lattice = "{HEXAGONAL.name}"' if bare else ""
+        allowed = "1" if without_wave else '1 or "auto"'
+        default = (
+            f', the default lattice without [wave]; for a sheet set packing.lattice = "{HEXAGONAL.name}"'
+            if without_wave
+            else ""
+        )
         raise SceneError(
             f'packing.columns = {columns}: must be {allowed} with packing.lattice = "{lattice.name}"{default}'
         )

@@ -15,6 +15,7 @@ from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.json_schema import Key, json_schema, keys, reference
 from granular_lmp.scene.schema import ArrayRule
 from granular_lmp.scene.sections import ModeRule
+from granular_lmp.scene.without_wave import NOT_HELD
 
 WHOLE = json_schema()
 SCHEMA, AT_REST, IMPACT = WHOLE["then"], WHOLE["else"]["then"], WHOLE["else"]["else"]  # with [wave], and without
@@ -23,7 +24,7 @@ SCENES = sorted(INPUTS.glob("*/scene.toml"))
 IMPACTS = sorted(INPUTS.glob("impacts/*/scene.toml"))
 STRUCK = INPUTS / "impacts" / "solitary_chain" / "scene.toml"
 KEYS = list(keys())
-IMPACT_KEYS = list(keys(bare=True))
+IMPACT_KEYS = list(keys(NOT_HELD))
 
 
 def fits(key: Key, value: Any, schema: dict[str, Any] = SCHEMA) -> bool:
