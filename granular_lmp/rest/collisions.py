@@ -245,11 +245,12 @@ class Collisions:
             what = "packing.contact_force = 0.0: must be above 0"
             if self.scene.lattice != CHAIN:
                 what = f'packing.lattice = "{packing.lattice}": must be "chain", with packing.contact_force above 0'
-            raise SceneError(f"{what}; spheres that just touch have no modes")
+            raise SceneError(f"{what}; spheres that just touch have no modes", because="physics")
         if not (count := cell_of(self.mass, self.rest_stiffness)):
             raise SceneError(
                 "inclusion: the spheres of the chain do not repeat in any order from end to end, and only a periodic "
-                "chain has bands; let every n-th row differ (rows and every of an [[inclusion]]), the first one too"
+                "chain has bands; let every n-th row differ (rows and every of an [[inclusion]]), the first one too",
+                because="physics",
             )
         return self.mass[:count], self.rest_stiffness[:count]
 
@@ -291,7 +292,8 @@ class Collisions:
         if rest > LARGEST_OVERLAP_RATIO:
             raise SceneError(
                 f"packing.contact_force = {self.scene.packing.contact_force!r}: two spheres overlap by {rest:.3g} of "
-                f"the diameter at rest; at most {LARGEST_OVERLAP_RATIO} is allowed"
+                f"the diameter at rest; at most {LARGEST_OVERLAP_RATIO} is allowed",
+                because="physics",
             )
 
     def _refuse_residual(self) -> None:
@@ -300,7 +302,8 @@ class Collisions:
             raise SceneError(
                 f"packing.contact_force = {force!r}: rounding of the places leaves a force of "
                 f"{self.residual_force:.2g} m v/t0 on a sphere at rest, and at most {most:.2g} is allowed; take a "
-                "smaller force or a faster striker"
+                "smaller force or a faster striker",
+                because="physics",
             )
 
     def _refuse_depth_in_walls(self) -> None:
@@ -312,5 +315,6 @@ class Collisions:
                 worst = int(overlap.argmax())
                 raise SceneError(
                     f"start.state: sphere {place_of(self.crystal, worst)}: overlaps the wall {name} by "
-                    f"{overlap[worst]:.3g} of the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
+                    f"{overlap[worst]:.3g} of the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed",
+                    because="physics",
                 )

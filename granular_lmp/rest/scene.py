@@ -21,25 +21,24 @@ from typing import Any, Self
 
 from granular_lmp.card import HasCard
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import FREE
+from granular_lmp.crystal.lattices import QUIET
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.rest import validation, words
 from granular_lmp.rest.derived import Derived, at_rest, physics_of, wave_lattice_of, wavenumbers_of
 from granular_lmp.rest.frequency import with_placeholder, without_wavevector
 from granular_lmp.rest.refusals import refuse
-from granular_lmp.rest.relaxation import check_arrangement, check_walls
-from granular_lmp.rest.space import check_space, lattice_of, space_of, wall_of
-from granular_lmp.rest.stiffnesses import check_stiffnesses
+from granular_lmp.rest.refusals_at_rest import sphere_trouble
+from granular_lmp.rest.refusals_of_values import adhesion_law_trouble
+from granular_lmp.rest.space import lattice_of, space_of, wall_of
 from granular_lmp.scene.bodies import (
     Contact,
     Substrate,
 )
 from granular_lmp.scene.files import assignment as assignment
 from granular_lmp.scene.files import first_file
-from granular_lmp.scene.monitors import Monitor, check_monitors
+from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.records import said
 from granular_lmp.scene.samples import located
 from granular_lmp.scene.schema import AUTO, allowed_names, default_name
@@ -54,10 +53,10 @@ from granular_lmp.scene.sections import (
     refuse_step_beside_tolerance,
 )
 from granular_lmp.scene.shipped import SHIPPED
-from granular_lmp.scene.sources import Source, check_quiet, check_sources
+from granular_lmp.scene.sources import Source
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.start import located as located_state
-from granular_lmp.scene.strikers import Striker, check_strikes
+from granular_lmp.scene.strikers import Striker
 from granular_lmp.scene.without_wave import HELD, NOT_HELD, WAVE
 
 __all__ = ["Scene"]
@@ -203,7 +202,7 @@ class Scene(HasCard, Derived):
     def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the tables with a wave vector as wave number and direction; refuse a step beside a tolerance."""
         refuse_step_beside_tolerance(tables)
-        return with_placeholder(without_wavevector(super()._completed(validation.with_quiet_rows(tables))))
+        return with_placeholder(without_wavevector(super()._completed(_with_quiet_rows(tables))))
 
     @property
     def _variant(self) -> str:
@@ -215,10 +214,10 @@ class Scene(HasCard, Derived):
         wave, material, effects = records.get("wave"), records["material"], records["effects"]
         if wave is None or wave.frequency is None:
             return records
-        validation.check_adhesion_law(material, effects)
+        _raise(adhesion_law_trouble(material, effects))
         packing, substrate = records["packing"], records.get("substrate")
         sphere, lattice = at_rest(material, packing, effects, records["contact"]), lattice_of(packing, substrate)
-        validation.check_sphere(material, sphere, effects, wave.amplitude)
+        _raise(sphere_trouble(material, sphere, effects, wave.amplitude))
         space, kinds = space_of(packing, lattice, substrate), (records.get("inclusion", ()), records.get("pair", ()))
         kind = wave_lattice_of(wave, lattice, packing, space, material.density, *kinds)
         wall = wall_of(material, substrate, effects)
@@ -277,43 +276,20 @@ class Scene(HasCard, Derived):
         )
 
     def __post_init__(self) -> None:
-        validation.check_adhesion_law(self.material, self.effects, self.inclusion)
-        if self.wave is None:
-            refuse(self)
-        if self.loose:
-            check_monitors(self.monitor, self.packing, self.shape)
-            return
-        check_space(self.packing, self.substrate, self.effects, self.absorb, self.lattice, self.space)
-        if self.rigid:
-            check_walls(self.packing, self.contact, self.effects)
-        check_stiffnesses(self.packing, self.lattice, self.disorder, self.inclusion, self.pair)
-        wave, shape, _ = self.wave, self.shape, self.wall
-        validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude if wave else 0.0)
-        check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike, self.space)
-        of_time = self.time, self.struck, self.space
-        check_sources(self.drives, wave, self.envelope, self.packing, shape, self.sphere, *of_time)
-        check_quiet(self.source, self.absorb)
-        check_monitors(self.monitor, self.packing, shape)
-        validation.check_faces(self.packing, shape, FREE if wave is None else AUTO)
-        validation.check_lattice(shape, self.packing, self.effects, self.sphere, without_wave=wave is None)
-        validation.check_straight(self.lattice, self.packing, words.across(wave, self.source, self.start))
-        validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
-        bodies = self.material, self.contact, self.substrate
-        check_arrangement(self.lattice, self.space, self.packing, bodies, self.disorder, self.inclusion)
-        validation.check_absorb(self.absorb, self.packing, self.quiet, self.form, self.envelope, shape)
-        if wave is None:
-            validation.check_motion(self.sphere, shape, self._moved)
-        else:
-            self._check_wave()
+        refuse(self, self._variant)
 
-    def _check_wave(self) -> None:
-        """Check the wave, its room and its time."""
-        wave, shape, _ = self.wave, self.shape, self.wave_lattice
-        validation.check_line(shape.lattice, wave, self.envelope)
-        validation.check_wave(wave, self.envelope, self.packing, shape)
-        validation.check_packing(self.packing, wave, self.envelope, shape, self.vector)
-        validation.check_size(self.sphere, shape, wave.amplitude)
-        validation.check_time(self.time, self.output, shape, self.echo_time)
+
+def _with_quiet_rows(tables: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return tables of a scene whose quiet ends have as many rows as they need, where these are not declared."""
+    packing, absorb = tables.get("packing"), tables.get("absorb", {})
+    if not isinstance(packing, Mapping) or QUIET not in (packing.get("first"), packing.get("last")):
+        return tables
+    return {**tables, "absorb": {"rows": AUTO, **absorb}} if isinstance(absorb, Mapping) else tables
+
+
+def _raise(trouble: str) -> None:
+    if trouble:
+        raise SceneError(trouble, because="physics")
 
 
 def _without_replaced(table: Mapping[str, Any]) -> dict[str, Any]:

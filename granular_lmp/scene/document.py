@@ -101,7 +101,7 @@ class Document:
             if not changes:
                 return cls.from_dict(tables, default_name(file))
         except SceneError as error:
-            raise SceneError(f"{file}: {error}") from error
+            raise SceneError(f"{file}: {error}", because=error.because) from error
         return cls.from_dict(cls.changed(tables, changes), default_name(file))
 
     @classmethod

@@ -110,7 +110,8 @@ def refuse_tables(tables: Mapping[str, Any]) -> None:
     """Raise a SceneError for the first table or key that the kind of scene of these tables does not have."""
     variant, sphere = variant_of(tables), tables.get("sphere")
     adheres = variant == WAVE or isinstance(sphere, Mapping) and sphere.get("work_of_adhesion")
-    for key, why in (VARIANTS[variant].absent | ({} if adheres else NEEDS_ADHESION)).items():
+    refused = {**VARIANTS[variant].absent, **({} if adheres else NEEDS_ADHESION)}
+    for key, why in refused.items():
         table, _, name = key.partition(".")
         inner = tables.get(table)
         if table in tables and (not name or isinstance(inner, Mapping) and name in inner):
