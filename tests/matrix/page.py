@@ -54,8 +54,9 @@ def _message(kind: Kind, name: str, other: str) -> str:
 
 
 def _rule(message: str) -> str:
-    """Return what a message says of any values: without the key before its colon, and without numbers."""
-    return re.sub(r"\d[\d.e+-]*", "#", message.partition(": ")[2])
+    """Return what a message asks for, whatever its key and its values are."""
+    asked = re.search(r": (must|needs|has|is) .*", message)
+    return re.sub(r'\d[\d.e+-]*|\(.*?\)|"\w+"', "#", asked[0] if asked else message)
 
 
 def _said(kind: Kind, pairs: list[tuple[str, str]]) -> str:

@@ -124,7 +124,7 @@ def test_a_scene_of_a_frequency_fits() -> None:
         {"wave": {"mode": "TR", "wavenumber": 1.0, "wavevector": [1.0, 0.0], "amplitude": 0.1}},
         {"wave": {"mode": "TR", "wavenumber": 1.0, "frequency": 8e7, "amplitude": 0.1}},
         {"description": 3},
-        {"packing": {"rows": 2}},
+        {"packing": {"rows": 0}},
         {"vacancies": 0.1},
         {"disorder": {"vacancies": 1.5}},
         {"inclusion": [{"rows": [3], "density": 5000.0}]},
