@@ -16,6 +16,7 @@ from granular_lmp.scene.without_wave import AT_REST, NOT_HELD
 # ℓ is at least as many roundings of the farthest position; velocities then err by 1e-4 of a striker's
 ROUNDINGS_IN_OVERLAP = 1e4
 LARGEST_RATIO = 10.0  # Radii of a chain differ by this factor at most
+SMALLEST_IN_SHEET = 0.88  # times the radius: as small as disorder of the largest spread makes a sphere
 LOOSEST = 0.04  # disorder.radius of a sheet: gaps of neighbours are then below a quarter of the radius
 
 
@@ -115,13 +116,26 @@ def inclusion_that_adheres(scene: Derived) -> str:
     return next(found, "")
 
 
-@line("not built")
-def another_radius_in_a_sheet(scene: Derived) -> str:
+@line("physics")
+def larger_sphere_in_a_sheet(scene: Derived) -> str:
+    radius = scene.sphere.radius
     found = (
-        f"inclusion {number}: radius = {each.radius!r}: must be that of all spheres in a sheet, whose contacts would "
-        "open or be pressed together; density and moduli may differ"
+        f"inclusion {number}: radius = {each.radius!r}: must be at most sphere.radius = {radius!r} in a sheet, which "
+        "has no room for a larger sphere; let [sphere] be the largest, and an [[inclusion]] the others"
         for number, each in enumerate(scene.inclusion, 1)
-        if each.radius not in (None, scene.sphere.radius)
+        if each.radius and each.radius > radius
+    )
+    return next(found, "") if scene.lattice != CHAIN else ""
+
+
+@line("not built")
+def much_smaller_sphere_in_a_sheet(scene: Derived) -> str:
+    radius = scene.sphere.radius
+    found = (
+        f"inclusion {number}: radius = {each.radius!r}: must be from {SMALLEST_IN_SHEET} to 1 times sphere.radius = "
+        f"{radius!r} in a sheet; a smaller sphere may pass its neighbours"
+        for number, each in enumerate(scene.inclusion, 1)
+        if each.radius and each.radius < SMALLEST_IN_SHEET * radius
     )
     return next(found, "") if scene.lattice != CHAIN else ""
 

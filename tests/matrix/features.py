@@ -103,7 +103,7 @@ IMPACTS: dict[str, Settings] = {
     "wall": {"packing.last": "wall"},
     "periodic": {"packing.sides": "periodic"},
     "pressed": {"packing.contact_force": 10.0},
-    "another radius": {"inclusion": [{"spheres": [[3, 0]], "radius": 0.005000001}]},
+    "another radius": {"inclusion": [{"spheres": [[3, 0]], "radius": 0.004999999}]},
     "another density": {"inclusion": [{"rows": [8, 9], "density": 4000.0}]},
     "vacancy": {"inclusion": [{"spheres": [[5, 0]], "vacancy": True}]},
     "radii": {"disorder.radius": 1e-4},

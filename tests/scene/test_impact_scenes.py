@@ -194,7 +194,7 @@ def test_tables_that_touching_spheres_give_no_meaning_are_refused(table: str, me
     [
         (
             {"spheres": [[20, 30]], "radius": 1e-3},
-            "inclusion 1: radius = 0.001: must be that of all spheres in a sheet",
+            "inclusion 1: radius = 0.001: must be from 0.88 to 1 times sphere.radius = 0.005 in a sheet",
         ),
         ({"spheres": [[20, 30]], "work_of_adhesion": 0.1}, "inclusion 1: work_of_adhesion = 0.1: must be left out"),
     ],

@@ -285,6 +285,29 @@ def test_a_sheet_of_two_materials_with_vacancies_moves_as_the_network_does(run: 
     assert np.max(np.abs(velocity - 1.001 * expected / scale.velocity)) > 1e-4
 
 
+def test_smaller_spheres_leave_gaps_in_a_sheet_which_moves_as_the_network_does(run: Runs) -> None:
+    inclusions = [{"spheres": [[3, 3]], "radius": 0.004998}, {"spheres": [[4, 2]], "radius": 0.0049, "density": 4000.0}]
+    changes = {"packing.rows": 8, "packing.columns": 7, "striker.1.spheres": [[0, 3]], "time.duration": 12.0}
+    record = run(SHEET, changes | {"time.sample": 12.0, "time.timestep": 0.005}, inclusions)
+    ball, scale, crystal = record.scene.sphere, record.scale, record.problem.crystal
+    radius = np.full(len(crystal), ball.radius)
+    radius[[3 * 7 + 3, 4 * 7 + 2]] = 0.004998, 0.0049
+    density = np.where(radius == 0.0049, 4000.0, ball.density)
+    position = crystal.positions[:, :2] * ball.radius
+    material = Material(ball.youngs_modulus, ball.poisson_ratio)
+    network = Network(position, radius, density, (material,), friction=0.0)
+    v = np.zeros((len(crystal), 2))
+    v[3, 1] = scale.velocity
+    longest = scale.time / 5
+    expected = integrate(network, start(network, 0.0, v), [12 * scale.time], rtol=1e-9, longest_step=longest).velocity
+    # The second order of the step: four times as much at 0.01
+    assert record.velocity[-1] == pytest.approx(expected[-1] / scale.velocity, abs=2e-5)
+    assert abs(record.velocity[-1, 3 * 7 + 3]).max() > 0.01
+    equal = Network(position, np.full(len(crystal), ball.radius), density, (material,), friction=0.0)
+    wrong = integrate(equal, start(equal, 0.0, v), [12 * scale.time], rtol=1e-9, longest_step=longest).velocity
+    assert np.max(np.abs(record.velocity[-1] - wrong[-1] / scale.velocity)) > 1e-2
+
+
 def test_a_sheet_keeps_energy_momentum_and_mirror_symmetry(run: Runs) -> None:
     changes = {"packing.rows": 15, "packing.columns": 15, "striker.1.spheres": [[0, 7]], "time.duration": 15.0}
     record = run(SHEET, changes | {"time.timestep": 0.02, "packing.sides": "periodic"})
