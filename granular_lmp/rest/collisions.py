@@ -152,17 +152,29 @@ class Collisions:
     @property
     def step_rules(self) -> list[StepRule]:
         """Rules for the time step."""
-        rate = sqrt(self.square_rate * sqrt(self.first_depth))
+        rate = max(sqrt(self.square_rate * sqrt(self.first_depth)), self.rolling_rate)
         return rules_of_collisions(self.shortest_collision, rate, self.drag_rate)
+
+    @property
+    def rolling_rate(self) -> float:
+        """Bound on ω, 1/t0, of spheres that roll on all their neighbours: ω² = 2n k_r Rc²/I, Rc at most R."""
+        effects = self.scene.effects
+        if effects.rolling is False:
+            return 0.0
+        stiffness = effects.rolling_stiffness * self.scale.time**2 / self.scale.mass
+        return sqrt(2 * self._most_touching * stiffness / (INERTIA_RATIO * float(self.mass.min())))
 
     @property
     def drag_rate(self) -> float:
         """Bound on the rate, 1/t0, at which dashpots slow a motion: 2η/m of each contact of a sphere, 1/Ĩ of a turn."""
         effects: Any = self.scene.effects
         turning = effects.shear_damping / INERTIA_RATIO if effects.friction else 0.0
-        touching = int(self.contacts.per_sphere.max(initial=1)) + (2 if self.planes else 0)
-        dashpot = effects.viscosity * self.scale.time / self.scale.mass
-        return 2 * touching * dashpot * max(1.0, turning) / float(self.mass.min())
+        dashpot = effects.viscosity * max(1.0, turning) + effects.rolling_viscosity / INERTIA_RATIO
+        return 2 * self._most_touching * dashpot * self.scale.time / self.scale.mass / float(self.mass.min())
+
+    @property
+    def _most_touching(self) -> int:
+        return int(self.contacts.per_sphere.max(initial=1)) + (2 if self.planes else 0)
 
     # --- a chain that is pressed together ---
 

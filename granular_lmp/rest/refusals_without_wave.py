@@ -98,6 +98,36 @@ def late_parting_of_a_law_that_the_kernel_lacks(scene: Derived) -> str:
 
 
 @line("physics")
+def rolling_of_spheres_that_do_not_turn(scene: Derived) -> str:
+    effects = scene.effects
+    turn = effects.friction and effects.rotation is not False
+    if effects.rolling is False or not (effects.rolling_stiffness or effects.rolling is True) or turn:
+        return ""
+    return (
+        f"effects.rolling_stiffness = {effects.rolling_stiffness!r}: needs effects.friction above 0 and "
+        "effects.rotation not false; else nothing turns a sphere"
+    )
+
+
+@line("physics")
+def rolling_without_a_law(scene: Derived) -> str:
+    effects = scene.effects
+    if effects.rolling is True and not effects.rolling_stiffness:
+        return "effects.rolling = true: needs effects.rolling_stiffness above 0, N/m"
+    if effects.rolling is not False and effects.rolling_stiffness and not effects.rolling_friction:
+        return "effects.rolling_friction = 0.0: must be above 0 with effects.rolling on; it caps the rolling force"
+    return ""
+
+
+@line("not built")
+def rolling_with_late_parting(scene: Derived) -> str:
+    effects = scene.effects
+    if effects.parting != DISTANCE or not effects.rolling_stiffness or effects.rolling is False:
+        return ""
+    return f'effects.parting = "{DISTANCE}": must be "load" with effects.rolling, which the kernel lacks'
+
+
+@line("physics")
 def friction_in_a_chain(scene: Derived) -> str:
     if scene.lattice != CHAIN or not scene.effects.friction:
         return ""

@@ -69,19 +69,13 @@ _ONLY_HELD: dict[str, str] = {
         "must be left out beside [[striker]] or [start], where friction, viscosity and restitution decide it, and "
         "contacts open and slide as they do",
     ),
-    **dict.fromkeys(
-        (
-            f"effects.{name}"
-            for name in ("rolling", "twisting", "rolling_stiffness", "rolling_viscosity", "rolling_friction")
-        ),
-        f"must be left out where spheres meet and part; needs {AT_REST}",
-    ),
+    "effects.twisting": "must be left out in the plane, where no contact twists",
 }
 _ONLY_NOT_HELD: dict[str, str] = {
     "effects.shear_damping": "must be left out where spheres are held at rest, whose viscosity damps both motions"
 }
 # Missing features; what refuses the other keys is physics, or another key says the same
-_NOT_BUILT = ("packing.ends", "effects.rolling", "effects.twisting", "packing.layers", "packing.depth")
+_NOT_BUILT = ("packing.ends", "packing.layers", "packing.depth")
 _SAID_ELSEWHERE = ("output.",)
 
 VARIANTS = {

@@ -125,7 +125,7 @@ IMPACTS: dict[str, Settings] = {
     "quiet": ADHERE | {"absorb.rows": 3},
     "adhesion": ADHERE,
     "viscosity": {"effects.viscosity": 1e-3},
-    "rolling": {"effects.rolling_stiffness": 10.0, "effects.rolling_friction": 0.1},
+    "rolling": {"effects.rolling_stiffness": 10.0, "effects.rolling_friction": 0.1, "effects.friction": 0.3},
     # at rest under load
     "pressed sheet": {
         **{"packing.contact_force": 10.0, "packing.sides": "periodic"},

@@ -99,7 +99,7 @@ def test_a_shipped_scene_fits_the_schema(path: Path) -> None:
 
 def test_a_crystal_at_rest_has_effects_and_sources_that_an_impact_has_not() -> None:
     scene = tomllib.loads((INPUTS / "struck_crystal" / "scene.toml").read_text(encoding="utf-8"))
-    more = {"effects": {"rolling_stiffness": 1.0}, "source": [{"rows": [3, 3], "force": "y", "frequency": 1.0}]}
+    more = {"effects": {"contact_opening": True}, "source": [{"rows": [3, 3], "force": "y", "frequency": 1.0}]}
     validate(scene | more, WHOLE)
     impact = scene | {"sphere": scene["sphere"] | {"work_of_adhesion": 0.0}}
     validate(impact, WHOLE)

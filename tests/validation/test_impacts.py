@@ -14,7 +14,8 @@ from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_state import start
 from granular_analysis.theory.scattering import Meeting, crossing, impurity
 from granular_analysis.theory.solitary import solitary_wave
-from granular_lmp import ImpactRecord, ImpactScene, run_impact
+from granular_lmp import ImpactRecord, ImpactScene, Scene, run_impact
+from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import EffectError, RunFolderError, SceneError
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.outputs import RunLog
@@ -283,6 +284,35 @@ def test_a_sheet_of_two_materials_with_vacancies_moves_as_the_network_does(run: 
     # What is left of the step, as in a sheet of equal spheres
     assert velocity == pytest.approx(expected / scale.velocity, abs=8e-6)
     assert np.max(np.abs(velocity - 1.001 * expected / scale.velocity)) > 1e-4
+
+
+@pytest.mark.parametrize(("wall", "reach"), [(False, 0.5), (True, 1.0)], ids=["two spheres", "on a wall"])
+def test_spheres_that_meet_roll_as_the_spring_of_their_contact_says(tmp_path: Path, wall: bool, reach: float) -> None:
+    """Two spheres that turn against each other, or one on a wall: ω² = k_r Rc²/I times the number of them."""
+    radius, stiffness = 5e-7, 20.0
+    sphere = Sphere(radius, 73e9, 0.17, 0.063, 2200.0)
+    overlap = sphere.unpressed_overlap
+    state = [[0, 0, 0.0, overlap if wall else 0.0, 0.0, 0.0, 1e3]]
+    state += [] if wall else [[1, 0, 0.0, -overlap, 0.0, 0.0, -1e3]]
+    rate = reach * radius * np.sqrt(len(state) * stiffness / (0.4 * sphere.mass * radius**2))
+    tables: dict[str, Any] = {
+        "sphere": {"radius": radius, "youngs_modulus": 73e9, "poisson_ratio": 0.17, "density": 2200.0}
+        | {"work_of_adhesion": 0.063},
+        "packing": {"lattice": "square", "rows": len(state), "last": "wall" if wall else "free"},
+        "start": {"state": state, "touching": True},
+        "effects": {"friction": 1e-13, "rolling_stiffness": stiffness, "rolling_friction": 50.0},  # shear is nothing
+        "time": {"duration": 1.0, "timestep": 0.001, "sample": 0.01},
+    }
+    scene = Scene.from_dict(tables)
+    period = 2 * np.pi / (rate * scene.scale.time)
+    errors = []
+    for steps in (200, 400):
+        time = {"time.sample": period / 20, "time.duration": 3 * period, "time.timestep": period / steps}
+        spin = run_impact(scene.with_values(time), tmp_path / str(steps)).spin
+        expected = np.cos(2 * np.pi * np.arange(len(spin)) / 20)
+        errors.append(np.max(np.abs(spin[:, 0] / spin[0, 0] - expected)))
+    assert errors[1] < 2e-4  # (ωh)²/24 of a period, over three periods
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.02)
 
 
 def test_smaller_spheres_leave_gaps_in_a_sheet_which_moves_as_the_network_does(run: Runs) -> None:
