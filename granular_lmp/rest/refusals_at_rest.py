@@ -18,7 +18,6 @@ from granular_lmp.crystal.lattices import (
     HELD as HELD_FACE,
 )
 from granular_lmp.crystal.modes import bears_compression
-from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.crystal.walls import BOTH
@@ -28,7 +27,6 @@ from granular_lmp.rest.refusal import AT_REST, Refusal, joining
 from granular_lmp.rest.space import substrate_trouble
 from granular_lmp.scene.bodies import Contact
 from granular_lmp.scene.schema import AUTO, shown
-from granular_lmp.scene.sections import Effects
 from granular_lmp.scene.without_wave import HELD
 
 MOST_SPHERES = 10_000_000
@@ -130,37 +128,6 @@ def _troubles(inclusions: Sequence[Inclusion], pairs: Sequence[Pair]) -> Iterato
             yield f"{name}: of = {list(each.of)}: is declared twice"
         if each.normal_stiffness is None and each.shear_stiffness is None:
             yield f"{name}: normal_stiffness, shear_stiffness: missing; give one of the two, or both"
-
-
-@line("physics")
-def spheres_at_rest(scene: Derived) -> str:
-    amplitude = scene.wave.amplitude if scene.wave else 0.0
-    return sphere_trouble(scene.material, scene.sphere, scene.effects, amplitude)
-
-
-def sphere_trouble(material: Sphere, sphere: Sphere, effects: Effects, amplitude: float) -> str:
-    """Return what is wrong if nothing holds the lattice together, or its static overlap or the wave's D0 is large.
-
-    `material` is the sphere as declared, `sphere` that of the lattice.
-    """
-    if sphere.holding_force == 0:
-        return (
-            "packing.contact_force = 0.0: must be above 0 where no adhesion holds the spheres together "
-            f"(sphere.work_of_adhesion = {material.work_of_adhesion!r}, effects.adhesion = {effects.adhesion!r})"
-        )
-    if effects.damped_twice:
-        return effects.damped_twice
-    if effects.adhesion is True and material.work_of_adhesion == 0:
-        return "effects.adhesion = true: needs sphere.work_of_adhesion above 0, J/m2"
-    if sphere.overlap_ratio > LARGEST_OVERLAP_RATIO:
-        return (
-            f"sphere: the static overlap is {sphere.overlap_ratio:.3g} of the diameter with this radius, "
-            f"youngs_modulus, work_of_adhesion and contact_force; at most {LARGEST_OVERLAP_RATIO} is allowed"
-        )
-    largest = sphere.radius / sphere.static_overlap / 10
-    if amplitude > largest:
-        return f"wave.amplitude = {amplitude!r}: must be at most {largest:.3g} (D0 = R/10)"
-    return ""
 
 
 @line("physics")

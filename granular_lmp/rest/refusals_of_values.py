@@ -1,9 +1,10 @@
-"""Refusals of single values that not every kind of scene can have, and of the law of the spheres."""
+"""Refusals of single values that not every kind of scene can have, and of the spheres and their law."""
 
 from collections.abc import Sequence
 
 from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattices import PLANE_LATTICES
+from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.rest.derived import Derived
 from granular_lmp.rest.refusal import ALL, AT_REST, WITHOUT_WAVE, Refusal, joining
@@ -90,4 +91,35 @@ def adhesion_law_trouble(material: Sphere, effects: Effects, inclusions: Sequenc
                 f"inclusion {number}: work_of_adhesion = {each.work_of_adhesion!r}: must be above 0 with "
                 f'sphere.adhesion_law = "{material.adhesion_law}", as all contacts of a crystal have one law'
             )
+    return ""
+
+
+@line("physics", of=AT_REST)
+def spheres_at_rest(scene: Derived) -> str:
+    amplitude = scene.wave.amplitude if scene.wave else 0.0
+    return sphere_trouble(scene.material, scene.sphere, scene.effects, amplitude)
+
+
+def sphere_trouble(material: Sphere, sphere: Sphere, effects: Effects, amplitude: float) -> str:
+    """Return what is wrong if nothing holds the lattice together, or its static overlap or the wave's D0 is large.
+
+    `material` is the sphere as declared, `sphere` that of the lattice.
+    """
+    if sphere.holding_force == 0:
+        return (
+            "packing.contact_force = 0.0: must be above 0 where no adhesion holds the spheres together "
+            f"(sphere.work_of_adhesion = {material.work_of_adhesion!r}, effects.adhesion = {effects.adhesion!r})"
+        )
+    if effects.damped_twice:
+        return effects.damped_twice
+    if effects.adhesion is True and material.work_of_adhesion == 0:
+        return "effects.adhesion = true: needs sphere.work_of_adhesion above 0, J/m2"
+    if sphere.overlap_ratio > LARGEST_OVERLAP_RATIO:
+        return (
+            f"sphere: the static overlap is {sphere.overlap_ratio:.3g} of the diameter with this radius, "
+            f"youngs_modulus, work_of_adhesion and contact_force; at most {LARGEST_OVERLAP_RATIO} is allowed"
+        )
+    largest = sphere.radius / sphere.static_overlap / 10
+    if amplitude > largest:
+        return f"wave.amplitude = {amplitude!r}: must be at most {largest:.3g} (D0 = R/10)"
     return ""

@@ -29,8 +29,7 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.rest.derived import Derived, at_rest, physics_of, wave_lattice_of, wavenumbers_of
 from granular_lmp.rest.frequency import with_placeholder, without_wavevector
 from granular_lmp.rest.refusals import refuse
-from granular_lmp.rest.refusals_at_rest import sphere_trouble
-from granular_lmp.rest.refusals_of_values import adhesion_law_trouble
+from granular_lmp.rest.refusals_of_values import adhesion_law_trouble, sphere_trouble
 from granular_lmp.rest.space import lattice_of, space_of, wall_of
 from granular_lmp.scene.bodies import (
     Contact,
