@@ -49,7 +49,7 @@ def touching(
     columns: int,
     *,
     held: tuple[bool, bool] = (False, False),
-    periodic: bool = False,
+    periodic: tuple[bool, bool] = (False, False),
     force: float = 0.0,
     disorder: Disorder | None = None,
     inclusions: tuple[Inclusion, ...] = (),
@@ -64,8 +64,8 @@ def touching(
     rows, columns : int
     held : (bool, bool)
         True if the first, the last row is held.
-    periodic : bool
-        True if the first column touches the last.
+    periodic : (bool, bool)
+        True if the first column touches the last, and the first row of a sheet the last.
     force : float
         Force F0 that presses the contacts of a chain together, N; 0 in a sheet.
     disorder, inclusions
@@ -84,12 +84,15 @@ def touching(
     CrystalError
         If imperfections do not fit into the lattice.
     """
-    crystal = packed(sphere.unloaded, Shape(rows, columns, "fixed", lattice))
+    crystal = packed(sphere.unloaded, Shape(rows, columns, "periodic" if periodic[1] else "fixed", lattice))
     crystal.arrays["fixed"] = (crystal.arrays["row"] == 0) & held[0] | (crystal.arrays["row"] == rows - 1) & held[1]
-    crystal.pbc = (periodic, False, False)
+    crystal.pbc = (*periodic, False)
     centre_row = (rows - 1) // 2
     unit = grain(float(rows))
-    crystal.positions[:, 1] = offsets(crystal)[1] * (floor(lattice.row_distance(2.0) / unit) * unit)
+    distance = floor(lattice.row_distance(2.0) / unit) * unit
+    crystal.positions[:, 1] = offsets(crystal)[1] * distance
+    if periodic[1]:
+        crystal.cell[1, 1] = rows * distance
     # Neighbours are found by their overlap, which spheres that just touch lack; chains are put side by side afterwards
     crystal.arrays["radius"] = np.full(len(crystal), 1 + _REACH)
     places = crystal.copy()

@@ -23,7 +23,7 @@ from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.crystal.walls import BOTH
 from granular_lmp.rest import words
 from granular_lmp.rest.derived import Derived
-from granular_lmp.rest.refusal import AT_REST, Refusal, joining
+from granular_lmp.rest.refusal import ALL, AT_REST, Refusal, joining
 from granular_lmp.rest.space import substrate_trouble
 from granular_lmp.scene.bodies import Contact
 from granular_lmp.scene.schema import AUTO, shown
@@ -130,17 +130,22 @@ def _troubles(inclusions: Sequence[Inclusion], pairs: Sequence[Pair]) -> Iterato
             yield f"{name}: normal_stiffness, shear_stiffness: missing; give one of the two, or both"
 
 
-@line("physics")
-def faces(scene: Derived) -> str:
-    """Check that faces are where the packing ends, that a free one bears no load, and that sides have a distance."""
-    packing, shape = scene.packing, scene.shape
-    unset = FREE if scene.wave is None else AUTO
-    for name in ("first", "last"):
-        if shape.along_y and getattr(packing, name) != unset:
+@line("physics", of=ALL)
+def ends_of_a_periodic_cell(scene: Derived) -> str:
+    packing, unset = scene.packing, FREE if scene.wave is None else AUTO
+    for name in ENDS_OF_Y:
+        if scene.shape.along_y and getattr(packing, name) != unset:
             return (
                 f'packing.{name} = "{getattr(packing, name)}": must be "{unset}" with packing.ends = "{packing.ends}", '
                 "whose rows have no end"
             )
+    return ""
+
+
+@line("physics")
+def faces(scene: Derived) -> str:
+    """A free face bears no load, and sides have a distance."""
+    packing, shape = scene.packing, scene.shape
     if packing.contact_force and shape.free:
         return (
             f"packing.contact_force = {packing.contact_force!r}: must be 0 with free faces ({', '.join(shape.free)}), "

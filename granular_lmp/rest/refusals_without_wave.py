@@ -8,6 +8,7 @@ from granular_lmp.crystal.scale import DEEPEST, LARGEST_OVERLAP_RATIO
 from granular_lmp.rest.derived import Derived
 from granular_lmp.rest.refusal import WITHOUT_WAVE, Refusal, joining
 from granular_lmp.rest.refusals_at_rest import EPSILON, MOST_SPHERES
+from granular_lmp.rest.refusals_of_values import FEWEST_ROWS
 from granular_lmp.scene.places import Rows, Spheres, place_troubles
 from granular_lmp.scene.sections import DISTANCE, RESCALED
 from granular_lmp.scene.strikers import leads, striker_troubles
@@ -245,6 +246,24 @@ def parts_of_cells(scene: Derived) -> str:
     return (
         f"packing.columns = {columns}: must be a multiple of {cell}, the spheres of a cell, with packing.lattice = "
         f'"{scene.lattice.name}" and packing.sides = "{PERIODIC}"'
+    )
+
+
+@line("not built")
+def periodic_chain(scene: Derived) -> str:
+    if scene.lattice != CHAIN or not scene.shape.along_y:
+        return ""
+    return 'packing.ends = "periodic": must be "fixed" in a chain whose spheres just touch or are pressed together'
+
+
+@line("physics")
+def rows_of_a_periodic_cell(scene: Derived) -> str:
+    shape, period = scene.shape, scene.lattice.row_period
+    if not shape.along_y or shape.rows >= FEWEST_ROWS and shape.rows % period == 0:
+        return ""
+    return (
+        f"packing.rows = {shape.rows}: must be a multiple of {period}, at least {FEWEST_ROWS}, with packing.ends = "
+        '"periodic", where rows alternate'
     )
 
 

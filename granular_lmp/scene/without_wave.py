@@ -58,7 +58,6 @@ _ONLY_HELD: dict[str, str] = {
     **dict.fromkeys(("contact", "pair", "disorder.stiffness"), f"has stiffnesses at rest under load; needs {AT_REST}"),
     "substrate": f"holds spheres that adhere to it; needs {AT_REST}",
     "absorb": f"absorbs linear waves, and contacts without load have none; needs {AT_REST}",
-    "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
     **dict.fromkeys(
         ("packing.relax", "packing.relax_friction", "packing.relax_by"),
         f"is the way to rest under load; needs {AT_REST}",
@@ -75,7 +74,7 @@ _ONLY_NOT_HELD: dict[str, str] = {
     "effects.shear_damping": "must be left out where spheres are held at rest, whose viscosity damps both motions"
 }
 # Missing features; what refuses the other keys is physics, or another key says the same
-_NOT_BUILT = ("packing.ends", "packing.layers", "packing.depth")
+_NOT_BUILT = ("packing.layers", "packing.depth")
 _SAID_ELSEWHERE = ("output.",)
 
 VARIANTS = {

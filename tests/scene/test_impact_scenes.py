@@ -42,7 +42,7 @@ def overlaps(crystal: Any) -> np.ndarray:
 @pytest.mark.parametrize("rows", [2, 9, 250])
 def test_no_rounding_parts_two_neighbours(name: str, of_one: int, rows: int) -> None:
     columns = 1 if name == "chain" else 7
-    crystal, _ = touching(STEEL, LATTICES[name], rows, columns, periodic=name != "chain")
+    crystal, _ = touching(STEEL, LATTICES[name], rows, columns, periodic=(name != "chain", False))
     found = overlaps(crystal)
     # Each sphere has half of its contacts to the row above, and those of a row have one contact in it
     assert len(found) == (rows - 1) * columns * max(of_one - 1, 1) + (rows * columns if columns > 1 else 0)

@@ -223,6 +223,7 @@ def test_a_chain_of_unequal_spheres_has_the_forces_of_the_theory(run: Runs) -> N
     [
         # Left of the step: its fourth order, and events of order 5/2, each some percent of the 4e-5 of the finer run
         (0.0, "free", (0.04, 0.02), 4e-6),
+        (0.0, "cell", (0.04, 0.02), 4e-6),
         # Sliding begins and ends inside steps, an error of first order: 2e-4 at 0.02 (secant law: 2.5e-5)
         (0.3, "periodic", (0.04, 0.02), 5e-4),
     ],
@@ -231,6 +232,8 @@ def test_a_sheet_moves_as_the_network_does(
     run: Runs, friction: float, sides: str, steps: tuple[float, float], allowed: float
 ) -> None:
     changes = {"packing.rows": 7, "packing.columns": 7, "striker.1.spheres": [[0, 3]], "packing.sides": sides}
+    if cell := sides == "cell":
+        changes |= {"packing.rows": 8, "packing.sides": "periodic", "packing.ends": "periodic"}
     changes |= {"effects.friction": friction, "time.duration": 6.0, "time.sample": 6.0}
     coarse, fine = (run(SHEET, changes | {"time.timestep": step}) for step in steps)
     ball, scale, crystal = fine.scene.sphere, fine.scale, fine.problem.crystal
@@ -239,7 +242,10 @@ def test_a_sheet_moves_as_the_network_does(
         np.full(len(crystal), ball.radius),
         np.full(len(crystal), ball.density),
         (Material(ball.youngs_modulus, ball.poisson_ratio),),
-        cell=(crystal.cell[0, 0] * ball.radius if sides == "periodic" else np.inf, np.inf),
+        cell=(
+            crystal.cell[0, 0] * ball.radius if sides != "free" else np.inf,
+            8 * np.sqrt(3) * ball.radius if cell else np.inf,
+        ),
         law="incremental",
         friction=friction,
     )
