@@ -74,7 +74,7 @@ _ONLY_NOT_HELD: dict[str, str] = {
     "effects.shear_damping": "must be left out where spheres are held at rest, whose viscosity damps both motions"
 }
 # Missing features; what refuses the other keys is physics, or another key says the same
-_NOT_BUILT = ("packing.layers", "packing.depth")
+_NOT_BUILT = ("packing.layers", "packing.depth", "packing.orientation", "packing.space")
 _SAID_ELSEWHERE = ("output.",)
 
 VARIANTS = {
