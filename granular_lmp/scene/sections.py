@@ -260,7 +260,11 @@ class Time(Remembering, Sampled):
     duration: float = number("tau", "of the run", 1e-3, 1e8)
     timestep: float = number("tau", "at most", FINEST, 2, default=0.05)
     tolerance: float | None = number(
-        "", "relative L2 error of what is recorded, in place of a timestep", 1e-9, 0.1, default=None
+        "",
+        "in place of a timestep: relative L2 error of p, q and phi, or of velocities over the fastest striker's",
+        1e-9,
+        0.1,
+        default=None,
     )
     sample: float = number("tau", "between records", FINEST, 1e8, default=0.5)
     allow_echo: bool = flag("run past the echo of the walls at the centre", default=False)

@@ -125,7 +125,7 @@ def test_spheres_at_rest_have_their_own_scale() -> None:
             "packing.relax: is the way to rest under load; needs sphere.",
         ),
         (CHAIN_SCENE, "sphere.adhesion_law", "jkr", "sphere.adhesion_law: is of spheres that adhere; needs"),
-        (CHAIN_SCENE, "packing.ends", "periodic", 'packing.ends = "periodic": must be "fixed" in a chain'),
+        (CHAIN_SCENE, "packing.ends", "periodic", 'must be "fixed" in a chain whose spheres just touch'),
         (CHAIN_SCENE, "effects.adhesion", True, "effects.adhesion: must be left out beside [[striker]]"),
         (CHAIN_SCENE, "packing.columns", 3, "packing.columns = 3 and packing.sides"),
         (CHAIN_SCENE, "effects.friction", 0.3, "effects.friction = 0.3: must be 0 in a chain"),
