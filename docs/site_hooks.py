@@ -81,8 +81,9 @@ def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
         text = text.replace("<!-- scene keys -->", reference())
     if "<!-- impact keys -->" in text:
         from granular_lmp.scene.json_schema import reference
+        from granular_lmp.scene.without_wave import NOT_HELD
 
-        text = text.replace("<!-- impact keys -->", reference(bare=True))
+        text = text.replace("<!-- impact keys -->", reference(NOT_HELD))
     if "<!-- commands -->" in text:
         text = text.replace("<!-- commands -->", _commands())
     if "<!-- cases -->" in text:

@@ -106,7 +106,7 @@ class Problem:
         try:
             return spheres_at(output.rows, output.spheres, self.crystal, "recorded sphere", output.layers)
         except SceneError as error:
-            raise SceneError(f"output: {error}") from error
+            raise SceneError(f"output: {error}", because=error.because) from error
 
     @cached_property
     def collisions(self) -> "Collisions":
@@ -271,7 +271,8 @@ def _refuse_echo(problem: Problem) -> None:
         raise SceneError(
             f"time.duration = {declared.time.duration!r}: contacts as stiff and spheres as light as in this crystal "
             f"may bring the echo of the {scene.shape.edge} to the centre at tau = {echo:.4g}; must be at most that, or "
-            "set time.allow_echo = true"
+            "set time.allow_echo = true",
+            because="physics",
         )
 
 
@@ -282,7 +283,8 @@ def _check_strikes(problem: Problem) -> None:
         if source.source.motion and (both := np.intersect1d(begun, source.spheres)).size:
             raise SceneError(
                 f"source {number}: sphere {place_of(problem.crystal, int(both[0]))}: is a striker or of the state too, "
-                "and a sphere that is moved has no velocity of its own"
+                "and a sphere that is moved has no velocity of its own",
+                because="physics",
             )
 
 

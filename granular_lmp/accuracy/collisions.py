@@ -64,6 +64,7 @@ def order(scene: Scene) -> int:
     halfway = (
         effects.restitution < 1
         or effects.viscosity > 0
+        or effects.rolling_viscosity > 0
         or (effects.friction > 0 and effects.shear_law == "incremental")
     )
     return 1 if halfway or scene.start.touching else 2

@@ -180,8 +180,10 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
 def _defaults(scene: "Scene") -> dict[str, object]:
     """Return key → default for keys that a scene leaves out, and whose default depends on whether it has a wave."""
     from granular_lmp.scene.json_schema import keys
+    from granular_lmp.scene.without_wave import NOT_HELD, WAVE
 
-    others = {f"{each.section}.{each.name}": each.default for each in keys(bare=scene.wave is not None)}
+    other_kind = keys(WAVE if scene.wave is None else NOT_HELD)
+    others = {f"{each.section}.{each.name}": each.default for each in other_kind}
     own = {f"{table}.{each.name}": each.default for table in scene.layout.sections for each in scene.keys_of(table)}
     return {
         key: default

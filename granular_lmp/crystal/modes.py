@@ -108,16 +108,22 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
         return _in_space(lattice, sphere, vector, name, physics)
     kind = "layered" if np.ptp(lattice.mass) else lattice_of_contacts(lattice, sphere).name
     if name not in (known := MODES if len(lattice.mass) == 1 else restored(lattice, physics)):
-        raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(known)} in the {kind} lattice")
+        raise SceneError(
+            f"wave.mode = {name!r}: must be one of {', '.join(known)} in the {kind} lattice", because="physics"
+        )
     if len(lattice.mass) > 1:
         return _branch(lattice, sphere, vector, name, physics)
     if name == "RT" and not physics.rotation:
-        raise SceneError(f"wave.mode = {name!r}: needs effects.rotation, which is off; without it there are L and TR")
+        raise SceneError(
+            f"wave.mode = {name!r}: needs effects.rotation, which is off; without it there are L and TR",
+            because="physics",
+        )
     if name not in (there := restored(lattice, physics)):
         cure = "effects.rolling_stiffness above 0" if physics.shear else "effects.shear, which is off"
         raise SceneError(
             f"wave.mode = {name!r}: has the frequency 0 in the {kind} lattice, as no contact resists it; must be "
-            f"{' or '.join(there)}, or needs {cure}"
+            f"{' or '.join(there)}, or needs {cure}",
+            because="physics",
         )
     columns, index = _SUBSPACE[vector.axis][name] if vector.axis else (physics.coordinates, None)
     columns = [column for column in columns if column in physics.coordinates]
@@ -172,10 +178,15 @@ def _in_space(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, 
     names = named_in_space(lattice, sphere, vector, physics)
     if name not in names:
         known = (*names, f"{numbers[0]} to {numbers[-1]}")
-        raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(known)} in this crystal and direction")
+        raise SceneError(
+            f"wave.mode = {name!r}: must be one of {', '.join(known)} in this crystal and direction", because="physics"
+        )
     frequency, shape = names[name]
     if frequency < _STILL * highest_frequency(lattice, sphere, physics):
-        raise SceneError(f"wave.mode = {name!r}: has the frequency 0 at this wave vector, as no contact resists it")
+        raise SceneError(
+            f"wave.mode = {name!r}: has the frequency 0 at this wave vector, as no contact resists it",
+            because="physics",
+        )
     return branch_mode(name, vector, frequency, shape)
 
 
@@ -230,7 +241,8 @@ def _lowest(
     if least > _LOWEST:
         raise SceneError(
             f"wave.mode = '{least}': must be at most {_LOWEST} in a crystal of {len(lattice.mass)} spheres a cell, or "
-            f"packing.layers fewer: higher branches are found in cells of at most {_MANY} spheres"
+            f"packing.layers fewer: higher branches are found in cells of at most {_MANY} spheres",
+            because="physics",
         )
     from scipy.sparse.linalg import eigs
 
@@ -254,9 +266,15 @@ def _branch(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, ph
     own, others = frequencies[number - 1], np.delete(frequencies, number - 1)
     where = f"wave.mode = '{number}': has the frequency"
     if own < _STILL * frequencies[-1]:
-        raise SceneError(f"{where} 0 at this wave vector, as no contact resists it; needs effects.rolling_stiffness")
+        raise SceneError(
+            f"{where} 0 at this wave vector, as no contact resists it; needs effects.rolling_stiffness",
+            because="physics",
+        )
     if np.abs(others - own).min() < _MEET * own:
-        raise SceneError(f"{where} of another branch at this wave vector, where its shape is any; must be beside it")
+        raise SceneError(
+            f"{where} of another branch at this wave vector, where its shape is any; must be beside it",
+            because="physics",
+        )
     return branch_mode(name, vector, float(own), shapes[number - 1])
 
 

@@ -36,6 +36,12 @@ def called_for(case: Case) -> Finding:
     return Finding(True, ratio, "the largest rolling force is {} of the cap of rolling friction")
 
 
+def loose(case: Case) -> Finding:
+    effects = case.scene.effects
+    rolls = effects.rolling_stiffness > 0 and effects.rolling is not False
+    return Finding(rolls, np.inf, "contacts resist rolling" if rolls else "the rolling stiffness is 0")
+
+
 def loss(case: Case) -> str:
     return case.frequency_shift(case.physics(case.on.get("shear", True), case.on.get("rotation", True)))
 
@@ -70,6 +76,7 @@ ROLLING = Effect(
     called_for,
     cost="1.05",
     loss=loss,
+    loose=loose,
     needs="rotation",
     law=law,
     refuse=refuse,

@@ -74,7 +74,7 @@ def select(scene: Scene) -> list[Chosen]:
     for effect in () if scene.loose else of(scene):
         reason = effect.refuse(complete)
         if reason:
-            raise SceneError(reason)
+            raise SceneError(reason, because="physics")
     return chosen
 
 
@@ -85,7 +85,7 @@ def _nothing() -> str:
 def _is_on(effect: Effect, scene: Scene, called_for: bool, possible: bool) -> bool:
     wanted = effect.wanted(scene)
     if wanted is True and not possible:
-        raise SceneError(f"effects.{effect.name} = true: needs effects.{effect.needs}, which is off")
+        raise SceneError(f"effects.{effect.name} = true: needs effects.{effect.needs}, which is off", because="physics")
     if effect.required(scene):
         return possible
     return possible and called_for if wanted == AUTO else bool(wanted)

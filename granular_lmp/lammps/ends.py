@@ -21,7 +21,7 @@ def boundary(problem: Problem) -> str:
     periodic = problem.crystal.pbc
     depth = "f" if problem.scene.space == 3 and not periodic[2] else "p"
     if problem.scene.loose:
-        return f"{'p' if periodic[0] else 'm'} m {depth}"
+        return f"{'p' if periodic[0] else 'm'} {'p' if periodic[1] else 'm'} {depth}"
     shape = problem.scene.shape
     faces = (shape.along_x, "sides" in shape.free), (shape.along_y, {"first", "last"} & {*shape.free})
     return " ".join(["p" if along else "m" if free else "f" for along, free in faces] + [depth])
@@ -32,7 +32,7 @@ def box_of(problem: Problem) -> NDArray[np.float64]:
     packing, to_deck = problem.crystal, problem.units.number(problem.scene.sphere.radius, length=1)
     low = packing.get_celldisp().ravel() * to_deck
     high = low + packing.cell.lengths() * to_deck
-    if problem.scene.loose:
+    if problem.scene.loose and not packing.pbc[1]:
         low[1] = min(low[1], packing.positions[:, 1].min() - 1)
         high[1] = max(high[1], packing.positions[:, 1].max() + 1)
     if problem.scene.space == 3 and not packing.pbc[2]:

@@ -195,7 +195,7 @@ def _touching(scene: Scene) -> CrystalAtRest:
         shape.rows,
         shape.columns,
         held=(packing.first == HELD, packing.last == HELD),
-        periodic=packing.sides == PERIODIC,
+        periodic=(packing.sides == PERIODIC, shape.along_y),
         force=packing.contact_force,
         disorder=scene.disorder,
         inclusions=scene.inclusion,

@@ -152,17 +152,29 @@ class Collisions:
     @property
     def step_rules(self) -> list[StepRule]:
         """Rules for the time step."""
-        rate = sqrt(self.square_rate * sqrt(self.first_depth))
+        rate = max(sqrt(self.square_rate * sqrt(self.first_depth)), self.rolling_rate)
         return rules_of_collisions(self.shortest_collision, rate, self.drag_rate)
+
+    @property
+    def rolling_rate(self) -> float:
+        """Bound on ω, 1/t0, of spheres that roll on all their neighbours: ω² = 2n k_r Rc²/I, Rc at most R."""
+        effects = self.scene.effects
+        if effects.rolling is False:
+            return 0.0
+        stiffness = effects.rolling_stiffness * self.scale.time**2 / self.scale.mass
+        return sqrt(2 * self._most_touching * stiffness / (INERTIA_RATIO * float(self.mass.min())))
 
     @property
     def drag_rate(self) -> float:
         """Bound on the rate, 1/t0, at which dashpots slow a motion: 2η/m of each contact of a sphere, 1/Ĩ of a turn."""
         effects: Any = self.scene.effects
         turning = effects.shear_damping / INERTIA_RATIO if effects.friction else 0.0
-        touching = int(self.contacts.per_sphere.max(initial=1)) + (2 if self.planes else 0)
-        dashpot = effects.viscosity * self.scale.time / self.scale.mass
-        return 2 * touching * dashpot * max(1.0, turning) / float(self.mass.min())
+        dashpot = effects.viscosity * max(1.0, turning) + effects.rolling_viscosity / INERTIA_RATIO
+        return 2 * self._most_touching * dashpot * self.scale.time / self.scale.mass / float(self.mass.min())
+
+    @property
+    def _most_touching(self) -> int:
+        return int(self.contacts.per_sphere.max(initial=1)) + (2 if self.planes else 0)
 
     # --- a chain that is pressed together ---
 
@@ -245,11 +257,12 @@ class Collisions:
             what = "packing.contact_force = 0.0: must be above 0"
             if self.scene.lattice != CHAIN:
                 what = f'packing.lattice = "{packing.lattice}": must be "chain", with packing.contact_force above 0'
-            raise SceneError(f"{what}; spheres that just touch have no modes")
+            raise SceneError(f"{what}; spheres that just touch have no modes", because="physics")
         if not (count := cell_of(self.mass, self.rest_stiffness)):
             raise SceneError(
                 "inclusion: the spheres of the chain do not repeat in any order from end to end, and only a periodic "
-                "chain has bands; let every n-th row differ (rows and every of an [[inclusion]]), the first one too"
+                "chain has bands; let every n-th row differ (rows and every of an [[inclusion]]), the first one too",
+                because="physics",
             )
         return self.mass[:count], self.rest_stiffness[:count]
 
@@ -291,7 +304,8 @@ class Collisions:
         if rest > LARGEST_OVERLAP_RATIO:
             raise SceneError(
                 f"packing.contact_force = {self.scene.packing.contact_force!r}: two spheres overlap by {rest:.3g} of "
-                f"the diameter at rest; at most {LARGEST_OVERLAP_RATIO} is allowed"
+                f"the diameter at rest; at most {LARGEST_OVERLAP_RATIO} is allowed",
+                because="physics",
             )
 
     def _refuse_residual(self) -> None:
@@ -300,7 +314,8 @@ class Collisions:
             raise SceneError(
                 f"packing.contact_force = {force!r}: rounding of the places leaves a force of "
                 f"{self.residual_force:.2g} m v/t0 on a sphere at rest, and at most {most:.2g} is allowed; take a "
-                "smaller force or a faster striker"
+                "smaller force or a faster striker",
+                because="physics",
             )
 
     def _refuse_depth_in_walls(self) -> None:
@@ -312,5 +327,6 @@ class Collisions:
                 worst = int(overlap.argmax())
                 raise SceneError(
                     f"start.state: sphere {place_of(self.crystal, worst)}: overlaps the wall {name} by "
-                    f"{overlap[worst]:.3g} of the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
+                    f"{overlap[worst]:.3g} of the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed",
+                    because="physics",
                 )

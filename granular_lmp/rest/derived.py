@@ -108,7 +108,7 @@ class Derived(Declaration):
             try:
                 found.append(each.in_units(self))
             except SceneError as error:
-                raise SceneError(f"source {number}: {error}") from error
+                raise SceneError(f"source {number}: {error}", because=error.because) from error
         return tuple(found)
 
     @property

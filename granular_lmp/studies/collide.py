@@ -159,7 +159,7 @@ def scene_of(collision: Collision) -> Scene:
     try:
         return Scene.from_dict(collision.scene_tables())
     except SceneError as error:
-        raise SceneError(f"collision: as a scene, {error}") from error
+        raise SceneError(f"collision: as a scene, {error}", because=error.because) from error
 
 
 def run(collision: Collision, folder: str | Path, *, force: bool = False, kernel: bool | None = None) -> Result:
