@@ -51,14 +51,14 @@ class OfWave:
 
     def __call__(self, records: Sequence[Record]) -> Judgement:
         """Return the answer of all runs so far, with the errors of the signals that count."""
-        scene, noise, tolerance = self._scene, self._noise, self._scene.time.tolerance
+        scene, noise, tolerance = self._scene, self._noise, self._scene.time.clock.tolerance
         self._recorded.add(records[-1])
         signals = self._recorded.signals
         if len(records) == 1:
             noise.update(lost(scene, signals[0], with_step(scene, finest_step(scene))))
         names = [name for name in counted(scene, signals[-1]) if name not in noise]
         self._judgements.append(judge(signals, [record.scene for record in records], names))
-        if len(records) >= FEWEST and tolerance is not None:
+        if len(records) >= FEWEST:
             before = self._judgements[-2].errors if len(records) > FEWEST else {}
             noise.update(out_of_reach(tolerance, records[-1].scene, signals[-1], before, self._missed(records, names)))
             refuse_noise(tolerance, noise, counted(scene, signals[-1]))
@@ -68,11 +68,12 @@ class OfWave:
     def _missed(self, records: Sequence[Record], names: Sequence[str]) -> dict[str, tuple[float, Scene]]:
         """Return the errors above the tolerance by name, and the scene with the step that is expected to meet it."""
         judgement, time, found = self._judgements[-1], self._scene.time, {}
+        tolerance = time.clock.tolerance
         counts = [each.scene.time.steps_per_sample for each in records]
         for name in names:
             error = judgement.errors[name]
-            if time.tolerance is not None and time.tolerance < error < inf:
-                _, steps = needed(counts, judgement, error, time.tolerance)
+            if tolerance < error < inf:
+                _, steps = needed(counts, judgement, error, tolerance)
                 found[name] = error, with_step(self._scene, time.sample / min(steps, FINEST * max(counts)))
         return found
 

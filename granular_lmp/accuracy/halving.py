@@ -12,7 +12,6 @@ from typing import Any
 
 from granular_lmp.accuracy.extrapolation import Judgement, following
 from granular_lmp.errors import GranularError, RunInterrupted, ToleranceError
-from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.outputs import PER_SAMPLE, SCENE, STATUS, replace_text, writable
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.continuation import read_unfinished, whole_checkpoints
@@ -26,28 +25,8 @@ MOST_RUNGS = 12  # runs that are tried before the tolerance is refused
 FINEST = 128  # steps of the finest run at most, over those of the first
 
 
-One = Callable[[Scene, Path, Progress | None], Record]  # makes a run of a scene with a step in a folder
-
-
-@dataclass(frozen=True)
-class Plan:
-    """The first step of a ladder and the runs that are expected to be enough.
-
-    Attributes
-    ----------
-    per_sample : int
-        Steps per sample of the first run.
-    runs : int
-        More of them are said in ``run.json``.
-    """
-
-    per_sample: int
-    runs: int
-
-    @property
-    def steps_per_sample(self) -> int:
-        """Steps per sample of all planned runs together."""
-        return self.per_sample * ((1 << self.runs) - 1)
+# Makes a run of a scene with a step in a folder; the flag says whether its deck looks for effects that it leaves out
+One = Callable[[Scene, Path, Progress | None, bool], Record]
 
 
 def extrapolated(coarse: Any, fine: Any, order: int) -> Any:
@@ -85,12 +64,12 @@ def begun(scene: Scene, folder: Path, options: Options) -> Iterator[dict[str, An
 def continued(one: One, resume: Callable[[Path, Progress | None], Record]) -> One:
     """Return `one` of runs that were stopped: what is finished is read, and what has a checkpoint goes on from it."""
 
-    def rest(scene: Scene, place: Path, progress: Progress | None) -> Record:
+    def rest(scene: Scene, place: Path, progress: Progress | None, looks: bool) -> Record:
         if (place / STATUS).is_file():
             if read_status(place)["status"] == "finished":
                 return Record.load(place)
             read_unfinished(place)  # raises if the run failed by a guard
-        return resume(place, progress) if whole_checkpoints(place) else one(scene, place, progress)
+        return resume(place, progress) if whole_checkpoints(place) else one(scene, place, progress, looks)
 
     return rest
 
@@ -98,7 +77,7 @@ def continued(one: One, resume: Callable[[Path, Progress | None], Record]) -> On
 def halved(
     scene: Scene,
     folder: Path,
-    plan: Plan,
+    plan: Sequence[int],
     one: One,
     estimate: Callable[[Sequence[Record]], Judgement],
     progress: Progress | None,
@@ -112,9 +91,11 @@ def halved(
         With ``time.tolerance``.
     folder : Path
         Existing folder for the runs and ``run.json``.
-    plan : Plan
+    plan : sequence of int
+        Steps per sample of the planned runs; more of them are said in ``run.json``.
     one : callable
-        Function of scene, folder and progress callback that makes one run of a scene with a time step.
+        Function of scene, folder, progress callback and whether to look that makes one run of a scene with a time step.
+        Only a run that is finer than all before looks.
     estimate : callable
         Judgement of some runs, of which all errors count.
     progress : callable, optional
@@ -138,20 +119,21 @@ def halved(
     RunInterrupted
         If a run is stopped.
     """
-    tolerance, samples = scene.time.tolerance, scene.time.samples
-    assert tolerance is not None
+    tolerance, samples = scene.time.clock.tolerance, scene.time.samples
     records: list[Record] = []
     refinements: list[str] = []
     refuse_links(folder)
     with writable(folder):
         write_status(folder, info | {"status": "running", "message": "started"})
     try:
-        counts, count = list[int](), plan.per_sample
+        counts, count = list[int](), plan[0]
         while True:
             stepped = scene.with_values({"time.timestep": scene.time.sample / count})
             before = sum(counts)
-            part = _offset(progress, before * samples, max(before + count, plan.steps_per_sample) * samples)
-            records.append(one(stepped, folder / f"{count}{PER_SAMPLE}", part))
+            part = _offset(progress, before * samples, max(before + count, sum(plan)) * samples)
+            # The first cannot be the finest, and a contact that opens in a coarser one alone keeps the runs apart
+            looks = count > max(counts, default=inf)
+            records.append(one(stepped, folder / f"{count}{PER_SAMPLE}", part, looks))
             counts.append(count)
             judgement = estimate(records)
             # The comparison is false for a nan
@@ -159,12 +141,12 @@ def halved(
                 break
             worst = max(judgement.errors.values(), default=inf)
             count = following(counts, judgement, worst, tolerance) if isfinite(worst) else 2 * max(counts)
-            if len(counts) == MOST_RUNGS or count > FINEST * plan.per_sample:
+            if len(counts) == MOST_RUNGS or count > FINEST * plan[0]:
                 raise ToleranceError(
                     f"time.tolerance = {tolerance!r}: not met with steps down to {scene.time.sample / max(counts)!r} "
                     f"tau, {_worst(judgement.errors)}; the runs are kept in {folder}"
                 )
-            if len(counts) >= plan.runs:
+            if len(counts) >= len(plan):
                 shortest = scene.time.sample / max(counts)
                 refinements.append(f"steps down to {shortest!r} tau: {_worst(judgement.errors)}; one run more")
     except BaseException as error:  # also from the progress callback: run.json must hold the end of every run

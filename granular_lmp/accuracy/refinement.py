@@ -61,8 +61,9 @@ def one_of(options: Options, problem: Problem) -> One:
     What is decided of a wave does not depend on the step, and is not decided again.
     """
 
-    def made(scene: Scene, place: Path, progress: Progress | None) -> Record:
-        what = scene if problem.mode is None else replace(problem, scene=scene, declared=scene)
+    def made(scene: Scene, place: Path, progress: Progress | None, looks: bool) -> Record:
+        stepped = prepare(scene) if problem.mode is None else replace(problem, scene=scene, declared=scene)
+        what = stepped if looks else stepped.without_looks()
         return launch.launch(what, place, replace(options, force=True, progress=progress))
 
     return made
@@ -78,7 +79,7 @@ def refine(problem: Problem, folder: Path, one: One, progress: Progress | None, 
     folder : Path
         Existing folder for the answer and ``run.json``.
     one : callable
-        Function of scene, folder and progress callback that makes one run of a scene with a time step.
+        Function of scene, folder, progress callback and whether to look that makes one run of a scene with a time step.
     progress : callable, optional
         As in `run`.
     info : dict

@@ -196,7 +196,7 @@ def test_the_folder_holds_the_answer_and_its_runs(tmp_path: Path) -> None:
     for name in ("tau", "velocity", "displacement", "spin"):
         assert getattr(again, name) == pytest.approx(getattr(record, name), abs=1e-10)
     assert again.scene == record.scene == scene
-    per_sample = plan(prepare(scene)).per_sample
+    per_sample = plan(prepare(scene))[0]
     runs = [ImpactRecord.load(folder) for folder in (tmp_path / "run").glob("*_per_sample")]
     runs.sort(key=lambda each: each.scene.time.steps_per_sample)
     assert [run.scene.time.steps_per_sample for run in runs][:2] == [per_sample, 2 * per_sample]
@@ -237,7 +237,7 @@ def test_a_state_that_presses_spheres_deep_shortens_the_first_step(tmp_path: Pat
     most = float(str(no.value).rpartition(" ")[2])
     prepare(scene.with_values({"time.timestep": 0.99 * most}))
     loose = scene.with_values({"time.tolerance": 1e-2})
-    assert loose.time.sample / plan(prepare(loose)).per_sample <= most
+    assert loose.time.sample / plan(prepare(loose))[0] <= most
     assert run_impact(loose, tmp_path / "run").info["guards"]["step_in_contact"]["quiet"]
 
 

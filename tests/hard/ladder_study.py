@@ -137,7 +137,7 @@ class Case:
     def first(self, tolerance: float) -> int:
         """Return the steps per sample of the first run."""
         if self.is_impact:
-            return plan(prepare(self.impact.with_values({"time.tolerance": tolerance}))).per_sample
+            return plan(prepare(self.impact.with_values({"time.tolerance": tolerance})))[0]
         return round(self.scene.time.sample / first_step(self.wave.with_values({"time.tolerance": tolerance})))
 
     def judgement(self, runs: Sequence[Signals], counts: Sequence[int], names: Sequence[str]) -> Judgement:
