@@ -22,6 +22,9 @@ from granular_lmp.runs.record import Record, read_status, write_status
 from granular_lmp.runs.seal import scene_digest
 
 MOST_RUNGS = 12  # runs that are tried before the tolerance is refused
+# The finest run looks for effects that decks leave out: a contact that opens in a coarser one alone keeps runs apart.
+# The first run cannot be the finest, and one of two steps to a sample is so seldom, as nothing comes between 1 and 2
+COARSE = 2
 FINEST = 128  # steps of the finest run at most, over those of the first
 
 
@@ -66,9 +69,11 @@ def continued(one: One, resume: Callable[[Path, Progress | None], Record]) -> On
 
     def rest(scene: Scene, place: Path, progress: Progress | None, looks: bool) -> Record:
         if (place / STATUS).is_file():
-            if read_status(place)["status"] == "finished":
+            info = read_status(place)
+            if info["status"] != "finished":
+                read_unfinished(place)  # raises if the run failed by a guard
+            elif not looks or info.get("looks") != {}:
                 return Record.load(place)
-            read_unfinished(place)  # raises if the run failed by a guard
         return resume(place, progress) if whole_checkpoints(place) else one(scene, place, progress, looks)
 
     return rest
@@ -95,7 +100,7 @@ def halved(
         Steps per sample of the planned runs; more of them are said in ``run.json``.
     one : callable
         Function of scene, folder, progress callback and whether to look that makes one run of a scene with a time step.
-        Only a run that is finer than all before looks.
+        Only a run that is finer than all before looks, and the finest does in the end.
     estimate : callable
         Judgement of some runs, of which all errors count.
     progress : callable, optional
@@ -131,13 +136,13 @@ def halved(
             stepped = scene.with_values({"time.timestep": scene.time.sample / count})
             before = sum(counts)
             part = _offset(progress, before * samples, max(before + count, sum(plan)) * samples)
-            # The first cannot be the finest, and a contact that opens in a coarser one alone keeps the runs apart
-            looks = count > max(counts, default=inf)
+            looks = bool(counts) and count > max(*counts, COARSE)
             records.append(one(stepped, folder / f"{count}{PER_SAMPLE}", part, looks))
             counts.append(count)
             judgement = estimate(records)
             # The comparison is false for a nan
             if len(counts) > 1 and all(error <= tolerance for error in judgement.errors.values()):
+                _look(records, lambda run, place: one(run, folder / place, None, True))
                 break
             worst = max(judgement.errors.values(), default=inf)
             count = following(counts, judgement, worst, tolerance) if isfinite(worst) else 2 * max(counts)
@@ -158,6 +163,13 @@ def halved(
         write_status(folder, info | {"status": status, "message": message})
         raise error from None
     return records, judgement, refinements
+
+
+def _look(records: list[Record], again: Callable[[Scene, str], Record]) -> None:
+    """Make the finest run of a ladder once more if it has not looked."""
+    place, finest = max(enumerate(records), key=lambda each: each[1].scene.time.steps_per_sample)
+    if finest.info.get("looks") == {}:
+        records[place] = again(finest.scene, f"{finest.scene.time.steps_per_sample}{PER_SAMPLE}")
 
 
 def _worst(found: dict[str, float]) -> str:
