@@ -15,7 +15,7 @@ import pytest
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.theory import wave as theory
 from granular_analysis.theory.timestep import limit, stepped
-from granular_lmp import Record, Scene, cli, run
+from granular_lmp import Record, Scene, cli, resume, run
 from granular_lmp.accuracy import extrapolation
 from granular_lmp.accuracy.extrapolation import EVEN, Judgement
 from granular_lmp.accuracy.halving import FINEST
@@ -33,7 +33,7 @@ from granular_lmp.accuracy.noise import counted, lost, noise_of
 from granular_lmp.accuracy.refinement import refine
 from granular_lmp.accuracy.richardson import combined_record, judge
 from granular_lmp.accuracy.rounding import floor, linear_signals, rounding
-from granular_lmp.errors import EffectError, RunFolderError, SceneError, ToleranceError
+from granular_lmp.errors import EffectError, RunFolderError, RunInterrupted, SceneError, ToleranceError
 from granular_lmp.problem import largest_step, prepare
 from granular_lmp.rest.step_rules import COARSEST
 from granular_lmp.runs.record import read_status
@@ -204,6 +204,23 @@ def test_only_runs_that_may_be_the_finest_look(tmp_path: Path) -> None:
     # Two steps to a sample are enough, and that run is made again
     run(Scene.load("l_chain").with_values({"time.tolerance": 1e-2}), tmp_path / "short")
     assert looking(tmp_path / "short") == {"1": False, "2": True}
+
+
+def test_a_coarse_run_that_was_stopped_goes_on_without_looks(tmp_path: Path) -> None:
+    scene = periodic("TR", 64, 8, 0.2, packing_columns=200, time_tolerance=5e-2)
+    whole = run(scene, tmp_path / "whole")
+
+    def stop(step: int, steps: int) -> None:
+        if step > 0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(RunInterrupted):
+        run(scene, tmp_path / "run", progress=stop)
+    assert not any(looking(tmp_path / "run").values())
+    assert list((tmp_path / "run").glob("1_per_sample/checkpoint.*"))
+    record = resume(tmp_path / "run")
+    assert np.max(np.abs(record.p - whole.p)) < 1e-9
+    assert looking(tmp_path / "run") == looking(tmp_path / "whole")
 
 
 # --- what is refused -------------------------------------------------------------------------------------------------
