@@ -17,8 +17,8 @@ from granular_analysis.theory import wave as theory
 from granular_analysis.theory.timestep import limit, stepped
 from granular_lmp import Record, Scene, cli, resume, run
 from granular_lmp.accuracy import extrapolation
+from granular_lmp.accuracy.estimates import FINEST, combined_record, judge
 from granular_lmp.accuracy.extrapolation import EVEN, Judgement
-from granular_lmp.accuracy.halving import FINEST
 from granular_lmp.accuracy.ladder import (
     COARSE,
     RUNGS,
@@ -31,7 +31,6 @@ from granular_lmp.accuracy.ladder import (
 )
 from granular_lmp.accuracy.noise import counted, lost, noise_of
 from granular_lmp.accuracy.refinement import refine
-from granular_lmp.accuracy.richardson import combined_record, judge
 from granular_lmp.accuracy.rounding import floor, linear_signals, rounding
 from granular_lmp.errors import EffectError, RunFolderError, RunInterrupted, SceneError, ToleranceError
 from granular_lmp.problem import largest_step, prepare

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from granular_lmp import ImpactScene, Scene, run
 from granular_lmp.accuracy import collisions
+from granular_lmp.accuracy.estimates import slip_bounds
 from granular_lmp.accuracy.extrapolation import ALL, EVEN, Judgement, combined, following, judge, l2, weights_of
 from granular_lmp.accuracy.ladder import first_step, plan
-from granular_lmp.accuracy.richardson import slip_bounds
 from granular_lmp.accuracy.rounding import judged, noise_floor
 from granular_lmp.effects.selection import order
 from granular_lmp.errors import GranularError

@@ -14,7 +14,7 @@ from granular_analysis.theory import catalogue
 from granular_analysis.theory.choice import traits_of
 from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, run
-from granular_lmp.accuracy.richardson import richardson
+from granular_lmp.accuracy.estimates import richardson
 from granular_lmp.runs.launch import resume
 from tests.conftest import PAPER, members
 from tests.manual import Measure, Mutant, differing, off, verifies
