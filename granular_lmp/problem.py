@@ -56,6 +56,8 @@ class Problem:
         Spheres at rest, their materials and contacts.
     mode : Mode
         Bloch mode of the wave in the lattice with these effects; None without a wave.
+    looks : bool
+        False for a run whose deck does not look for the effects that it leaves out (`without_looks`).
 
     Examples
     --------
@@ -69,6 +71,7 @@ class Problem:
     effects: tuple[Chosen, ...]
     at_rest: CrystalAtRest
     mode: Mode = None  # type: ignore[assignment]  # as `Scene.wave`: what needs it asks for the wave first
+    looks: bool = True
 
     @property
     def crystal(self) -> ase.Atoms:
@@ -215,6 +218,10 @@ class Problem:
         """Return the problem of the same scene with another time step."""
         return replace(self, scene=scene)
 
+    def without_looks(self) -> "Problem":
+        """Return the problem of a run that has no guards: a coarse one of a ladder, whose finer runs look."""
+        return replace(self, looks=False, effects=tuple(replace(each, guard="") for each in self.effects))
+
 
 def prepare(scene: Scene) -> Problem:
     """Return the problem of a scene; no file is written.
@@ -242,10 +249,9 @@ def prepare(scene: Scene) -> Problem:
         problem.collisions.refuse()
     if problem.mode is not None:
         _refuse_echo(problem)
-    if scene.time.tolerance is None:
-        # A limit above the declared step is enough, and in a large crystal much faster to find than the longest step
-        rules = problem.step_rules if scene.loose else step_rules(problem.scene, problem.mode, scene.time.step)
-        refuse_step(scene.time, rules)
+    # A limit above the declared step is enough, and in a large crystal much faster to find than the longest step
+    enough = scene.time.clock.of_answer
+    refuse_step(scene.time, problem.step_rules if scene.loose else step_rules(problem.scene, problem.mode, enough))
     return problem
 
 

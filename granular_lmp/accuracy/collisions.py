@@ -36,13 +36,11 @@ _POWER = 2.5  # power of the step in the error of the answer
 _RATES = {"velocity", "spin", *RATES}
 
 
-def first_step(problem: Problem) -> float:
-    """Return the first and longest step of the ladder that is expected to meet ``time.tolerance``, in t0."""
-    time = problem.scene.time
-    assert time.tolerance is not None
-    steps = max(_FEWEST, _STEPS_AT[0] * (_STEPS_AT[1] / time.tolerance) ** (1 / _POWER))
+def first_count(problem: Problem, tolerance: float) -> int:
+    """Return the steps per sample of the first run of the ladder that is expected to meet a tolerance."""
+    steps = max(_FEWEST, _STEPS_AT[0] * (_STEPS_AT[1] / tolerance) ** (1 / _POWER))
     longest = min(_shortest(problem) / steps, *(rule.first for rule in problem.step_rules))
-    return time.sample / max(1, ceil(time.sample / longest))
+    return max(1, ceil(problem.scene.time.sample / longest))
 
 
 def _shortest(problem: Problem) -> float:

@@ -70,9 +70,9 @@ def lost(scene: Scene, signals: Signals, finest: Scene) -> dict[str, float]:
     ToleranceError
         If no signal is left that counts.
     """
-    assert scene.time.tolerance is not None
-    found = {name: n for name, n in noise_of(finest, signals).items() if _SEEN * n > scene.time.tolerance}
-    refuse_noise(scene.time.tolerance, found, counted(scene, signals))
+    tolerance = scene.time.clock.tolerance
+    found = {name: n for name, n in noise_of(finest, signals).items() if _SEEN * n > tolerance}
+    refuse_noise(tolerance, found, counted(scene, signals))
     return found
 
 

@@ -87,10 +87,7 @@ def small_overlaps(case: Case) -> Finding:
 
 
 def chosen_step(case: Case) -> Finding:
-    time = case.scene.time
-    if time.tolerance is None:
-        return Finding(False, time.step, "the step is {} t0")
-    return Finding(False, time.tolerance, "a tolerance of {} chooses the step")
+    return Finding(False, *case.scene.time.clock.chosen)
 
 
 def never(scene: Scene) -> bool:

@@ -18,7 +18,7 @@ from granular_lmp.effects.reading import Reading, contact_lines, overlap_lines
 from granular_lmp.effects.selection import guards as all_guards
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.lammps.outputs import CONTACTS, UNWAVED_CONTACTS
-from granular_lmp.lammps.region_of_influence import inside_lines
+from granular_lmp.lammps.region_of_influence import inside_lines, leaving_lines
 from granular_lmp.problem import Problem
 
 GUARDS = all_guards()
@@ -33,6 +33,8 @@ def line_interval(problem: Problem) -> int:
     Where spheres meet there are `LOOKS_IN_COLLISION` in the shortest collision, a whole number of them in a sample.
     """
     time = problem.scene.time
+    if not problem.looks:
+        return time.steps_per_sample
     if not problem.scene.loose:
         return look_interval(problem.scene, problem.mode)
     most = int(problem.collisions.shortest_collision / LOOKS_IN_COLLISION / time.step)
@@ -45,6 +47,8 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
 
     The contacts of a guard whose effect is off are judged one by one, also where the scene calls for the effect.
     """
+    if not problem.looks:
+        return _none(problem)
     if problem.scene.loose:
         return _of_meetings(problem)
     names, how = problem.guards, Reading.of(problem)
@@ -63,6 +67,16 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
         *judged_lines(problem, seen=seen),
         *_written_out(problem, how, seen, checkpoint),
         *thermo_lines(columns(problem), seen),
+    ]
+
+
+def _none(problem: Problem) -> list[str]:
+    """Return the block of a run that does not look: a line of the thermo table each sample, for its progress."""
+    return [
+        "# --- guards: none, as a finer run of the same scene looks",
+        *leaving_lines(problem),
+        "thermo_style custom step v_tau",
+        "thermo       ${every}",
     ]
 
 

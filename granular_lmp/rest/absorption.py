@@ -202,7 +202,7 @@ def _enough(scene: Scene) -> QuietEnd:
 def _in_run(scene: Scene, end: QuietEnd) -> QuietEnd:
     """Return a layer with what it reflects at the step of a scene; with a tolerance that is step zero."""
     sphere, physics = scene.sphere, physics_of(scene)
-    step = 0.0 if scene.time.tolerance is not None else scene.time.step
+    step = scene.time.clock.of_answer
     if step * highest_frequency(unit_contacts(scene), sphere, physics) >= 2:  # such a step is refused
         return end
     return replace(

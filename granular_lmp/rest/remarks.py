@@ -44,8 +44,8 @@ def used_vector(declared: WaveVector, used: WaveVector, hertz: Callable[[], floa
 
 def used_step(time: Sampled) -> dict[str, Any]:
     """Return the time step that runs in place of one that does not fit a sample, by its dotted key; else nothing."""
-    rounded = time.tolerance is None and time.step < time.timestep * (1 - 1e-9)
-    return {"time.timestep": time.step} if rounded else {}
+    used = time.clock.as_run.items()
+    return {f"time.{key}": value for key, value in used if value < getattr(time, key) * (1 - 1e-9)}
 
 
 def _moved(declared: WaveVector, used: WaveVector) -> bool:

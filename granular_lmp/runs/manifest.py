@@ -39,6 +39,7 @@ def description(problem: Problem, edits: list[str], launcher: str, ranks: int) -
         "effects": effects_of(problem),
         "remarks": problem.warnings(),
         **_quiet_ends(scene),
+        **({} if problem.looks else {"looks": {}}),
         **({"edited": edits} if edits else {}),
     }
 
@@ -142,7 +143,7 @@ def outcome(folder: Path, problem: Problem, samples: int, table: Signals, before
     """Return the entries of ``run.json`` after the run from the number of its records and its thermo table."""
     return {
         "samples": samples,
-        **({} if problem.scene.loose else _extremes(table)),
+        **({} if problem.scene.loose or not problem.looks else _extremes(table)),
         "guards": {
             effect["guard"]: _outcome_of(name, effect, table, problem, folder)
             for name, effect in before["effects"].items()

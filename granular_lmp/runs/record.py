@@ -178,13 +178,11 @@ class Record(HasCard):
         folder = Path(folder)
         if scene.wave is None:
             from granular_lmp.runs.prescribed_motion import at_the_instant, moved_spheres  # kept out of start-up
-            from granular_lmp.runs.snapshots import dimensionless, force_on, step_of
+            from granular_lmp.runs.snapshots import dimensionless, force_on
 
             table = read_dump(folder / (dump or SNAPSHOTS), None, *_sphere_columns(scene.space), but=FOR_VIEWERS)
             steps = table["step"].tolist()
-            if len(steps) < 2 and scene.time.tolerance is not None:
-                raise RunFolderError(f"{folder / SNAPSHOTS}: lacks records")
-            tau = table["step"] * step_of(scene, steps, scene.time.sample)
+            tau = table["step"] * scene.time.clock.between(steps, scene.time.sample)
             moved = moved_spheres(scene, table["id"][0].astype(int) - 1) if len(tau) else []
             displacement, velocity, _, spin = at_the_instant(moved, tau, dimensionless(table, scene))
             spins = {"spin": spin} if "omegaz" in table else {}

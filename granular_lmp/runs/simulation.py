@@ -86,9 +86,11 @@ class Simulation:
 
     @property
     def looks(self) -> str:
-        """Where the guards have their looks, as `Job` needs it: the table, the kernel, or "" of spheres that meet."""
+        """Where the guards have their looks, as `Job` needs it; "" of spheres that meet."""
         if self.scene.loose:
             return ""
+        if not self.deck.problem.looks:
+            return "none"
         return "table" if self.begun_name == self.input_name else "kernel"
 
     def files(self) -> dict[str, Iterable[str]]:

@@ -9,7 +9,7 @@ combinations of values.
 import re
 from collections.abc import Mapping
 from dataclasses import field
-from math import ceil, floor, hypot, pi, sqrt
+from math import floor, hypot, pi, sqrt
 from typing import Any
 
 from granular_lmp.crystal.disorder import BOXES, WAYS, WHOLE
@@ -29,6 +29,7 @@ from granular_lmp.crystal.modes import MODES
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
+from granular_lmp.scene.clock import Ladder, Step
 from granular_lmp.scene.places import LAYERS_RULE, AtPlaces, Rows, Spheres, rows_rule, spheres_rule
 from granular_lmp.scene.records import Remembering
 from granular_lmp.scene.schema import AUTO, Auto, Rule, choice, count, flag, number, shown, switch
@@ -204,6 +205,11 @@ class Sampled:
     sample: float
 
     @property
+    def clock(self) -> Step | Ladder:
+        """One step, or a ladder of steps: this is the one place that asks which."""
+        return Step(self.timestep, self.sample) if self.tolerance is None else Ladder(self.tolerance)
+
+    @property
     def steps_per_sample(self) -> int:
         """Number of steps between two records; the step is rounded down to fit.
 
@@ -212,9 +218,7 @@ class Sampled:
         SceneError
             If the scene has a tolerance; one with a step is ``scene.with_values({"time.timestep": step})``.
         """
-        if self.tolerance is not None:
-            raise SceneError(f"time.tolerance = {self.tolerance!r}: the scene has no time step until one is chosen")
-        return ceil(self.sample / self.timestep - 1e-9)  # the same rule, with the same slack, is written in the deck
+        return self.clock.per_sample
 
     @property
     def step(self) -> float:

@@ -161,11 +161,9 @@ def _refuse_unfit(scene: Scene) -> None:
             f"packing.columns = {scene.packing.columns!r}: must be a multiple of 3 for a sheet that is kicked, which "
             "otherwise does not hold the corner K of the Brillouin zone"
         )
-    if time.tolerance is not None:
-        raise SceneError(
-            f"time.tolerance = {time.tolerance!r}: must be left out for a sheet that is kicked, which is run once and "
-            "estimates no error; give a time.timestep"
-        )
+    time.clock.refuse_ladder(
+        "must be left out for a sheet that is kicked, which is run once and estimates no error; give a time.timestep"
+    )
     longest = np.pi / highest_frequency(unit_lattice(scene.sphere), scene.sphere)
     if time.sample >= longest:
         raise SceneError(

@@ -153,8 +153,7 @@ def _motion(scene: Scene) -> str:
     if scene.wave is not None:
         named = {key: value for key, value in values["wave"].items() if key not in _WAVE_VECTOR}
         values["wave"] = named | {"vector": scene.vector.components}
-    if scene.time.tolerance is None:
-        values["time"] |= {"timestep": scene.time.step}
+    values["time"] |= scene.time.clock.as_run
     return json.dumps(values | {"name": None, "description": None}, sort_keys=True)
 
 

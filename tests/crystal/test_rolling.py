@@ -8,7 +8,7 @@ import pytest
 
 from granular_analysis.tools.compare import main as compare
 from granular_lmp import build, run
-from granular_lmp.accuracy.richardson import richardson
+from granular_lmp.accuracy.estimates import richardson
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.lattices import Shape, packed, unit_lattice
 from granular_lmp.crystal.mode import Physics

@@ -17,8 +17,8 @@ from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.lattice import torus
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
+from granular_lmp.accuracy.estimates import richardson
 from granular_lmp.accuracy.ladder import with_step
-from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.accuracy.rounding import grain, noise_floor
 from tests.conftest import PAPER, members
 

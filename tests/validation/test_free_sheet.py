@@ -152,7 +152,7 @@ def test_check_names_the_substrate_and_the_spread(capsys: pytest.CaptureFixture[
 
 def test_a_lattice_that_was_not_said_is_named_as_the_default() -> None:
     size = {"rows": 7, "columns": 6}
-    says = r'= "chain", the default lattice without \[wave\]; for a sheet set packing\.lattice = "hexagonal"'
+    says = r'the default\b.* without \[wave\]; for a sheet set packing\.lattice = "hexagonal"'
     with pytest.raises(SceneError, match=says):
         Scene.from_dict(TABLES | {"packing": size})
     assert Scene.from_dict(TABLES | {"packing": size | {"lattice": "hexagonal"}}).shape.columns == 6
