@@ -31,11 +31,6 @@ class Estimate(Protocol):
         """Return the entries of ``run.json`` about the errors of the answer."""
 
 
-def order_of(scene: Scene) -> int:
-    """Return the order of the error in the step of a scene: 2, 1, or 0 for an error that is no series."""
-    return collisions.order(scene) if scene.wave is None else order(scene)
-
-
 def estimate_of(problem: Problem) -> Estimate:
     """Return the estimate of the errors of the runs of a problem."""
     return OfCollisions(problem) if problem.mode is None else OfWave(problem)
@@ -94,13 +89,13 @@ class OfCollisions:
     """The largest errors, over the velocity of the fastest striker (`granular_lmp.accuracy.collisions`)."""
 
     def __init__(self, problem: Problem) -> None:
-        self._order, self._loose, self._recorded = collisions.order(problem.scene), problem.scene.loose, Recorded()
+        self._order, self._of_impact, self._recorded = order(problem.scene), problem.scale.of_impact, Recorded()
 
     def __call__(self, records: Sequence[Record]) -> Judgement:
         """Return the answer of all runs so far, with the errors of all that is recorded."""
         self._recorded.add(records[-1])
         counts = [each.scene.time.steps_per_sample for each in records]
-        return collisions.judge(self._recorded.signals, counts, self._order, loose=self._loose)
+        return collisions.judge(self._recorded.signals, counts, self._order, of_impact=self._of_impact)
 
     def outcome(self, judgement: Judgement, answer: Record) -> dict[str, Any]:
         """Return the errors of recorded spheres and of monitors, and the order of the error in the step."""

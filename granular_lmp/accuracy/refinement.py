@@ -62,7 +62,7 @@ def one_of(options: Options, problem: Problem) -> One:
     """
 
     def made(scene: Scene, place: Path, progress: Progress | None) -> Record:
-        what = scene if problem.mode is None else replace(problem, scene=scene, declared=scene)
+        what = scene if problem.mode is None else replace(problem.stepped(scene), declared=scene)
         return launch.launch(what, place, replace(options, force=True, progress=progress))
 
     return made

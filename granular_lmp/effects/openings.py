@@ -55,7 +55,7 @@ def begins_wider(scene: Scene) -> bool:
 
 def begin(problem: Prepared) -> list[str]:
     """Return the block that begins all contacts at rest, empty where LAMMPS does by itself."""
-    if problem.scene.loose or not begins_wider(problem.scene):
+    if not begins_wider(problem.scene):
         return []
     reach = float(np.max(-law_at_rest(problem.scene).pull_off_overlap / contacts_of(problem.scene).radii))
     return [
@@ -76,8 +76,6 @@ def at_rest_lines(problem: Prepared) -> list[str]:
 
     LAMMPS counts them, so that the number is that of the data file.
     """
-    if problem.scene.loose:
-        return []
     walls = on_walls.at_rest_lines(problem)
     if by_pairs(problem.scene):
         return walls

@@ -35,23 +35,23 @@ class Refusal:
     because : "physics" or "not built"
     says : callable
         Scene → what is wrong with it, "" if nothing is.
-    loose : bool
-        True if it is a line of loose spheres alone (`Scene.loose`).
+    at_rest : bool
+        True if it is a line of spheres that are held at rest, too.
     """
 
     because: Because
     says: Callable[[Derived], str]
-    loose: bool = True
+    at_rest: bool = False
 
 
 REFUSALS: list[Refusal] = []
 
 
-def _line(because: Because, *, loose: bool = True) -> Callable[[Callable[[Derived], str]], Callable[[Derived], str]]:
+def _line(because: Because, *, at_rest: bool = False) -> Callable[[Callable[[Derived], str]], Callable[[Derived], str]]:
     """Return what joins a function to the list."""
 
     def joined(says: Callable[[Derived], str]) -> Callable[[Derived], str]:
-        REFUSALS.append(Refusal(because, says, loose))
+        REFUSALS.append(Refusal(because, says, at_rest))
         return says
 
     return joined
@@ -60,7 +60,7 @@ def _line(because: Because, *, loose: bool = True) -> Callable[[Callable[[Derive
 def refuse(scene: Derived) -> None:
     """Raise a SceneError for the first line that refuses a scene without a wave."""
     for line in REFUSALS:
-        if (scene.loose or not line.loose) and (sentence := line.says(scene)):
+        if (line.at_rest or not scene.held_at_rest) and (sentence := line.says(scene)):
             raise SceneError(sentence)
 
 
@@ -73,7 +73,7 @@ def require_wave(scene: Derived) -> None:
         )
 
 
-@_line("physics", loose=False)
+@_line("physics", at_rest=True)
 def nothing_moves(scene: Derived) -> str:
     if scene.striker or scene.start.moves or scene.source:
         return ""
@@ -87,7 +87,7 @@ def held_sides(scene: Derived) -> str:
     return f'packing.sides = "held": must be "free", "periodic" or "wall"; held sides need {AT_REST}'
 
 
-@_line("physics", loose=False)
+@_line("physics", at_rest=True)
 def striker_is_nowhere(scene: Derived) -> str:
     return next(striker_troubles(scene.striker, scene.shape, scene.space), "")
 
@@ -265,7 +265,7 @@ def too_few_columns(scene: Derived) -> str:
     )
 
 
-@_line("physics", loose=False)
+@_line("physics", at_rest=True)
 def too_many_spheres(scene: Derived) -> str:
     shape = scene.shape
     if shape.spheres <= MOST_SPHERES:
@@ -276,7 +276,7 @@ def too_many_spheres(scene: Derived) -> str:
     )
 
 
-@_line("physics", loose=False)
+@_line("physics", at_rest=True)
 def places_outside(scene: Derived) -> str:
     output = scene.output
     places: dict[str, tuple[Rows, Spheres, Rows | None]] = (
@@ -339,7 +339,7 @@ def lost_in_rounding(scene: Derived) -> str:
     )
 
 
-@_line("physics", loose=False)
+@_line("physics", at_rest=True)
 def no_sample_in_the_run(scene: Derived) -> str:
     time = scene.time
     if time.sample <= time.duration:

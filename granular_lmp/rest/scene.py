@@ -11,7 +11,7 @@ in `granular_lmp.effects`.
 
 A scene without ``[wave]`` has strikers, a state or sources. Where spheres adhere, or a sheet is pressed together, they
 are at rest as beside a wave, and the units are those of a wave. Spheres that just touch, a sheet of spheres with gaps
-and a compressed chain are loose (`Scene.loose`): times are in t0 of the impact (`granular_lmp.crystal.scale`).
+and a compressed chain are not (`Scene.held_at_rest`): times are in t0 of the impact (`granular_lmp.crystal.scale`).
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -58,7 +58,7 @@ from granular_lmp.scene.sources import Source, check_quiet, check_sources
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.start import located as located_state
 from granular_lmp.scene.strikers import Striker, check_strikes
-from granular_lmp.scene.without_wave import NEEDS_REST, NEEDS_WAVE, UNWAVED, is_loose, refuse_tables
+from granular_lmp.scene.without_wave import NEEDS_REST, NEEDS_WAVE, UNWAVED, held_at_rest, refuse_tables
 
 __all__ = ["Scene"]
 
@@ -205,18 +205,18 @@ class Scene(HasCard, Derived):
         refuse_step_beside_tolerance(tables)
         tables = validation.with_quiet_rows(tables)
         if cls._is_bare(tables):
-            refuse_tables(tables, loose=is_loose(tables))
+            refuse_tables(tables)
         return with_placeholder(without_wavevector(tables))
 
     @classmethod
     def _bare_tables(cls, tables: Mapping[str, Any]) -> Collection[str]:
-        """Return the tables whose keys are declared otherwise without a wave: all of loose spheres, else `UNWAVED`."""
+        """Return the tables whose keys are declared otherwise without a wave, at rest `UNWAVED` alone."""
         every = super()._bare_tables(tables)
-        return every if is_loose(tables) else [key for key in every if key in UNWAVED]
+        return [key for key in every if key in UNWAVED] if held_at_rest(tables) else every
 
     def _bare_in(self, table: str) -> bool:
         """Return whether the keys of a table are declared otherwise than beside a wave; see `_bare_tables`."""
-        return self._bare and (self.loose or table in UNWAVED)
+        return self._bare and (not self.held_at_rest or table in UNWAVED)
 
     @classmethod
     def _solved(cls, records: dict[str, Any]) -> dict[str, Any]:
@@ -247,7 +247,7 @@ class Scene(HasCard, Derived):
         if self._bare:
             output = {key: value for key, value in tables.pop("output").items() if value != getattr(Output(), key)}
             tables |= {"output": output} if output else {}
-            return _without_keys(tables, NEEDS_WAVE | (NEEDS_REST if self.loose else {}))
+            return _without_keys(tables, NEEDS_WAVE | ({} if self.held_at_rest else NEEDS_REST))
         return tables | {"wave": _without_replaced(tables["wave"])}
 
     @classmethod
@@ -286,7 +286,7 @@ class Scene(HasCard, Derived):
         validation.check_adhesion_law(self.material, self.effects, self.inclusion)
         if self.wave is None:
             refuse(self)
-        if self.loose:
+        if not self.held_at_rest:
             check_monitors(self.monitor, self.packing, self.shape)
             return
         check_space(self.packing, self.substrate, self.effects, self.absorb, self.lattice, self.space)

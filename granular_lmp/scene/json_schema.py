@@ -52,15 +52,15 @@ class Key:
     required: bool
 
 
-def keys(*, bare: bool = False, loose: bool = True) -> Iterator[Key]:
+def keys(*, bare: bool = False, at_rest: bool = False) -> Iterator[Key]:
     """Yield every key of a scene file, section by section.
 
-    `bare` is true for a scene without ``[wave]``, and then `loose` for one whose spheres are not at rest under load.
+    `bare` is true for a scene without ``[wave]``, and then `at_rest` for one whose spheres are held at rest.
     """
     layout = Declaration.layout
-    absent = (layout.lacking, *NEEDS_WAVE, *(NEEDS_REST if loose else ())) if bare else ()
+    absent = (layout.lacking, *NEEDS_WAVE, *(() if at_rest else NEEDS_REST)) if bare else ()
     for section, kind in {**layout.sections, **layout.repeated}.items():
-        own = bare and (loose or section in UNWAVED)
+        own = bare and (not at_rest or section in UNWAVED)
         found = declared_keys(kind, layout.rules.get(section), bare=own) if section not in absent else []
         for each in (each for each in found if f"{section}.{each.name}" not in absent):
             required = each.default is MISSING or (
@@ -81,11 +81,11 @@ def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a scene file.
 
     A scene with ``[wave]`` and one without it have other keys: "then" holds the first, "else" the second. There "then"
-    holds those of a crystal at rest under load, "else" those of loose spheres.
+    holds those of a crystal at rest under load, "else" those of spheres that meet.
     """
     head = {"$schema": DIALECT, "title": "A scene of granular-lmp"}
-    at_rest, loose = (_marked(_tables(bare=True, loose=loose)) for loose in (False, True))
-    without = {"if": _AT_REST, "then": at_rest, "else": loose}
+    at_rest, meeting = (_marked(_tables(bare=True, at_rest=each)) for each in (True, False))
+    without = {"if": _AT_REST, "then": at_rest, "else": meeting}
     return head | {
         "if": {"required": [Declaration.layout.lacking]},
         "then": _tables(bare=False),
@@ -106,7 +106,7 @@ def _having(table: str, **values: dict[str, Any]) -> dict[str, Any]:
     return {"properties": {table: inner}, "required": [table]}
 
 
-# As `granular_lmp.scene.without_wave.is_loose` has it, the other way round
+# As `granular_lmp.scene.without_wave.holds` has it
 _AT_REST = {
     "anyOf": [
         _having("sphere", work_of_adhesion={"exclusiveMinimum": 0}),
@@ -115,7 +115,7 @@ _AT_REST = {
 }
 
 
-def _tables(*, bare: bool, loose: bool = True) -> dict[str, Any]:
+def _tables(*, bare: bool, at_rest: bool = False) -> dict[str, Any]:
     layout = Declaration.layout
     properties: dict[str, Any] = {
         "name": {"type": "string", "pattern": f"^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$"},
@@ -123,7 +123,7 @@ def _tables(*, bare: bool, loose: bool = True) -> dict[str, Any]:
     }
     sections: dict[str, dict[str, Any]] = {}
     needed: dict[str, list[str]] = {}
-    for key in keys(bare=bare, loose=loose):
+    for key in keys(bare=bare, at_rest=at_rest):
         sections.setdefault(key.section, {})[key.name] = _value(key)
         needed.setdefault(key.section, []).extend([key.name] if key.required else [])
     for section, inner in sections.items():

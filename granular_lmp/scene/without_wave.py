@@ -1,6 +1,6 @@
 """Tables and keys of a scene without ``[wave]``: which are declared otherwise, and which it cannot have.
 
-Spheres of such a scene are at rest under load, or they just touch (`is_loose`), where nothing has a stiffness.
+Spheres of such a scene are at rest under load, or they just touch (`holds`), where nothing has a stiffness.
 """
 
 from collections.abc import Mapping
@@ -38,19 +38,30 @@ NEEDS_REST: dict[str, str] = {
 }
 
 
-def is_loose(tables: Mapping[str, Any]) -> bool:
-    """Return whether tables without a wave are of loose spheres, as `Scene.loose` says it of a scene."""
+def holds(adhesion: float, force: float, *, sheet: bool, touching: bool) -> bool:
+    """Return whether spheres without a wave are held at rest: they adhere, or a force presses a sheet together.
+
+    Those that begin `touching` are not yet pulled to their overlap, and a chain under a force parts as it is struck.
+    """
+    return not touching and (adhesion > 0 or force > 0 and sheet)
+
+
+def held_at_rest(tables: Mapping[str, Any]) -> bool:
+    """Return what tables without a wave say of it, checked or not, as `Scene.held_at_rest` of a scene."""
     names = ("sphere", "packing", "start")
     sphere, packing, start = (each if isinstance(each := tables.get(key), Mapping) else {} for key in names)
-    pressed_sheet = packing.get("contact_force") and packing.get("lattice", CHAIN.name) != CHAIN.name
-    return start.get("touching") is True or not (sphere.get("work_of_adhesion") or pressed_sheet)
+    sheet = packing.get("lattice", CHAIN.name) != CHAIN.name
+    adhesion, force = (bool(each) for each in (sphere.get("work_of_adhesion"), packing.get("contact_force")))
+    return holds(adhesion, force, sheet=sheet, touching=start.get("touching") is True)
 
 
-def refuse_tables(tables: Mapping[str, Any], *, loose: bool) -> None:
-    """Raise a SceneError for the first table or key that needs a wave, or in a scene of `loose` spheres one at rest."""
+def refuse_tables(tables: Mapping[str, Any]) -> None:
+    """Raise a SceneError for the first table or key that needs a wave, or spheres that are held at rest."""
     sphere = tables.get("sphere")
     adheres = isinstance(sphere, Mapping) and sphere.get("work_of_adhesion")
-    for key, why in (NEEDS_WAVE | (NEEDS_REST if loose else {}) | ({} if adheres else NEEDS_ADHESION)).items():
+    for key, why in (
+        NEEDS_WAVE | ({} if held_at_rest(tables) else NEEDS_REST) | ({} if adheres else NEEDS_ADHESION)
+    ).items():
         table, _, name = key.partition(".")
         inner = tables.get(table)
         if table in tables and (not name or isinstance(inner, Mapping) and name in inner):
