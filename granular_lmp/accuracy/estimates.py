@@ -39,7 +39,7 @@ class Estimate:
     """The estimate of the errors of the runs of a problem, to which each run is added after it was made."""
 
     def __init__(self, problem: Problem) -> None:
-        self._scene, self._order = problem.scene, collisions.order(problem.scene)
+        self._scene, self._order = problem.scene, order(problem.scene)
         self._recorded, self._noise = Recorded(), dict[str, float]()
         self._judgements: list[Judgement] = []
 
@@ -50,7 +50,7 @@ class Estimate:
         signals = self._recorded.signals
         if scene.wave is None:
             counts = [each.scene.time.steps_per_sample for each in records]
-            return collisions.judge(signals, counts, self._order, loose=scene.loose)
+            return collisions.judge(signals, counts, self._order, of_impact=scene.scale.of_impact)
         if len(records) == 1:
             noise.update(lost(scene, signals[0], with_step(scene, finest_step(scene))))
         names = [name for name in counted(scene, signals[-1]) if name not in noise]

@@ -12,8 +12,9 @@ from granular_lmp.accuracy.verlet import pair_error
 from granular_lmp.crystal.modes import bloch_mode, highest_frequency
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import Deck, deck_of
-from granular_lmp.problem import Problem, prepare, step_rules
+from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.at_rest import swiftness
+from granular_lmp.rest.held import step_rules
 from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.clock import RUNGS as RUNGS

@@ -8,7 +8,7 @@ import numpy as np
 from granular_lmp.accuracy.extrapolation import Signals
 from granular_lmp.accuracy.rounding import grain, judged, moving, noise_floor
 from granular_lmp.errors import ToleranceError
-from granular_lmp.problem import largest_step
+from granular_lmp.rest.held import largest_step
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import FORCES, NAMES, RATES
 

@@ -12,7 +12,7 @@ length, as in the deck, positions are exact in binary numbers:
 
 In a chain that a force F0 presses together, the overlaps (F0/A)^{2/3} are rounded to a multiple of `grain` too. Those
 of equal spheres are then alike to the last bit, and nothing moves; those of unequal ones leave a residual force
-(`granular_lmp.rest.collisions.Collisions.residual_force`).
+(`granular_lmp.rest.meeting.Meeting.residual_force`).
 
 Unequal spheres of a sheet cannot all touch. They are on the lattice of the nominal radius R, and none is larger: sphere
 s has the radius R_s (1 − σ |g_s|), R_s ≤ R that of its inclusion, with the deviate g_s of

@@ -12,7 +12,7 @@ from typing import Any
 
 from granular_lmp.crystal.adhesion_laws import HERTZ
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, Meeting
 from granular_lmp.rest.scene import Scene
 
 
@@ -26,7 +26,7 @@ def called_for(case: Case) -> Finding:
     )
 
 
-def loose(case: Case) -> Finding:
+def of_meeting(case: Case) -> Finding:
     pull = case.scene.material.pull_off_force
     return (
         Finding(True, pull, "a pull of {} N parts two spheres")
@@ -46,4 +46,13 @@ def law(scene: Scene, on: bool) -> Mapping[str, Any]:
     return {"normal": scene.material.adhesion_law if on else HERTZ}
 
 
-ADHESION = Effect("adhesion", called_for, cost="1 or 2", loss=loss, loose=loose, law=law, recorded=True, in_all=False)
+ADHESION = Effect(
+    "adhesion",
+    called_for,
+    cost="1 or 2",
+    loss=loss,
+    meeting=Meeting(of_meeting),
+    law=law,
+    recorded=True,
+    in_all=False,
+)

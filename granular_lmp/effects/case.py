@@ -18,7 +18,7 @@ from granular_lmp.crystal.modes import contact_stretches, decay_rate, highest_fr
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.rest.at_rest import contacts_of, crystal_of, law_at_rest, swiftness
-from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts, wave_contacts
+from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts, viscosity_of, wave_contacts
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.sources import ROTATION
@@ -241,9 +241,7 @@ class Case:
     @property
     def viscosity(self) -> float:
         """Dashpot of a contact at rest, in m/t0."""
-        effects, sphere = self.scene.effects, self.scene.sphere
-        dashpot = effects.viscosity or sphere.restitution_viscosity(effects.restitution)
-        return dashpot * sphere.time_scale / sphere.mass
+        return viscosity_of(self.scene)
 
     @property
     def strongest_dashpot(self) -> float:

@@ -8,7 +8,7 @@ from math import inf
 
 from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, Meeting
 from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.rest.scene import Scene
 from granular_lmp.rest.step_rules import LONGEST_STEP
@@ -16,7 +16,7 @@ from granular_lmp.rest.step_rules import LONGEST_STEP
 
 def deepest(problem: Prepared) -> list[str]:
     """Return the lines of v_deepest, the deepest overlap of spheres and walls in units of the scene."""
-    softest, walls = float(problem.collisions.coefficients.min(initial=1.0)), problem.planes
+    softest, walls = float(problem.rest.coefficients.min(initial=1.0)), problem.planes
     pushes = hertz_force("(c_largest>0)*c_largest", problem)
     length = problem.units.number(problem.scale.length, length=1)  # ℓ, and m ℓ/t0² too
     lines = [
@@ -58,7 +58,7 @@ def omega_dt(problem: Prepared) -> list[str]:
     """Return the lines of the step in units of 1/ω of the stiffest contact."""
     return [
         *deepest(problem),
-        f"variable     omega_dt equal v_step*sqrt({problem.collisions.square_rate!r}*sqrt(v_deepest))",
+        f"variable     omega_dt equal v_step*sqrt({problem.rest.square_rate!r}*sqrt(v_deepest))",
     ]
 
 
@@ -101,10 +101,9 @@ def loss(case: Case) -> str:
 DEEP_OVERLAP = Effect(
     "deep_overlap",
     None,
-    loose=small_overlaps,
+    meeting=Meeting(small_overlaps, guard=TOO_DEEP),
     cost="1.00",
     loss=loss,
-    guard=TOO_DEEP,
     switch="striker",
     declared=never,
     in_all=False,
@@ -112,10 +111,9 @@ DEEP_OVERLAP = Effect(
 LONG_STEP = Effect(
     "long_step",
     None,
-    loose=chosen_step,
+    meeting=Meeting(chosen_step, guard=TOO_LONG),
     cost="1.00",
     loss=loss,
-    guard=TOO_LONG,
     switch="time.timestep",
     declared=never,
     in_all=False,

@@ -22,9 +22,10 @@ import numpy as np
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.effects import on_walls
 from granular_lmp.effects.guard import Prepared, watches_part
-from granular_lmp.effects.looks import LOOKS, nearly_open
+from granular_lmp.effects.looks import nearly_open
 from granular_lmp.effects.reading import alike, judged_singly
 from granular_lmp.rest.at_rest import contacts_of, crystal_of, law_at_rest
+from granular_lmp.rest.looks import LOOKS
 from granular_lmp.rest.scene import Scene
 
 PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is counted, against rounding
@@ -54,7 +55,7 @@ def begins_wider(scene: Scene) -> bool:
 
 def begin(problem: Prepared) -> list[str]:
     """Return the block that begins all contacts at rest, empty where LAMMPS does by itself."""
-    if problem.scene.loose or not begins_wider(problem.scene):
+    if not begins_wider(problem.scene):
         return []
     reach = float(np.max(-law_at_rest(problem.scene).pull_off_overlap / contacts_of(problem.scene).radii))
     return [
@@ -75,8 +76,6 @@ def at_rest_lines(problem: Prepared) -> list[str]:
 
     LAMMPS counts them, so that the number is that of the data file.
     """
-    if problem.scene.loose:
-        return []
     walls = on_walls.at_rest_lines(problem)
     if by_pairs(problem.scene):
         return walls

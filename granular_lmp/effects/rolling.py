@@ -15,7 +15,7 @@ import numpy as np
 
 from granular_lmp.crystal.modes import contact_rolls
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, Meeting
 from granular_lmp.rest.linear import wave_contacts
 from granular_lmp.rest.scene import Scene
 
@@ -36,7 +36,7 @@ def called_for(case: Case) -> Finding:
     return Finding(True, ratio, "the largest rolling force is {} of the cap of rolling friction")
 
 
-def loose(case: Case) -> Finding:
+def of_meeting(case: Case) -> Finding:
     effects = case.scene.effects
     rolls = effects.rolling_stiffness > 0 and effects.rolling is not False
     return Finding(rolls, np.inf, "contacts resist rolling" if rolls else "the rolling stiffness is 0")
@@ -76,7 +76,7 @@ ROLLING = Effect(
     called_for,
     cost="1.05",
     loss=loss,
-    loose=loose,
+    meeting=Meeting(of_meeting),
     needs="rotation",
     law=law,
     refuse=refuse,

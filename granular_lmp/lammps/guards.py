@@ -12,7 +12,7 @@ from types import MappingProxyType
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.guard import Guard
-from granular_lmp.effects.looks import longest, look_interval, nearly_open
+from granular_lmp.effects.looks import nearly_open
 from granular_lmp.effects.openings import counted_lines
 from granular_lmp.effects.reading import Reading, contact_lines, overlap_lines
 from granular_lmp.effects.selection import guards as all_guards
@@ -20,26 +20,21 @@ from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.lammps.outputs import CONTACTS, UNWAVED_CONTACTS
 from granular_lmp.lammps.region_of_influence import inside_lines, leaving_lines
 from granular_lmp.problem import Problem
+from granular_lmp.rest.looks import longest
 
 GUARDS = all_guards()
-LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
 # The hardest shear over the smallest sliding force is at most this times the largest ratio of one contact (make guards)
 BOUND = 3.0
 
 
 def line_interval(problem: Problem) -> int:
-    """Return the steps between two looks, which are the lines of the thermo table.
+    """Return the steps between two looks, which are the lines of the thermo table; those of a sample without looks."""
+    return problem.rest.steps_between_looks if problem.looks else problem.scene.time.steps_per_sample
 
-    Where spheres meet there are `LOOKS_IN_COLLISION` in the shortest collision, a whole number of them in a sample.
-    """
-    time = problem.scene.time
-    if not problem.looks:
-        return time.steps_per_sample
-    if not problem.scene.loose:
-        return look_interval(problem.scene, problem.mode)
-    most = int(problem.collisions.shortest_collision / LOOKS_IN_COLLISION / time.step)
-    whole = time.steps_per_sample
-    return next(steps for steps in range(max(min(most, whole), 1), 0, -1) if whole % steps == 0)
+
+def has_looks(problem: Problem) -> bool:
+    """Return whether guards look at v_look, as those of a crystal at rest do; where spheres meet, at every line."""
+    return not problem.rest.meets
 
 
 def guards(problem: Problem, checkpoint: str = "") -> list[str]:
@@ -49,8 +44,6 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
     """
     if not problem.looks:
         return _none(problem)
-    if problem.scene.loose:
-        return _of_meetings(problem)
     names, how = problem.guards, Reading.of(problem)
     text: list[str] = []
     for guard in (GUARDS[name] for name in names):
@@ -121,14 +114,14 @@ def verdict(problem: Problem) -> list[str]:
     ]
 
 
-def _of_meetings(problem: Problem) -> list[str]:
+def guards_of_meeting(problem: Problem, checkpoint: str = "") -> list[str]:
     """Return the block of the guards of spheres that meet: every look is a line of the thermo table."""
     lines = dict.fromkeys(line for name in problem.guards for line in GUARDS[name].lines(problem))
     return [
         "# --- guards: the largest force of a contact; its overlap and frequency are at most those of the softest and",
         "#     the stiffest pair of spheres",
         *lines,
-        f"thermo_style custom step {' '.join(columns(problem))}",
+        f"thermo_style custom step v_tau {' '.join(GUARDS[name].column for name in problem.guards)}",
         "thermo_modify flush yes",
         f"thermo       {line_interval(problem)}",
         *judged_lines(problem, line_interval(problem)),
@@ -137,8 +130,6 @@ def _of_meetings(problem: Problem) -> list[str]:
 
 def columns(problem: Problem) -> list[str]:
     """Return the names of the thermo columns behind the step; those of slip need shear."""
-    if problem.scene.loose:
-        return ["v_tau", *(GUARDS[name].column for name in problem.guards)]
     return ["v_tau", *_measured(problem), *(["v_mu"] if SLIP.title in problem.guards else [])]
 
 
@@ -188,7 +179,7 @@ def _judges(problem: Problem) -> str:
 def _trouble(guard: Guard, problem: Problem) -> str:
     """Return what it means that a guard is above its limit, behind the name of its column."""
     limit = guard.limit_in(problem)
-    if problem.scene.loose:
+    if guard.heading:
         return f"{guard.column}, {guard.heading.format(limit=limit)}"
     held = UNWAVED_CONTACTS if problem.mode is None else CONTACTS
     each = f"; {held} then holds each contact" if guard is SLIP else ""

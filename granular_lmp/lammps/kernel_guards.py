@@ -12,7 +12,7 @@ from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import mu_line
-from granular_lmp.lammps.guards import GUARDS, guards, judged_lines, look_lines, thermo_lines
+from granular_lmp.lammps.guards import GUARDS, guards, has_looks, judged_lines, look_lines, thermo_lines
 from granular_lmp.lammps.region_of_influence import inside_lines
 from granular_lmp.problem import Problem
 
@@ -29,7 +29,7 @@ def watched_text(problem: Problem, text: str, checkpoint: str = "") -> str:
     they touched before, and where other lines of an edited deck take something of the guards.
     """
     sphere, on = problem.scene.sphere, problem.on
-    past = problem.looks and not problem.scene.loose and (on["shear"] or sphere.contact_law.beyond)
+    past = problem.looks and has_looks(problem) and (on["shear"] or sphere.contact_law.beyond)
     if not past or Reading.of(problem).walls:
         return text
     theirs, own = guards(problem, checkpoint), _guards(problem)

@@ -24,8 +24,7 @@ def title(scene: Scene) -> str:
 
 def data_title(problem: Problem) -> str:
     """Return the first line of the data file."""
-    units = problem.units
-    return f"{title(problem.scene)}; {units.names if problem.scene.loose else f'units {units.style}'}"
+    return f"{title(problem.scene)}; {problem.units.title}"
 
 
 def heading(problem: Problem) -> list[str]:
@@ -66,7 +65,7 @@ def variables(problem: Problem) -> list[str]:
         f"variable checkpoint index {checkpoint_steps(problem)}  # steps between checkpoints, here for one core",
         f"variable {'marked':{width}} index unmarked  # empty group whose name identifies the scene in a checkpoint",
         *([_refusal(), f'print "{_said(problem)}"'] if wave else []),
-        *(clock(problem) if problem.scene.loose else []),
+        *(clock(problem) if problem.units.own else []),
     ]
 
 
@@ -128,7 +127,7 @@ def said_variables(log: str) -> dict[str, str] | None:
 def units(problem: Problem) -> list[str]:
     """Return the lengths and times of the scene in the units of the deck, and the clock; [] where they are its own."""
     of, scale = problem.units, problem.scale
-    if problem.scene.loose:
+    if of.own:
         return []
     overlap = "static overlap" if problem.scene.wave else "unit of overlaps and displacements"
     return [
@@ -143,13 +142,12 @@ def units(problem: Problem) -> list[str]:
 
 def clock(problem: Problem) -> list[str]:
     """Return the variables of steps and time; t0 is 1 where the units are those of the scene."""
-    width = 8 if problem.scene.loose else 6
-    step, tau = ("v_sample/v_every*v_t0", "step*v_step/v_t0")
-    if problem.scene.loose:
-        step, tau = ("v_sample/v_every", "step*v_step")
+    width, step, tau = 6, "$(v_sample/v_every*v_t0:%.17g)", "step*v_step/v_t0"
+    if problem.units.own:
+        width, step, tau = 8, "v_sample/v_every", "step*v_step"
     return [
         f"variable {'every':{width}} equal ceil(v_sample/v_timestep-1e-9)",
-        f"variable {'step':{width}} equal {step if problem.scene.loose else f'$({step}:%.17g)'}",
+        f"variable {'step':{width}} equal {step}",
         f"variable {'steps':{width}} equal v_every*floor(v_duration/v_sample+1e-9)",
         f"variable {'tau':{width}} equal {tau}",
     ]

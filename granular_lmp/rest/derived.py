@@ -30,7 +30,8 @@ from granular_lmp.scene.sections import (
 )
 from granular_lmp.scene.sources import Source
 from granular_lmp.scene.strikers import scale_of, stretch
-from granular_lmp.units import AnyUnits, units_of
+from granular_lmp.scene.without_wave import holds
+from granular_lmp.units import AnyUnits, OwnUnits, units_for
 
 DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing holds: it is cut off below 4e-6
 
@@ -41,13 +42,13 @@ class Derived(Declaration):
     @cached_property
     def sphere(self) -> Sphere:
         """The spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
-        material = self.material.unloaded if self.loose and self.start.touching else self.material
+        material = self.material.unloaded if self.start.touching and self.wave is None else self.material
         return at_rest(material, self.packing, self.effects, self.contact)
 
     @cached_property
     def scale(self) -> Scale:
-        """Units of the scene: m, Δ0 and t0 of the spheres at rest; of loose ones those of the impact."""
-        return scale_of(self.striker, self.start, self.material) if self.loose else Scale.of(self.sphere)
+        """Units of the scene: m, Δ0 and t0 of spheres that are held at rest, else those of the impact."""
+        return Scale.of(self.sphere) if self.held_at_rest else scale_of(self.striker, self.start, self.material)
 
     @cached_property
     def space(self) -> int:
@@ -62,7 +63,7 @@ class Derived(Declaration):
     @cached_property
     def rigid(self) -> Wall | None:
         """Law of the contacts with rigid planes at the faces of a crystal at rest, None without any."""
-        return Wall.rigid(self.sphere) if WALL in self.shape.faces.values() and not self.loose else None
+        return Wall.rigid(self.sphere) if WALL in self.shape.faces.values() and self.held_at_rest else None
 
     @property
     def _physics(self) -> Physics:
@@ -77,18 +78,21 @@ class Derived(Declaration):
         declared = tuple(name for name, face in faces.items() if face == QUIET)
         return declared or tuple(name for name, face in faces.items() if face not in (FREE, WALL))
 
-    @property
-    def loose(self) -> bool:
-        """True if spheres just touch, or are a chain that is pressed together: they part without a pull, and fly."""
-        pressed_sheet = self.packing.contact_force > 0 and lattice_of(self.packing, self.substrate).sheet
-        held = self.material.work_of_adhesion > 0 or pressed_sheet
-        return self.wave is None and (self.start.touching or not held)
+    @cached_property
+    def held_at_rest(self) -> bool:
+        """True if adhesion or a load holds the spheres at rest, as beside every wave.
+
+        Spheres that just touch are not, and a chain that is pressed together: they part without a pull, and fly.
+        """
+        sheet = lattice_of(self.packing, self.substrate).sheet
+        adhesion, force, touching = self.material.work_of_adhesion, self.packing.contact_force, self.start.touching
+        return self.wave is not None or holds(adhesion, force, sheet=sheet, touching=touching)
 
     @property
     def units(self) -> AnyUnits:
-        """Units of the deck."""
-        scale = self.scale
-        return units_of(self.material.radius, scale.time, scale.mass, loose=self.loose)
+        """Units of the deck: those of an impact, else a metric style."""
+        scale, radius = self.scale, self.material.radius
+        return OwnUnits(scale.mass, radius, scale.time) if scale.of_impact else units_for(radius)
 
     @property
     def displacement_amplitude(self) -> float:
@@ -120,7 +124,7 @@ class Derived(Declaration):
     def lattice(self) -> Lattice:
         """Lattice of the packing."""
         found = lattice_of(self.packing, self.substrate)
-        if self.loose or not self.sphere.static_overlap or self.effects.shear is False:
+        if not self.held_at_rest or not self.sphere.static_overlap or self.effects.shear is False:
             return found
         # Spheres that do not turn have transverse waves faster than L above κ = 1; those that do, in the plane above 2
         turning = 4 / 3 if found.solid else 2.0
@@ -284,14 +288,13 @@ class Derived(Declaration):
                 f"{self._shaken}{self.wave.words} {self.envelope.kind} along {self.along}, "
                 f"xi = {self.wavenumber!r} rad per row, D0 = {self.wave.amplitude!r} Delta0"
             )
-        held = words.held_by(self.sphere, self.disorder.radius if self.loose and self.lattice.sheet else 0.0)
+        held = words.held_by(self.sphere, self.disorder.radius if self.scale.of_impact and self.lattice.sheet else 0.0)
         return words.of_strikes(self.shape, held, self.striker, self.start, self.source)
 
     def remarks(self) -> list[str]:
         """Return a sentence for each change that made the scene fit, on disorder, and if another law is nearer."""
         physics = remarks.on_law(self.material, self.effects)
-        if not self.loose:
-            physics += remarks.on_disorder(self.disorder, self.sphere, self.packing, self.wave)
+        physics += remarks.on_disorder(self.disorder, self.sphere, self.packing, self.wave)
         if self.wave is None:
             return physics + remarks.on_step(self.time)
         said = remarks.on_packing(self.packing, self.shape) + remarks.on_vector(self.wave, self.shape, self.vector)

@@ -15,6 +15,13 @@ def physics_of(scene: Scene) -> Physics:
     return derived.physics_of(scene.effects, scene.space)
 
 
+def viscosity_of(scene: Scene) -> float:
+    """Return the dashpot of a contact at rest, in m/t0."""
+    effects, sphere = scene.effects, scene.sphere
+    dashpot = effects.viscosity or sphere.restitution_viscosity(effects.restitution)
+    return dashpot * sphere.time_scale / sphere.mass
+
+
 def starts_along_y(scene: Scene) -> bool:
     """Return whether the wave starts as a running plane wave along y."""
     running = scene.form == "running" and not scene.envelope.finite

@@ -11,7 +11,7 @@ in `granular_lmp.effects`.
 
 A scene without ``[wave]`` has strikers, a state or sources. Where spheres adhere, or a sheet is pressed together, they
 are at rest as beside a wave, and the units are those of a wave. Spheres that just touch, a sheet of spheres with gaps
-and a compressed chain are loose (`Scene.loose`): times are in t0 of the impact (`granular_lmp.crystal.scale`).
+and a compressed chain are not (`Scene.held_at_rest`): times are in t0 of the impact (`granular_lmp.crystal.scale`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -205,7 +205,7 @@ class Scene(HasCard, Derived):
 
     @property
     def _variant(self) -> str:
-        return WAVE if self.wave is not None else NOT_HELD if self.loose else HELD
+        return WAVE if self.wave is not None else HELD if self.held_at_rest else NOT_HELD
 
     @classmethod
     def _solved(cls, records: dict[str, Any]) -> dict[str, Any]:

@@ -74,7 +74,7 @@ def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a scene file.
 
     A scene with ``[wave]`` and one without it have other keys: "then" holds the first, "else" the second. There "then"
-    holds those of a crystal at rest under load, "else" those of loose spheres.
+    holds those of a crystal at rest under load, "else" those of spheres that meet.
     """
     head = {"$schema": DIALECT, "title": "A scene of granular-lmp"}
     held, not_held = (_moving(_tables(variant)) for variant in (HELD, NOT_HELD))
@@ -97,7 +97,7 @@ def _having(table: str, **values: dict[str, Any]) -> dict[str, Any]:
     return {"properties": {table: inner}, "required": [table]}
 
 
-# As `granular_lmp.scene.without_wave.is_loose` has it, the other way round
+# As `granular_lmp.scene.without_wave.holds` has it
 _AT_REST = {
     "anyOf": [
         _having("sphere", work_of_adhesion={"exclusiveMinimum": 0}),

@@ -11,7 +11,7 @@ from dataclasses import field, replace
 from decimal import Decimal
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.unsupported import hint
 
-AUTO = "auto"
+AUTO: Final = "auto"
 Auto = Literal["auto"]
 LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.part takes more of them
 LONGEST_PART = 40  # characters of a name that is a part of file names

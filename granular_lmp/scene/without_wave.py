@@ -1,6 +1,6 @@
 """What differs in a scene without ``[wave]``: defaults of keys, and tables and keys that only one kind of scene has.
 
-Spheres of such a scene are held at rest by adhesion or a load, or they are not (`is_loose`), and then nothing has a
+Spheres of such a scene are held at rest by adhesion or a load, or they are not (`held_at_rest`), and then nothing has a
 stiffness. Each key is declared once, with its range and its default beside a wave (`granular_lmp.scene.sections`).
 """
 
@@ -88,15 +88,24 @@ def variant_of(tables: Mapping[str, Any]) -> str:
     """Return the kind of scene that tables declare; `WAVE` where nothing moves, as ``[wave]`` is missing then."""
     if "wave" in tables or tables.keys().isdisjoint(MOVING_TABLES):
         return WAVE
-    return NOT_HELD if is_loose(tables) else HELD
+    return HELD if held_at_rest(tables) else NOT_HELD
 
 
-def is_loose(tables: Mapping[str, Any]) -> bool:
-    """Return whether tables without a wave are of loose spheres, as `Scene.loose` says it of a scene."""
+def holds(adhesion: float, force: float, *, sheet: bool, touching: bool) -> bool:
+    """Return whether spheres without a wave are held at rest: they adhere, or a force presses a sheet together.
+
+    Those that begin `touching` are not yet pulled to their overlap, and a chain under a force parts as it is struck.
+    """
+    return not touching and (adhesion > 0 or force > 0 and sheet)
+
+
+def held_at_rest(tables: Mapping[str, Any]) -> bool:
+    """Return what tables without a wave say of it, checked or not, as `Scene.held_at_rest` of a scene."""
     names = ("sphere", "packing", "start")
     sphere, packing, start = (each if isinstance(each := tables.get(key), Mapping) else {} for key in names)
-    pressed_sheet = packing.get("contact_force") and packing.get("lattice", CHAIN.name) != CHAIN.name
-    return start.get("touching") is True or not (sphere.get("work_of_adhesion") or pressed_sheet)
+    sheet = packing.get("lattice", CHAIN.name) != CHAIN.name
+    adhesion, force = (bool(each) for each in (sphere.get("work_of_adhesion"), packing.get("contact_force")))
+    return holds(adhesion, force, sheet=sheet, touching=start.get("touching") is True)
 
 
 def refuse_tables(tables: Mapping[str, Any]) -> None:

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.accuracy.collisions import order
 from granular_lmp.accuracy.estimates import richardson
 from granular_lmp.accuracy.rounding import judged
+from granular_lmp.effects.selection import order
 from granular_lmp.lammps.outputs import SCENE, csv_text, replace_text
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import STATUS, TRAJECTORY, Record, read_status, write_status

@@ -16,11 +16,12 @@ from granular_analysis.theory.network_motion import integrate as network_motion
 from granular_analysis.theory.network_state import start
 from granular_lmp import ImpactRecord, ImpactScene, resume, run_impact
 from granular_lmp.accuracy import refinement
-from granular_lmp.accuracy.collisions import judge, order
+from granular_lmp.accuracy.collisions import judge
 from granular_lmp.accuracy.estimates import combined_record
 from granular_lmp.accuracy.extrapolation import Judgement
 from granular_lmp.accuracy.ladder import RUNGS, plan, planned
 from granular_lmp.cli import main
+from granular_lmp.effects.selection import order
 from granular_lmp.errors import RunFolderError, SceneError, ToleranceError
 from granular_lmp.problem import prepare
 from granular_lmp.runs.record import read_status, write_status

@@ -51,7 +51,7 @@ class Case:
             self.problem = prepare(self.impact)
             self.order = collisions.order(self.impact)
             self.scene: Scene | ImpactScene = self.impact
-            self.fewest = max(1, ceil(self.scene.time.sample * 8 / self.problem.collisions.shortest_collision))
+            self.fewest = max(1, ceil(self.scene.time.sample * 8 / self.problem.rest.shortest_collision))
         else:
             wave = wave_scene(family, seed)
             self.wave = prepare(wave.with_values({"time.timestep": wave.time.sample / 1000})).scene

@@ -278,7 +278,7 @@ def test_guards_look_often_enough() -> None:
     problem = prepare(CHAIN_SCENE)
     steps = line_interval(problem)
     assert CHAIN_SCENE.time.steps_per_sample % steps == 0
-    assert steps * CHAIN_SCENE.time.step <= problem.collisions.shortest_collision / 20
+    assert steps * CHAIN_SCENE.time.step <= problem.rest.shortest_collision / 20
 
 
 def test_a_square_sheet_has_its_wall_at_the_edge_of_the_spheres() -> None:

@@ -50,7 +50,7 @@ def test_the_shortest_collision_is_never_too_long(rest: float) -> None:
     times = np.linspace(0.1, 1.0, 500) * collision_time(0.5)
     us, _ = integrate(pair, np.zeros(2), np.array([0.5, -0.5]), times)
     true = times[np.argmax(us[:, 0] < us[:, 1])] if rest > 1e-2 else collision_time(0.5)
-    assert 0.82 * true < problem.collisions.shortest_collision < 1.01 * true
+    assert 0.82 * true < problem.rest.shortest_collision < 1.01 * true
 
 
 def test_rounding_that_would_move_a_chain_is_refused() -> None:
@@ -58,7 +58,7 @@ def test_rounding_that_would_move_a_chain_is_refused() -> None:
     changes = {"packing.contact_force": 1e4, "time.timestep": 1e-4}
     with pytest.raises(SceneError, match=r"packing.contact_force = 10000.0: rounding of the places leaves a force of"):
         prepare(ImpactScene.from_dict(CHAIN.with_values(changes | {"striker.1.velocity": 1e-7}).to_dict() | stiff))
-    assert prepare(ImpactScene.from_dict(CHAIN.with_values(changes).to_dict() | stiff)).collisions.residual_force < 1e-8
+    assert prepare(ImpactScene.from_dict(CHAIN.with_values(changes).to_dict() | stiff)).rest.residual_force < 1e-8
 
 
 def test_a_chain_that_is_pressed_too_deep_is_refused() -> None:
@@ -74,7 +74,7 @@ def front(run: Runs, force: float, rows: int, velocity: float = 1.0) -> tuple[fl
     """Speed of the front in that of sound, and its height in the overlap at rest at two places 40 spheres apart."""
     found = []
     unit = CHAIN.with_values({"packing.contact_force": force, "striker.1.velocity": velocity})
-    rest = prepare(unit).collisions.rest_overlap[0]
+    rest = prepare(unit).rest.rest_overlap[0]
     fast = max(sound(1.0, 1.0, rest), 0.84)
     spots = [[at, 0] for at in (rows - 61, rows - 60, rows - 21, rows - 20)]
     shared = {"packing.rows": rows, "output.spheres": spots, "time.sample": 0.06}
@@ -92,7 +92,7 @@ def test_a_struck_chain_carries_the_exact_wave_of_its_compression(run: Runs, for
     speed, one, other = front(run, force, rows)
     assert one == pytest.approx(other, rel=1e-6)  # it does not change any more
     unit = CHAIN.with_values({"packing.contact_force": force})
-    rest = prepare(unit).collisions.rest_overlap[0]
+    rest = prepare(unit).rest.rest_overlap[0]
     wave = solitary_wave(speed * sound(1.0, 1.0, rest), rest=rest)
     # Left of the step is its fourth order, 0.06⁴ = 1e-5 times a hundredth
     assert wave.largest_overlap / rest == pytest.approx(one, rel=1e-5)
@@ -139,7 +139,7 @@ def test_the_figure_has_the_points_of_its_runs(run: Runs, tmp_path: Path, monkey
     changes = {"packing.rows": 90, "packing.contact_force": 10.0, "output.spheres": spots}
     record = run(CHAIN, changes | {"time.sample": 0.12, "time.duration": 110.0})
     found = figure.front(record)
-    rest = float(record.problem.collisions.rest_overlap[0])
+    rest = float(record.problem.rest.rest_overlap[0])
     wave = solitary_wave(found.speed * sound(1.0, 1.0, rest), rest=rest)
     # The error of one step of 0.03
     assert found.second == pytest.approx(wave.largest_overlap / rest, rel=1e-3)

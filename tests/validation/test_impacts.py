@@ -400,7 +400,7 @@ def test_the_guards_are_never_below_the_truth_and_count_the_overlap_at_rest(run:
     record = run(CHAIN, changes | {"packing.contact_force": force})
     u, rest, at_wall = record.displacement[..., 1], 0.0, 0.0
     if force:
-        collisions = record.problem.collisions
+        collisions = record.problem.rest
         rest, at_wall = float(collisions.rest_overlap[0]), collisions.on_walls[-1][1]
     wall = float(np.max(at_wall + u[:, -1]))
     deepest = max(float(np.max(rest + u[:, :-1] - u[:, 1:])), wall)

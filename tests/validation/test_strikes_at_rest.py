@@ -34,7 +34,7 @@ def watched(tmp_path_factory: pytest.TempPathFactory) -> Record:
 
 def test_units_are_those_of_the_crystal_at_rest(watched: Record) -> None:
     scene = watched.scene
-    assert not scene.loose
+    assert scene.held_at_rest
     assert (scene.scale.length, scene.scale.time) == (scene.sphere.static_overlap, scene.sphere.time_scale)
     first = np.linalg.norm(watched.velocity[0], axis=1)
     assert first.max() * scene.scale.velocity == pytest.approx(1e-3, rel=1e-12)

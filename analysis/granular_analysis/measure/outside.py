@@ -58,7 +58,7 @@ def outside(record: Record, network: Network, scales: Scales) -> dict[str, Any]:
     drives = *driven, *_sources(scene, network, scales), *_loads(scene, network)
     drag = _drag(record, network, scales) if scene.absorb.rows else None
     own = replace(network, factors=_factors(record, network, scales))
-    walls = *(_walls(scene, own) if scene.loose else _rigid(scene, own)), *_substrates(scene, own, scales)
+    walls = *(_rigid(scene, own) if scene.held_at_rest else _walls(scene, own)), *_substrates(scene, own, scales)
     return {"walls": walls, "drives": drives, "drag": drag, "factors": own.factors}
 
 
@@ -339,7 +339,7 @@ def _pressed(scene: Scene, network: Network, sphere: int, wall: Wall) -> float:
 
 def _load(scene: Scene, network: Network) -> float:
     """Return the force that presses a chain together, by the overlap of its first two spheres at rest; 0 if none."""
-    if scene.packing.lattice != CHAIN or not scene.packing.contact_force or not scene.loose:
+    if scene.packing.lattice != CHAIN or not scene.packing.contact_force or scene.held_at_rest:
         return 0.0
     one, two = np.argsort(network.position[:, 1])[:2]
     overlap = network.radius[one] + network.radius[two] - (network.position[two, 1] - network.position[one, 1])

@@ -11,90 +11,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.chain_bands import cell_of
-from granular_lmp.crystal.contacts import Contacts, law_between
+from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.lattices import CHAIN, FREE, WALL
-from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO, Scale, collision_time
+from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO, collision_time
 from granular_lmp.crystal.search import overlapping
-from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
+from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
-from granular_lmp.rest.scene import Scene
+from granular_lmp.rest.face import Floats, Rest
 from granular_lmp.rest.step_rules import StepRule, rules_of_collisions
 from granular_lmp.scene.places import place_of
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
 # A force f on a sphere that vibrates with ω makes a velocity f/mω, which then is 1e-4 of the striker's at most
 LARGEST_RESIDUAL = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Collisions:
-    """Spheres of a scene without a wave.
+class Meeting(Rest):
+    """Spheres that are not held at rest: they just touch, are parted by gaps, or are a chain that is pressed together.
 
-    Attributes
-    ----------
-    scene : Scene
-    crystal : ase.Atoms
-        Spheres at rest, in radii R of ``[sphere]``.
-    materials : tuple of Sphere
-        By index of the array ``material``.
-    contacts : Contacts
-        Of neighbours.
-    strikers : tuple of arrays
-        Indices of the spheres of each striker.
-    state : array
-        Displacements (m), velocities (m/s) and spins (rad/s) of ``[start]``, (N, 5); without the strikers.
+    They part without a pull, and fly.
     """
 
-    scene: Scene
-    crystal: ase.Atoms
-    materials: tuple[Sphere, ...]
-    contacts: Contacts
-    strikers: tuple[Integers, ...]
-    state: Floats
-
-    @property
-    def scale(self) -> Scale:
-        """Units of the impact."""
-        return self.scene.scale
-
-    @cached_property
-    def mass(self) -> Floats:
-        """Mass of each sphere, (N,), in m."""
-        radius, density = self.crystal.arrays["radius"], self.crystal.arrays.get("density", self.scene.sphere.density)
-        return np.asarray(radius**3 * density / self.scene.sphere.density)
-
-    @cached_property
-    def coefficients(self) -> Floats:
-        """Coefficient of the normal force of each contact, (C,), in A."""
-        law = law_between(self.crystal, self.materials, self.contacts.i, self.contacts.j)
-        return np.asarray(law.normal_coefficient / self.scene.sphere.normal_coefficient)
-
-    def kinetic_energy(self, velocity: Floats, spin: Floats, spheres: Integers) -> Floats:
-        """Return ½mv² + ½(I/mR²)m(Rω)² of n spheres, in m v², of velocities (…, n, 2 or 3), in v, and R ω/v."""
-        turning = spin**2 if spin.ndim < velocity.ndim else np.sum(spin**2, axis=-1)
-        surface = self.crystal.arrays["radius"][spheres] ** 2 * turning
-        return np.asarray(self.mass[spheres] * (np.sum(velocity**2, axis=-1) + INERTIA_RATIO * surface) / 2)
-
-    @property
-    def given_energy(self) -> float:
-        """Kinetic energy of all spheres at the beginning, in m v²."""
-        velocity, spin = self.state[:, 3:5].copy(), self.state[:, 8] * self.scene.sphere.radius
-        for striker, spheres in zip(self.scene.striker, self.strikers, strict=True):
-            velocity[spheres] = striker.components[:2]
-        unit, everyone = self.scale.velocity, np.arange(len(self.crystal))
-        return float(self.kinetic_energy(velocity / unit, spin / unit, everyone).sum())
-
-    @cached_property
-    def rest_overlap(self) -> Floats:
-        """Overlap of each contact at rest, (C,), in ℓ; 0 where no force presses the spheres together."""
-        return np.asarray(self.contacts.overlap / self.scale.length)
+    meets = True
 
     @cached_property
     def softest(self) -> float:
         """Smallest of the `coefficients`, A; that of a wall of a single sphere."""
-        return float(self.coefficients.min()) if len(self.coefficients) else self._on_wall(0)
+        return float(self.coefficients.min()) if len(self.coefficients) else self.on_wall(0)
 
     @cached_property
     def shortest_collision(self) -> float:
@@ -115,17 +60,9 @@ class Collisions:
     @cached_property
     def started(self) -> ase.Atoms:
         """Spheres at the beginning, displaced by ``[start]``, in radii."""
-        moved = self.crystal.copy()
+        moved = self.atoms.copy()
         moved.positions[:, :2] += self.state[:, :2] / self.scene.sphere.radius
         return moved
-
-    @cached_property
-    def square_rate(self) -> float:
-        """ω² of the stiffest contact at an overlap of ℓ, 1/t0²: k (1/m + 1/m) with k = (3/2) A √ℓ."""
-        lightest, largest = float(self.mass.min()), float(self.crystal.arrays["radius"].max())
-        square = 3 * float(self.coefficients.max(initial=1.0)) / lightest
-        own = [each.effective_modulus / self.scene.sphere.effective_modulus for each in self.materials]
-        return max(square, 3 * sqrt(2 * largest) * max(own) / lightest) if self.planes else square
 
     @cached_property
     def first_depth(self) -> float:
@@ -138,9 +75,9 @@ class Collisions:
             pulled = max(each.unpressed_overlap for each in self.materials) / self.scale.length
         if not self.scene.start.state:
             return max(pulled, float(self.rest_force.max(initial=0.0) / self.coefficients.min(initial=1.0)) ** (2 / 3))
-        radius, places, softest = self.crystal.arrays["radius"], self.started.positions, self.softest
+        radius, places, softest = self.atoms.arrays["radius"], self.started.positions, self.softest
         i, j, vector = overlapping(self.started)
-        law = law_between(self.crystal, self.materials, i, j)
+        law = law_between(self.atoms, self.materials, i, j)
         relative = (law.normal_coefficient / self.scene.sphere.normal_coefficient / softest) ** (2 / 3)
         in_walls = [
             radius - (places[:, "xy".index(name[0])] - plane) * (1 if name.endswith("lo") else -1)
@@ -149,9 +86,8 @@ class Collisions:
         depth = np.concatenate([relative * (radius[i] + radius[j] - np.linalg.norm(vector, axis=1)), *in_walls])
         return max(pulled, float(depth.max(initial=0.0)) * self.scene.sphere.radius / self.scale.length)
 
-    @property
-    def step_rules(self) -> list[StepRule]:
-        """Rules for the time step."""
+    def step_rules(self, enough: float = inf) -> list[StepRule]:
+        """Return the rules for the time step."""
         rate = max(sqrt(self.square_rate * sqrt(self.first_depth)), self.rolling_rate)
         return rules_of_collisions(self.shortest_collision, rate, self.drag_rate)
 
@@ -179,31 +115,20 @@ class Collisions:
     # --- a chain that is pressed together ---
 
     @cached_property
-    def rest_force(self) -> Floats:
-        """Force of each contact at rest, (C,), in m v/t0."""
-        return np.asarray(self.coefficients * self.rest_overlap**1.5)
-
-    @cached_property
     def loads(self) -> dict[int, float]:
         """Constant forces along y on the free ends of a chain, m v/t0, by sphere: they balance their contacts."""
-        packing, last = self.scene.packing, len(self.crystal) - 1
+        packing, last = self.scene.packing, len(self.atoms) - 1
         if not packing.contact_force:
             return {}
         ends = {0: (packing.first, float(self.rest_force[0])), last: (packing.last, -float(self.rest_force[-1]))}
         return {sphere: force for sphere, (end, force) in ends.items() if end == FREE}
 
-    def _on_wall(self, sphere: int) -> float:
-        """Coefficient of the contact of a sphere with a rigid wall, in A: (4/3) E* √R, twice the E* of two spheres."""
-        material, ball = self.materials[int(self.crystal.arrays["material"][sphere])], self.scene.sphere
-        radius = float(self.crystal.arrays["radius"][sphere])
-        return sqrt(8 * radius) * material.effective_modulus / ball.effective_modulus
-
     @cached_property
     def planes(self) -> dict[str, float]:
         """Rigid walls that the outermost sphere of a side touches, or is pressed on, "ylo" → place, radii."""
-        packing, places, radius = self.scene.packing, self.crystal.positions, self.crystal.arrays["radius"]
+        packing, places, radius = self.scene.packing, self.atoms.positions, self.atoms.arrays["radius"]
         pressed = [
-            (self.scene.sphere.static_overlap / self._on_wall(end) ** (2 / 3)) / self.scene.sphere.radius
+            (self.scene.sphere.static_overlap / self.on_wall(end) ** (2 / 3)) / self.scene.sphere.radius
             for end in (0, -1)
         ]
         found = {}
@@ -213,18 +138,6 @@ class Collisions:
             if high == WALL:
                 found[f"{name}hi"] = float((places[:, axis] + radius).max()) - pressed[1]
         return found
-
-    @cached_property
-    def on_walls(self) -> dict[int, tuple[float, float]]:
-        """Coefficient (A) and overlap at rest (ℓ) of the first (0) and the last (−1) sphere of a chain with a wall."""
-        y, radius = self.crystal.positions[:, 1], self.crystal.arrays["radius"]
-        unit = self.scene.sphere.radius / self.scale.length
-        places = {end: self.planes[name] for end, name in ((0, "ylo"), (-1, "yhi")) if name in self.planes}
-        return {
-            end: (self._on_wall(end), max(float(radius[end]) - abs(float(y[end]) - place), 0.0) * unit)
-            for end, place in places.items()
-            if self.scene.lattice == CHAIN
-        }
 
     @cached_property
     def residual_force(self) -> float:
@@ -237,11 +150,6 @@ class Collisions:
     def rest_rate(self) -> float:
         """√(K/m), 1/t0, of spheres of ``[sphere]`` at rest, K = (3/2) A √δ."""
         return sqrt(1.5 * sqrt(self.scene.sphere.static_overlap / self.scale.length))
-
-    @cached_property
-    def rest_stiffness(self) -> Floats:
-        """Stiffness (3/2) A √d of each contact at rest, (C,), in m/t0²."""
-        return np.asarray(1.5 * self.coefficients * np.sqrt(self.rest_overlap))
 
     @cached_property
     def cell(self) -> tuple[Floats, Floats]:
@@ -276,7 +184,7 @@ class Collisions:
         return float(spacing / np.sqrt(inertia) / self.scale.time)
 
     @property
-    def at_rest(self) -> dict[str, float]:
+    def pressed(self) -> dict[str, float]:
         """Force that presses the chain together, its ratio to that of the impact, sound and residual; {} if none."""
         if not (force := self.scene.packing.contact_force):
             return {}
@@ -286,6 +194,59 @@ class Collisions:
             "overlap_m": self.scene.sphere.static_overlap,
             "sound_m_s": self.sound,
             "residual_force_over_impact": self.residual_force,
+        }
+
+    # --- what a deck and a run take ---
+
+    @property
+    def follows(self) -> str:
+        """Both axes in the plane: spheres fly away."""
+        return "xy"
+
+    @property
+    def outermost(self) -> tuple[float, float]:
+        """Ends of the spheres along y, where they do not go on: a chain of unequal spheres is longer or shorter."""
+        if self.atoms.pbc[1]:
+            return inf, -inf
+        places = self.atoms.positions[:, 1]
+        return float(places.min() - 1), float(places.max() + 1)
+
+    @property
+    def steps_between_looks(self) -> int:
+        """A whole number in a sample, of which `LOOKS_IN_COLLISION` or more are in the shortest collision."""
+        time = self.scene.time
+        most = int(self.shortest_collision / LOOKS_IN_COLLISION / time.step)
+        whole = time.steps_per_sample
+        return next(steps for steps in range(max(min(most, whole), 1), 0, -1) if whole % steps == 0)
+
+    @property
+    def steps_to_collision(self) -> float:
+        """Steps in the shortest collision."""
+        return self.shortest_collision / self.scene.time.step
+
+    @property
+    def density(self) -> Floats:
+        """Density of each sphere, (N,), in m/R³."""
+        return np.asarray(self.mass / (4 / 3 * np.pi * self.atoms.arrays["radius"] ** 3))
+
+    @property
+    def closed(self) -> NDArray[np.bool_]:
+        """Which contacts of neighbours have a gap of at most 1e-3 ℓ, (C,)."""
+        contacts, radius = self.contacts, self.atoms.arrays["radius"]
+        reach = (radius[contacts.i] + radius[contacts.j]) * self.scene.sphere.radius + 1e-3 * self.scale.length
+        return np.asarray(np.linalg.norm(contacts.vector, axis=1) <= reach)
+
+    @property
+    def entries(self) -> dict[str, Any]:
+        """Units of the impact, its shortest collision and the chain at rest."""
+        scale = self.scale
+        return {
+            "velocity_m_s": scale.velocity,
+            "length_m": scale.length,
+            "t0_s": scale.time,
+            "mass_kg": scale.mass,
+            "shortest_collision": self.shortest_collision,
+            "at_rest": self.pressed,
         }
 
     # --- what is refused ---
@@ -319,14 +280,14 @@ class Collisions:
             )
 
     def _refuse_depth_in_walls(self) -> None:
-        radius = self.crystal.arrays["radius"]
+        radius = self.atoms.arrays["radius"]
         for name, plane in self.planes.items():
             inward = (self.started.positions[:, "xy".index(name[0])] - plane) * (1 if name.endswith("lo") else -1)
             overlap = (1 - inward / radius) / 2
             if overlap.max() > LARGEST_OVERLAP_RATIO:
                 worst = int(overlap.argmax())
                 raise SceneError(
-                    f"start.state: sphere {place_of(self.crystal, worst)}: overlaps the wall {name} by "
+                    f"start.state: sphere {place_of(self.atoms, worst)}: overlaps the wall {name} by "
                     f"{overlap[worst]:.3g} of the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed",
                     because="physics",
                 )
