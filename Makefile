@@ -15,8 +15,7 @@
 # make ladders (how often a tolerance is missed, of 168 random scenes, and its cost, ten minutes: docs/verification.md),
 # make mutants (each change of the source that a line of the verification manual names fails its test, five minutes:
 # docs/verification.md),
-# make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md; and the network beside
-# LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
+# make witness (the network beside LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
 # make bench (our run beside other codes, with the error of each; with BESIDE=COMMIT also beside an earlier commit of this
 # repository), make scale (cost up to a million spheres),
 # make docs (the documentation site, into site/), make rooms (the drawing of docs/architecture.md),
@@ -46,7 +45,7 @@ quiet: cases = quiet
 scattering: cases = scatter behind
 disorder: cases = disorder defects
 impact: cases = fronts solitary impact
-published: cases = dimers refraction unequal
+published: cases = dimers refraction
 pull-off: cases = pull_off
 onset: cases = onset
 adhesion: cases = adhesion_laws
@@ -64,10 +63,9 @@ paper: .venv/ready
 # Into the repository. The bytes of a PNG depend on the versions of matplotlib and FreeType, and on last digits
 figures: paper
 	cp runs/paper/figure2.png runs/paper/figure3.png figures/
-	$(BIN)/granular-analysis case effects convergence laws map mixing timestep
+	$(BIN)/granular-analysis case effects convergence laws map mixing
 
 witness: .venv/ready
-	$(BIN)/granular-analysis case witness
 	$(BIN)/python -m benchmarks.network
 
 gallery: .venv/ready
@@ -149,7 +147,7 @@ packages:
 	.venv-packages/bin/python -m build --outdir dist && .venv-packages/bin/twine check --strict dist/*
 
 FLOORS = cli/test_cli.py lammps/test_datafile.py lammps/test_deck.py runs/test_export.py house/test_floors.py runs/test_launch.py crystal/test_modes.py crystal/test_packing.py \
-    runs/test_particles.py scene/test_scene.py theory/test_sheets.py measure/test_spectrum.py studies/test_sweep.py plot/test_view.py crystal/test_wave.py house/test_wheel.py
+    runs/test_particles.py scene/test_scene.py cases/test_sheets.py cases/test_spectrum.py studies/test_sweep.py plot/test_view.py crystal/test_wave.py house/test_wheel.py
 floors:
 	$(PYTHON) -m venv .venv-floors
 	.venv-floors/bin/python -m pip install --quiet --constraint .ci/floors.txt --editable '.[test]'

@@ -5,8 +5,8 @@
 The scene is a TR wave in a sheet of spheres of unequal densities and radii, τ ≤ 6. LAMMPS takes a pair of steps, 0.1
 and 0.05, on one rank. Its seconds are the processor time of both time loops without the writing of snapshots, and of
 these the contacts (LAMMPS's section Pair), without guards and integration. The network takes the fastest tolerance
-that is no less accurate, and its seconds are processor time. Errors are those of `granular-analysis witness`: root mean
-square over all spheres, in D0, from the network with rtol = 1e-11. What came out is in RESULTS.md.
+that is no less accurate, and its seconds are processor time. Errors are root mean
+squares over all spheres, in D0, from the network with rtol = 1e-11. What came out is in RESULTS.md.
 """
 
 import argparse
@@ -16,19 +16,80 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from time import process_time
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.timing import both_ratios, interleave, machine, spread, table
-from cases.witness.case import NETWORK, PAIR, Point, measure
-from granular_lmp import Scene, run
+from granular_analysis.measure.snapshot import first_snapshot
+from granular_analysis.theory.errors import TheoryError
+from granular_analysis.theory.network_motion import integrate
+from granular_lmp import Record, Scene, run
 from granular_lmp.lammps.outputs import LOG, read_log
 
+Floats = NDArray[np.float64]
+EXACT = 1e-11
+TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
+LAMMPS, PAIR, NETWORK = "LAMMPS", "LAMMPS, pair of steps", "network"
 STEPS = (0.1, 0.05)
 HEAD = [
     *("spheres", "LAMMPS, s", "its contacts, s", "error", "network, s", "error", "rtol"),
     *("network over LAMMPS", "over its contacts"),
 ]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One way to the answer: its kind, the step in τ or the tolerance, seconds, and the error in D0."""
+
+    kind: str
+    setting: float
+    seconds: float
+    error: float
+
+
+def distance(field: Floats, exact: Floats) -> float:
+    """Root mean square over times and spheres of |u − u_exact|, of fields (T, N, 2)."""
+    return float(np.sqrt(np.mean(np.sum((field - exact) ** 2, axis=-1))))
+
+
+def measure(records: Sequence[Record]) -> list[Point]:
+    """Return the points of runs that differ in the time step only, and of the network of their first snapshot.
+
+    Raises TheoryError for runs that differ in more, have other spheres, or hold no snapshots.
+    """
+    if len({_without_step(record) for record in records}) != 1:
+        raise TheoryError("the runs differ in more than time.timestep: their errors are not of one crystal")
+    records = sorted(records, key=lambda record: record.scene.time.step)
+    first = first_snapshot(records[0])
+    snapshots = records[0].snapshots()
+    times = snapshots.tau[1:] * first.time
+
+    def network(rtol: float) -> tuple[Floats, float]:
+        began = process_time()
+        run = integrate(first.network, first.state, times, rtol=rtol)
+        return run.displacement / first.length, process_time() - began
+
+    exact, _ = network(EXACT)
+    points = []
+    for rtol in TOLERANCES:
+        field, seconds = network(rtol)
+        points.append(Point(NETWORK, rtol, seconds, distance(field, exact)))
+    runs = {record.scene.time.step: record for record in records}
+    fields = {step: record.snapshots().stack("displacement")[1:] for step, record in runs.items()}
+    spent = {step: record.info["wall_seconds"]["loop"] for step, record in runs.items()}
+    points += [Point(LAMMPS, step, spent[step], distance(fields[step], exact)) for step in runs]
+    for step in runs:
+        coarse = next((each for each in runs if np.isclose(each, 2 * step)), None)
+        if coarse is not None:
+            pair = (4 * fields[step] - fields[coarse]) / 3
+            points.append(Point(PAIR, step, spent[step] + spent[coarse], distance(pair, exact)))
+    return points
+
+
+def _without_step(record: Record) -> str:
+    return record.scene.with_values({"time.timestep": 0.01, "name": "any"}).to_toml()
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,10 @@ import time
 from functools import partial
 from pathlib import Path
 
+from benchmarks.paper_rows import rows
 from benchmarks.problem import Contestant, Solution, base_scene, times
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.lattice import rows, torus
+from granular_analysis.theory.lattice import torus
 from granular_analysis.theory.wave import Wave
 
 

@@ -81,12 +81,13 @@ def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
         text = text.replace("<!-- scene keys -->", reference())
     if "<!-- impact keys -->" in text:
         from granular_lmp.scene.json_schema import reference
+        from granular_lmp.scene.without_wave import NOT_HELD
 
-        text = text.replace("<!-- impact keys -->", reference(bare=True))
+        text = text.replace("<!-- impact keys -->", reference(NOT_HELD))
     if "<!-- commands -->" in text:
         text = text.replace("<!-- commands -->", _commands())
     if "<!-- cases -->" in text:
-        from granular_analysis.tools.case import page as cases
+        from cases.run import page as cases
 
         text = text.replace("<!-- cases -->", cases())
     text = _TABLE.sub(lambda match: table_of((ROOT / "docs" / match[1]).read_text("utf-8")), text)

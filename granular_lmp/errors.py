@@ -1,5 +1,7 @@
 """The errors of the package: one base class, and the exit status of the command line for each."""
 
+from typing import Literal
+
 __all__ = [
     "CrystalError",
     "DeckError",
@@ -19,6 +21,8 @@ __all__ = [
     "WorkerError",
 ]
 
+# Why parts of a scene do not go together: "exclusive" if two keys say one thing
+Because = Literal["physics", "not built", "exclusive"]
 # Arguments as messages name them → the options of the command line
 _OPTIONS = {
     "force=True": "--force",
@@ -49,9 +53,16 @@ class GranularError(Exception):
 
 
 class SceneError(GranularError):
-    """A scene cannot be simulated; the text names the key, the value and what is allowed."""
+    """A scene cannot be simulated; the text names the key, the value and what is allowed.
+
+    `because` says why values that are each allowed do not go together; None if a value by itself is wrong.
+    """
 
     exit_status = 2
+
+    def __init__(self, *said: object, because: Because | None = None) -> None:
+        super().__init__(*said)
+        self.because = because
 
 
 class DeckError(GranularError):

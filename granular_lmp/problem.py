@@ -4,37 +4,32 @@
 """
 
 from dataclasses import replace
-from math import hypot, inf, nextafter
-from typing import TYPE_CHECKING, Any
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.lattices import centre, places
-from granular_lmp.crystal.modes import Mode, Physics, highest_frequency
+from granular_lmp.crystal.mode import Mode, Physics
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.effects.case import Case
 from granular_lmp.effects.effect import Chosen
+from granular_lmp.effects.rotation import ROTATION
 from granular_lmp.effects.selection import EFFECTS, remarks, select, warnings
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
-from granular_lmp.rest.absorption import quiet_end_of, remarks_on_ends
-from granular_lmp.rest.at_rest import CrystalAtRest, contacts_of, crystal_of, echo_at, swiftness
-from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts, usual_frequency
+from granular_lmp.rest.absorption import remarks_on_ends
+from granular_lmp.rest.at_rest import CrystalAtRest, echo_at
+from granular_lmp.rest.face import Rest
+from granular_lmp.rest.held import largest_step
+from granular_lmp.rest.kinds import rest_of
+from granular_lmp.rest.linear import physics_of
 from granular_lmp.rest.scene import Scene
-from granular_lmp.rest.step_rules import COARSEST, StepRule, refuse_step
+from granular_lmp.rest.step_rules import StepRule, refuse_step
 from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
-from granular_lmp.scene.places import place_of, spheres_at
-from granular_lmp.scene.sources import PlacedSource, longest_steps, placed
-from granular_lmp.scene.start import state_in
-from granular_lmp.scene.strikers import struck
+from granular_lmp.scene.places import place_of
+from granular_lmp.scene.sources import PlacedSource, placed
 from granular_lmp.units import AnyUnits
-
-if TYPE_CHECKING:
-    from granular_lmp.rest.collisions import Collisions
 
 __all__ = ["Problem", "prepare"]
 
@@ -47,14 +42,12 @@ class Problem:
     ----------
     declared : Scene
         Scene as declared.
-    scene : Scene
-        Scene with every "auto" decided.
     effects : tuple of Chosen
         Each effect, on or off, with the reason.
-    at_rest : CrystalAtRest
-        Spheres at rest, their materials and contacts.
-    mode : Mode
-        Bloch mode of the wave in the lattice with these effects; None without a wave.
+    rest : Rest
+        Spheres at rest, and what follows from them.
+    looks : bool
+        False for a run whose deck does not look for the effects that it leaves out (`without_looks`).
 
     Examples
     --------
@@ -64,25 +57,39 @@ class Problem:
     """
 
     declared: Scene
-    scene: Scene
     effects: tuple[Chosen, ...]
-    at_rest: CrystalAtRest
-    mode: Mode = None  # type: ignore[assignment]  # as `Scene.wave`: what needs it asks for the wave first
+    rest: Rest
+    looks: bool = True
+
+    @property
+    def scene(self) -> Scene:
+        """Scene with every "auto" decided."""
+        return self.rest.scene
+
+    @property
+    def mode(self) -> Mode:
+        """Bloch mode of the wave in the lattice with these effects; None without a wave."""
+        return self.rest.mode
+
+    @property
+    def at_rest(self) -> CrystalAtRest:
+        """Spheres at rest, their materials and contacts."""
+        return self.rest.crystal
 
     @property
     def crystal(self) -> ase.Atoms:
         """Spheres at rest."""
-        return self.at_rest.atoms
+        return self.rest.atoms
 
     @property
     def materials(self) -> tuple[Sphere, ...]:
         """Materials by index of the array ``material``, the sphere of the lattice first."""
-        return self.at_rest.materials
+        return self.rest.materials
 
     @property
     def contacts(self) -> Contacts:
         """Contacts at rest: of all spheres, or of one sphere of a perfect lattice."""
-        return self.at_rest.contacts
+        return self.rest.contacts
 
     @property
     def scale(self) -> Scale:
@@ -94,43 +101,15 @@ class Problem:
         """Units of the deck."""
         return self.scene.units
 
-    @cached_property
+    @property
     def recorded(self) -> NDArray[np.int64]:
         """Indices of the spheres that are always recorded: the centre one, and without a wave those of ``[output]``."""
-        output = self.scene.output
-        if self.mode is not None:
-            return np.array([centre(self.crystal)])
-        if output.everyone:
-            return np.arange(len(self.crystal))
-        try:
-            return spheres_at(output.rows, output.spheres, self.crystal, "recorded sphere", output.layers)
-        except SceneError as error:
-            raise SceneError(f"output: {error}") from error
-
-    @cached_property
-    def collisions(self) -> "Collisions":
-        """Quantities in the units of an impact."""
-        from granular_lmp.rest.collisions import Collisions  # kept out of start-up
-
-        return Collisions(self.scene, self.crystal, self.materials, self.contacts, self.strikers, self.state)
-
-    @cached_property
-    def planes(self) -> dict[str, float]:
-        """Rigid walls, "ylo" → place, radii; those of a substrate are "zlo" and "zhi"."""
-        if self.scene.loose:
-            return self.collisions.planes
-        contacts, found = self.contacts, {}
-        for sphere, vector in zip(contacts.i[contacts.on_wall], contacts.vector[contacts.on_wall], strict=True):
-            axis = int(np.argmax(np.abs(vector)))
-            one = np.argmax(places(self.crystal) == sphere) if self.scene.perfect else sphere
-            foot = self.crystal.positions[one, axis] + vector[axis] / self.scene.sphere.radius
-            found["xyz"[axis] + ("lo" if vector[axis] < 0 else "hi")] = float(foot)
-        return found
+        return self.rest.recorded
 
     @property
-    def loads(self) -> dict[int, float]:
-        """Constant forces along y on free ends, m v/t0, by sphere; none beside a wave."""
-        return self.collisions.loads if self.scene.loose else {}
+    def planes(self) -> dict[str, float]:
+        """Rigid walls, "ylo" → place, radii; those of a substrate are "zlo" and "zhi"."""
+        return self.rest.planes
 
     @property
     def physics(self) -> Physics:
@@ -142,24 +121,22 @@ class Problem:
         """Sources in the crystal."""
         return placed(self.scene.drives, self.crystal, self.scene.sphere, self.mode.frequency if self.mode else 0.0)
 
-    @cached_property
+    @property
     def strikers(self) -> tuple[NDArray[np.int64], ...]:
         """Indices of the spheres of each striker."""
-        return struck(self.scene.striker, self.crystal)
+        return self.rest.strikers
 
-    @cached_property
+    @property
     def state(self) -> NDArray[np.float64]:
         """Displacements (m), velocities (m/s) and spins (rad/s) of ``[start]``, (N, 9); without the strikers."""
-        turns = self.on["rotation"]
-        return state_in(
-            self.scene.start, self.crystal, self.scene.sphere.radius, self.strikers, turns=turns, space=self.scene.space
-        )
+        return self.rest.state
 
     @cached_property
     def monitors(self) -> tuple[PlacedMonitor, ...]:
         """Monitors in the crystal."""
-        contacts = None if self.scene.perfect and not self.scene.loose else self.contacts
-        return placed_monitors(self.scene.monitor, self.crystal, self.scene.shape, contacts, self.on)
+        contacts = None if self.at_rest.of_one else self.contacts
+        unrecorded = [each.name for each in EFFECTS if self.on.get(each.name) and not each.recorded]
+        return placed_monitors(self.scene.monitor, self.crystal, self.scene.shape, contacts, unrecorded)
 
     @cached_property
     def on(self) -> dict[str, bool]:
@@ -184,7 +161,7 @@ class Problem:
     @property
     def step_rules(self) -> list[StepRule]:
         """Rules for the time step."""
-        return self.collisions.step_rules if self.scene.loose else step_rules(self.scene, self.mode)
+        return self.rest.step_rules()
 
     @property
     def largest_step(self) -> float:
@@ -193,8 +170,6 @@ class Problem:
 
     def warnings(self) -> list[str]:
         """Return a sentence for each change that made the scene fit, effect forced off, and echo at a monitor."""
-        if self.scene.loose:
-            return self.declared.remarks()
         of_scene = [*self.declared.remarks(), *self.at_rest.remarks(), *remarks_on_ends(self.scene)]
         return [*of_scene, *remarks(self.declared), *warnings(self.effects), *self._echoes()]
 
@@ -211,7 +186,11 @@ class Problem:
 
     def stepped(self, scene: Scene) -> "Problem":
         """Return the problem of the same scene with another time step."""
-        return replace(self, scene=scene)
+        return replace(self, rest=replace(self.rest, scene=scene))
+
+    def without_looks(self) -> "Problem":
+        """Return the problem of a run that has no guards: a coarse one of a ladder, whose finer runs look."""
+        return replace(self, looks=False, effects=tuple(replace(each, guard="") for each in self.effects))
 
 
 def prepare(scene: Scene) -> Problem:
@@ -231,46 +210,16 @@ def prepare(scene: Scene) -> Problem:
     ['adhesion', 'shear', 'rotation', 'tracking']
     """
     chosen = tuple(select(scene))
-    problem = Problem(scene, scene, chosen, crystal_of(scene)) if scene.loose else _at_rest(scene, chosen)
+    switches = {each.switch: each.on for each in chosen if each.switch == f"effects.{each.name}"}
+    turns = any(each.name == ROTATION.name and each.on for each in chosen)
+    problem = Problem(scene, chosen, rest_of(scene, switches, turns=turns))
     _check_strikes(problem)
     check_groups(problem.monitors, len(problem.sources))
-    if problem.mode is None:
-        _ = problem.recorded
-    if scene.loose:
-        problem.collisions.refuse()
-    if problem.mode is not None:
-        _refuse_echo(problem)
-    if scene.time.tolerance is None:
-        # A limit above the declared step is enough, and in a large crystal much faster to find than the longest step
-        rules = problem.step_rules if scene.loose else step_rules(problem.scene, problem.mode, scene.time.step)
-        refuse_step(scene.time, rules)
+    _ = problem.recorded
+    problem.rest.refuse()
+    # A limit above the declared step is enough, and in a large crystal much faster to find than the longest step
+    refuse_step(scene.time, problem.rest.step_rules(scene.time.clock.of_answer))
     return problem
-
-
-def _at_rest(scene: Scene, chosen: tuple[Chosen, ...]) -> Problem:
-    """Return the problem of a crystal at rest under load, its every "auto" decided."""
-    shape = scene.shape
-    values: dict[str, Any] = {f"packing.{key}": getattr(shape, key) for key in ("rows", "columns", "ends")}
-    if scene.wave is not None and scene.wave.frequency is not None:
-        values["wave.wavenumber"] = scene.wave.wavenumber
-    values |= {effect.switch: effect.on for effect in chosen if effect.switch == f"effects.{effect.name}"}
-    if quiet := quiet_end_of(scene):
-        values["absorb.rows"] = quiet.rows
-    resolved = scene.with_values(values)
-    mode = None if resolved.wave is None else mode_of(resolved)
-    return Problem(scene, resolved, chosen, crystal_of(resolved), mode)
-
-
-def _refuse_echo(problem: Problem) -> None:
-    """Raise a SceneError if the echo of the faces may reach the centre, unless the scene allows it."""
-    scene, declared = problem.scene, problem.declared
-    echo = scene.echo_time / swiftness(scene)
-    if declared.time.duration > echo and not declared.time.allow_echo:
-        raise SceneError(
-            f"time.duration = {declared.time.duration!r}: contacts as stiff and spheres as light as in this crystal "
-            f"may bring the echo of the {scene.shape.edge} to the centre at tau = {echo:.4g}; must be at most that, or "
-            "set time.allow_echo = true"
-        )
 
 
 def _check_strikes(problem: Problem) -> None:
@@ -280,62 +229,6 @@ def _check_strikes(problem: Problem) -> None:
         if source.source.motion and (both := np.intersect1d(begun, source.spheres)).size:
             raise SceneError(
                 f"source {number}: sphere {place_of(problem.crystal, int(both[0]))}: is a striker or of the state too, "
-                "and a sphere that is moved has no velocity of its own"
+                "and a sphere that is moved has no velocity of its own",
+                because="physics",
             )
-
-
-def step_rules(scene: Scene, mode: Mode | None = None, enough: float = inf) -> list[StepRule]:
-    """Return all rules for the time step of a scene, whose wave has a mode, by default the one that it declares.
-
-    The limit of stability may be given too short, but above `enough` where it is longer (`largest_step`).
-    """
-    limit = largest_step(scene, enough)
-    causes = [(scene.effects.damping is True, "drag"), (scene.struck, "a strike that stiffens contacts")]
-    less = " and ".join(cause for there, cause in causes if there)
-    name = f"2/Omega_max, less with {less}," if less else "2/Omega_max"
-    sentence = f"beyond the stability limit of velocity Verlet; must be below {name} = {limit:.6g}, in tau"
-    sources = longest_steps(scene.drives, scene.sphere, mode.frequency if mode else usual_frequency(scene))
-    return [
-        *(StepRule(longest, longest, why) for longest, why in sources),
-        StepRule(nextafter(limit, 0.0), COARSEST * limit, sentence),
-    ]
-
-
-def largest_step(scene: Scene, enough: float = inf) -> float:
-    """Return the stability limit of velocity Verlet in the scene's crystal, τ: 2/Ω_max, less with drag and strikes.
-
-    LAMMPS's drag uses the velocity of half a step before, which changes the condition ΩΔτ < 2 to (ΩΔτ)² + 2bΔτ < 4.
-    Here b = cλ: c in m/t0 is that of the dashpots, λ at most 2(κ+3)Ω²/min(κ, 1) in a perfect lattice. The drag of quiet
-    ends is none of the kind (`granular_lmp.crystal.quiet_ends`). A strike presses a contact to at most (1 + s) Δ0,
-    where its stiffness is √(1 + s) times that at rest (`granular_lmp.scene.strikers.stretch`).
-
-    In a crystal that is not perfect a lower bound of the limit is quick to find. It is returned if above `enough`.
-    """
-    physics, sphere = physics_of(scene), scene.sphere
-    viscosity = Case(scene).viscosity if scene.effects.damping is not False else 0.0
-    if scene.perfect:
-        top, kappa = highest_frequency(unit_contacts(scene), sphere, physics), sphere.stiffness_ratio
-        drag = viscosity * 2 * (kappa + 3) / (min(kappa, 1.0) if physics.shear else 1.0)  # cλ/Ω²
-        return _stable(scene, top, drag)
-    from granular_lmp.crystal.stability import crude_bound, frequency_bound  # kept out of start-up
-
-    contacts = contacts_of(scene)
-    for bound in (crude_bound, frequency_bound):
-        top = bound(contacts, sphere, physics)
-        drag = 0.0
-        if viscosity:
-            dashpots, unloaded = np.full(len(contacts), sphere.mass / sphere.time_scale**2), np.zeros(len(contacts))
-            alone = replace(
-                contacts, normal_stiffness=dashpots, shear_stiffness=dashpots.copy(), contact_force=unloaded
-            )
-            drag = viscosity * (bound(alone, sphere, physics) / top) ** 2  # the same
-        if (limit := _stable(scene, top, drag)) > enough:
-            break
-    return limit
-
-
-def _stable(scene: Scene, top: float, drag: float) -> float:
-    """Return the limit of the step for the highest frequency at rest, rad/t0, and cλ/Ω², t0."""
-    top *= (1 + scene.strike) ** 0.25
-    half = drag * top / 2  # b/2Ω
-    return 2 / top / (hypot(half, 1) + half)

@@ -11,12 +11,19 @@ Value = TypeVar("Value", float, NDArray[np.float64])
 
 
 class AnyUnits(Protocol):
-    """Units of a deck: `style` is the argument of the command ``units``, `names` are words for a comment."""
+    """Units of a deck: `style` is the argument of the command ``units``, `names` and `title` are words for comments.
 
+    `own` is true if they are those of the scene, in which t0 is 1.
+    """
+
+    @property
+    def own(self) -> bool: ...
     @property
     def style(self) -> str: ...
     @property
     def names(self) -> str: ...
+    @property
+    def title(self) -> str: ...
 
     def number(self, value: Value, *, mass: int = 0, length: int = 0, time: int = 0) -> Value:
         """Return an SI quantity of dimension kg^mass m^length s^time in these units."""
@@ -41,6 +48,12 @@ class Units:
     length: int
     time: int
     names: str
+    own: bool = False
+
+    @property
+    def title(self) -> str:
+        """Units in words, for a title."""
+        return f"units {self.style}"
 
     def number(self, value: Value, *, mass: int = 0, length: int = 0, time: int = 0) -> Value:
         """Return an SI quantity, a number or an array, of dimension kg^mass m^length s^time in units of this style.
@@ -53,11 +66,15 @@ class Units:
 
 @dataclass(frozen=True)
 class OwnUnits:
-    """Units of a deck of the style ``lj``, by their size in kg, m and s."""
+    """Units of a deck of the style ``lj``, by their size in kg, m and s: those of spheres that nothing holds at rest.
+
+    Spheres that just touch have exact places in R, which is the unit of length.
+    """
 
     mass: float
     length: float
     time: float
+    own: bool = True
 
     @property
     def style(self) -> str:
@@ -69,6 +86,11 @@ class OwnUnits:
         """Units in words."""
         return "lengths in radii, masses in m"
 
+    @property
+    def title(self) -> str:
+        """Units in words, for a title."""
+        return self.names
+
     def number(self, value: Value, *, mass: int = 0, length: int = 0, time: int = 0) -> Value:
         """Return an SI quantity, a number or an array, of dimension kg^mass m^length s^time in these units."""
         return value / (self.mass**mass * self.length**length * self.time**time)
@@ -77,21 +99,6 @@ class OwnUnits:
 NANO = Units("nano", -21, -9, -9, "ag, nm, ns, MPa, mJ/m2")
 MICRO = Units("micro", -15, -6, -6, "pg, um, us, kPa, mJ/m2")
 SI = Units("si", 0, 0, 0, "kg, m, s, Pa, J/m2")
-
-
-def units_of(radius: float, time: float, mass: float, *, loose: bool) -> AnyUnits:
-    """Return the units of a deck: its own where nothing holds the spheres together at rest, else a metric style.
-
-    Spheres of the radius R that just touch have exact places in R, which then is the unit of length.
-
-    Parameters
-    ----------
-    radius, time, mass : float
-        R of the spheres, and t0 and m of the scene, SI.
-    loose : bool
-        True if spheres just touch, or are pressed together from outside alone.
-    """
-    return OwnUnits(mass, radius, time) if loose else units_for(radius)
 
 
 def units_for(radius: float) -> Units:

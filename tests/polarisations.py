@@ -58,14 +58,6 @@ def mean_rotation(wavevector: ArrayLike, branch: ArrayLike, contact: Contact) ->
     return np.real(in_plane(still))[..., 2] / nonlinearity(contact, 1.0)
 
 
-def doubled_wave(
-    wavevector: ArrayLike, branch: ArrayLike, amplitude: float, tau: ArrayLike, contact: Contact, phase: float = 0.0
-) -> NDArray[np.complex128]:
-    """Return X(τ) (..., 3) of the field Re[X exp(2ik·r)] that a wave drives at 2k, in D0."""
-    one = branch_of(hexagonal(contact), wavevector, branch)
-    return 0.5 * amplitude * np.exp(2j * phase) * in_plane(Mixed(hexagonal(contact), one, one).signal(tau))
-
-
 def second_order_at(
     wavevector: ArrayLike,
     branch: int,

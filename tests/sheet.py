@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular_analysis.measure.sheets import ROW
-from granular_analysis.measure.sheets import Sheet as Places
+from cases.fields import ROW
+from cases.fields import Sheet as Places
 from granular_analysis.theory.bloch import BONDS, hexagonal
 from granular_analysis.theory.cell import Cell, fields
 from granular_analysis.theory.contact import Contact

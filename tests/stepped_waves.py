@@ -7,14 +7,13 @@ import numpy as np
 
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.second_harmonic import ModeName
-from granular_analysis.theory import timestep
 from granular_analysis.theory import wave as theory
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.timestep import limit, stepped
 from granular_lmp import Record, Scene
 from granular_lmp.accuracy.rounding import moving
 from granular_lmp.runs.manifest import wall_seconds
 from tests.conftest import PAPER
+from tests.stepped import SAMPLE, TAU, limit, stepped
 
 Wave = tuple[ModeName, float, float, float]  # mode, ξ, a = D0/Δ0, ν
 NAMES = ("p", "q", "phi")
@@ -31,7 +30,7 @@ def scene_of(wave: Wave, tolerance: float, records: int = RECORDS) -> Scene:
             "wave.amplitude": amplitude,
             "sphere.poisson_ratio": nu,
             "sphere.youngs_modulus": 73e9 * (1 - nu**2) / (1 - 0.17**2),
-            "time.duration": timestep.SAMPLE * records,
+            "time.duration": SAMPLE * records,
             "time.tolerance": tolerance,
             # What is stepped here has neither ends nor rounding
             "packing.rows": 21,
@@ -65,7 +64,7 @@ class Stepped:
     def prepare_limits(self, waves: Iterable[Wave]) -> None:
         """Integrate the waves to which the others are compared."""
         for wave in waves:
-            self.limits[wave] = limit([in_lammps(wave)], timestep.TAU[: self.records[wave] + 1])[0]
+            self.limits[wave] = limit([in_lammps(wave)], TAU[: self.records[wave] + 1])[0]
 
     def errors(self, wave: Wave, record: np.ndarray) -> dict[str, float]:
         """The errors of p, q, φ, of those that do not vanish by symmetry."""
@@ -81,4 +80,4 @@ class Stepped:
             "samples": len(p),
             "wall_seconds": wall_seconds({}, {}),
         }
-        return Record.of_centre(timestep.SAMPLE * np.arange(len(p)), p, q, phi, scene, info)
+        return Record.of_centre(SAMPLE * np.arange(len(p)), p, q, phi, scene, info)

@@ -1,29 +1,28 @@
-"""The command line ``granular-analysis``: ``granular-analysis compare RUN`` runs `granular_analysis.tools.compare`."""
+"""The command line ``granular-analysis``: ``granular-analysis compare RUN`` runs `granular_analysis.tools.compare`.
+
+In a checkout it runs the cases too, which stand beside the package.
+"""
 
 import argparse
 import sys
 from contextlib import redirect_stdout, suppress
 from importlib import import_module
 from io import StringIO
+from pathlib import Path
 
 from granular_lmp.cli.entry import as_program
 
 DOORS = {
-    "case": "run cases, in a checkout: what a figure needs, runs, script and expected numbers",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
     "design": "which two waves resonate and how compressed; at which numbers of a scene second order does best",
-    "dispersion": "the spectrum of a kicked sheet beside the branches of theory",
-    "driven": "a driven row beside its theory",
     "fit": "keys of a scene from measured frequencies, harmonics and arrivals, with 95 % intervals",
     "harmonic": "the coherent second harmonic of any scene or run, perfect or not, with its error",
-    "oblique": "the second harmonic of waves in any direction, from a sweep, beside theory",
     "resonances": "all resonances and antiresonances of second order of a scene's crystal",
     "saw": "surface waves of an elastic substrate that couple to the contact resonances of a layer",
     "scatter": "what passes rows that differ and what comes back, beside the linear lattice",
-    "sheets": "packets, beams and other fields on a periodic sheet beside theory",
-    "spectrum": "the second harmonic of runs over wave number, its zero and its pole",
-    "standing": "a standing wave beside its theory",
 }
+CASE = "run cases: what a figure needs, runs, script and expected numbers"
+CASES = Path(__file__).parents[1] / "cases"  # in a checkout alone
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -38,7 +37,7 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument(
         "script",
-        choices=[*known, "cases"],
+        choices=[*known, "case", "cases"],
         metavar="SCRIPT",
         help="which; each has --help; cases lists those with runs and figures",
     )
@@ -46,10 +45,11 @@ def main(argv: list[str] | None = None) -> int:
     chosen = parser.parse_args(words)
     if chosen.script == "cases":
         chosen.script, chosen.arguments = "case", ["--list", *chosen.arguments]
+    if chosen.script == "case" and not CASES.is_dir():
+        parser.error("case: cases are only in a checkout of the repository")
     sys.argv[0] = f"granular-analysis {chosen.script}"  # the name by which the script speaks of itself
-    tool = chosen.script in DOORS
-    module = f"granular_analysis.tools.{chosen.script}" if tool else f"cases.{chosen.script}.case"
-    return import_module(module).main(chosen.arguments) or 0
+    module = f"granular_analysis.tools.{chosen.script}" if chosen.script in DOORS else f"cases.{chosen.script}.case"
+    return import_module("cases.run" if chosen.script == "case" else module).main(chosen.arguments) or 0
 
 
 def help_texts() -> dict[str, str]:
@@ -69,7 +69,8 @@ def program() -> int:
 
 def scripts() -> dict[str, str]:
     """Return what each script does, those of the cases among them, whose files are then read."""
-    from granular_analysis.tools.case import Case, names  # inside the entry, as the scripts
-
-    cases = {case.name: case.says for case in map(Case.load, names()) if case.figure}
-    return DOORS | {name: says for name, says in cases.items() if name not in DOORS}
+    if not CASES.is_dir():
+        return DOORS
+    run = import_module("cases.run")  # inside the entry, as the scripts
+    cases = {case.name: case.says for case in map(run.Case.load, run.names()) if case.figure}
+    return DOORS | {"case": CASE} | {name: says for name, says in cases.items() if name not in DOORS}

@@ -45,7 +45,7 @@ def error_budget(scene: Scene, signals: Signals, estimate: Errors | None = None)
     signals : mapping
         Signals p, q, φ of the record, (T,) each, in D0.
     estimate : dict, optional
-        Relative errors of an extrapolated record (`granular_lmp.accuracy.richardson.estimate`).
+        Relative errors of an extrapolated record (`granular_lmp.accuracy.estimates.Estimate`).
 
     Returns
     -------

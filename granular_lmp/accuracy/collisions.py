@@ -14,18 +14,14 @@ of all velocities and spins, of all displacements, of all forces.
 """
 
 from collections.abc import Sequence
-from math import ceil, pi
-from typing import Any
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.accuracy import extrapolation
 from granular_lmp.accuracy.extrapolation import Judgement, Signals
-from granular_lmp.effects import selection
-from granular_lmp.effects.looks import fastest
 from granular_lmp.problem import Problem
-from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import FORCES, RATES
 
 SAFETY = 4.0  # with 3, two in 130 ladders of 35 scenes ended with up to 1.3 of the tolerance (tests/hard)
@@ -36,40 +32,14 @@ _POWER = 2.5  # power of the step in the error of the answer
 _RATES = {"velocity", "spin", *RATES}
 
 
-def first_step(problem: Problem) -> float:
-    """Return the first and longest step of the ladder that is expected to meet ``time.tolerance``, in t0."""
-    time = problem.scene.time
-    assert time.tolerance is not None
-    steps = max(_FEWEST, _STEPS_AT[0] * (_STEPS_AT[1] / time.tolerance) ** (1 / _POWER))
-    longest = min(_shortest(problem) / steps, *(rule.first for rule in problem.step_rules))
-    return time.sample / max(1, ceil(time.sample / longest))
+def first_count(problem: Problem, tolerance: float) -> int:
+    """Return the steps per sample of the first run of the ladder that is expected to meet a tolerance."""
+    steps = max(_FEWEST, _STEPS_AT[0] * (_STEPS_AT[1] / tolerance) ** (1 / _POWER))
+    longest = min(problem.rest.shortest_collision / steps, *(rule.first for rule in problem.step_rules))
+    return max(1, ceil(problem.scene.time.sample / longest))
 
 
-def _shortest(problem: Problem) -> float:
-    """Return the shortest collision, t0; of spheres at rest half a period in the contact that a strike presses most."""
-    scene = problem.scene
-    if scene.loose:
-        return problem.collisions.shortest_collision
-    return pi / fastest(scene) / (1 + scene.strike) ** 0.25
-
-
-def order(scene: Scene) -> int:
-    """Return the order of the error in the step: 1 where LAMMPS has forces of half a step before, else 2.
-
-    It is 1 of contacts that snap in and part under a pull too, at any moment of a step.
-    """
-    if not scene.loose:
-        return selection.order(scene)
-    effects: Any = scene.effects
-    halfway = (
-        effects.restitution < 1
-        or effects.viscosity > 0
-        or (effects.friction > 0 and effects.shear_law == "incremental")
-    )
-    return 1 if halfway or scene.start.touching else 2
-
-
-def judge(runs: Sequence[Signals], counts: Sequence[int], order: int, *, loose: bool = True) -> Judgement:
+def judge(runs: Sequence[Signals], counts: Sequence[int], order: int, *, of_impact: bool = True) -> Judgement:
     """Return the answer of runs and the estimate of its error.
 
     Parameters
@@ -80,8 +50,8 @@ def judge(runs: Sequence[Signals], counts: Sequence[int], order: int, *, loose: 
         Steps per sample of each run.
     order : int
         Order of the error in the step.
-    loose : bool
-        True for spheres that are loose, whose velocities are in v.
+    of_impact : bool
+        True if velocities are in v of an impact (`granular_lmp.crystal.scale.Scale.of_impact`).
 
     Returns
     -------
@@ -89,16 +59,16 @@ def judge(runs: Sequence[Signals], counts: Sequence[int], order: int, *, loose: 
         Errors are the largest ones: of velocities and spins in the unit v of the impact, of all else over the largest
         value of the signal.
     """
-    units = _units(runs[-1], loose=loose)
+    units = _units(runs[-1], of_impact=of_impact)
     scaled = [{name: values / units.get(name, 1.0) for name, values in run.items()} for run in runs]
     hidden = dict.fromkeys(runs[-1], 0.0)  # what the slip hides is below 1e-6 of the velocities
     return extrapolation.judge(scaled, counts, order, hidden=hidden, norm=_largest, relative=False, safety=SAFETY)
 
 
-def _units(signals: Signals, *, loose: bool) -> dict[str, float]:
+def _units(signals: Signals, *, of_impact: bool) -> dict[str, float]:
     """Return the unit of the error of each signal, where that is not 1."""
     largest = {name: _largest(values) for name, values in signals.items()}
-    if loose:
+    if of_impact:
         return {name: each or 1.0 for name, each in largest.items() if _kind(name) != "rate"}
     of_kind: dict[str, float] = {}
     for name, each in largest.items():

@@ -16,7 +16,7 @@ that sum. The sum of two runs alone is estimated by `OF_TWO` times its distance 
 **A first-order error hides below the others** in the even sum, because LAMMPS turns the slip of a contact with the
 contact's direction at the end of the step: distances of sums of the same runs hardly show it. It leaves C ρ in an
 answer, ρ = Σ wₙ/n, and so is at most ρ/|ρ − ρ'| times the distance to the answer before the last run, which has ρ'.
-Where its size is known (`granular_lmp.accuracy.richardson.slip_bound`), the smaller of the two counts.
+Where its size is known (`granular_lmp.accuracy.estimates.slip_bounds`), the smaller of the two counts.
 
 "Last" is by steps: a run may come in between two others (`following`), because the error of a sum goes as the product
 of all its steps. docs/accuracy.md says how often the estimate is wrong.

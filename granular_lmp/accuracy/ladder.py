@@ -8,19 +8,19 @@ ladder that starts too coarse costs a run more, half as long at most as the othe
 """
 
 from granular_lmp.accuracy import collisions
-from granular_lmp.accuracy.halving import Plan
 from granular_lmp.accuracy.verlet import pair_error
 from granular_lmp.crystal.modes import bloch_mode, highest_frequency
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import Deck, deck_of
-from granular_lmp.problem import Problem, prepare, step_rules
+from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.at_rest import swiftness
+from granular_lmp.rest.held import step_rules
 from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.rest.scene import Scene
+from granular_lmp.scene.clock import RUNGS as RUNGS
 
 __all__ = ["build"]
 
-RUNGS = 3  # runs that are planned, as of steps h, h/2, h/4
 # E of the first two runs over the tolerance; larger and smaller ones by 4 cost more in 94 scenes (tests/hard)
 COARSE = 16.0
 MOST_STEPS = 10**9
@@ -53,12 +53,14 @@ def first_step(scene: Scene) -> float:
     Raises
     ------
     SceneError
-        If the scene has no tolerance, or would take more than 1e9 steps.
+        If the scene would take more than 1e9 steps.
     """
-    tolerance, sample, duration = scene.time.tolerance, scene.time.sample, scene.time.duration
-    if tolerance is None:
-        raise SceneError("time.tolerance: missing key; the scene has a time.timestep")
-    frequency = deciding_frequency(scene)
+    return scene.time.sample / _count_of_wave(scene, scene.time.clock.tolerance)
+
+
+def _count_of_wave(scene: Scene, tolerance: float) -> int:
+    """Return the steps per sample of `first_step`."""
+    frequency, sample, duration = deciding_frequency(scene), scene.time.sample, scene.time.duration
 
     def enough(per_sample: int) -> bool:
         return pair_error(frequency, sample / (2 * per_sample), duration) <= COARSE * tolerance
@@ -67,11 +69,11 @@ def first_step(scene: Scene) -> float:
     low, high = fewest - 1, fewest
     while not enough(high):
         low, high = high, 2 * high
-        _refuse_many(scene, Plan(high, RUNGS))
+        _refuse_many(scene, tolerance, high)
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if enough(middle) else (middle, high)
-    return sample / high
+    return high
 
 
 def finest_step(scene: Scene) -> float:
@@ -107,47 +109,44 @@ def build(scene: Scene) -> Deck:
     return deck_of(planned(prepare(scene)))
 
 
-def plan(problem: Problem) -> Plan:
-    """Return the first step and the planned runs of a problem with a tolerance.
+def plan(problem: Problem) -> tuple[int, ...]:
+    """Return the steps per sample of each run that is planned for a problem as declared, from the first.
 
     Raises
     ------
     SceneError
         If they take more than 1e9 steps.
     """
-    scene, time = problem.scene, problem.scene.time
-    longest = collisions.first_step(problem) if problem.mode is None else first_step(scene)
-    found = Plan(round(time.sample / longest), RUNGS)
-    _refuse_many(scene, found)
-    return found
+    scene = problem.scene
+
+    def first(tolerance: float) -> int:
+        of_wave = problem.mode is not None
+        count = _count_of_wave(scene, tolerance) if of_wave else collisions.first_count(problem, tolerance)
+        _refuse_many(scene, tolerance, count)
+        return count
+
+    return problem.declared.time.clock.counts(first)
 
 
 def planned(problem: Problem) -> Problem:
-    """Return the problem of the last planned run, with its time step: the problem itself if it has no tolerance."""
-    scene = problem.scene
-    if scene.time.tolerance is None:
+    """Return the problem of the last planned run, with its time step: the problem itself if there is no other."""
+    counts = plan(problem)
+    if len(counts) == 1:
         return problem
-    return problem.stepped(with_step(scene, scene.time.sample / (plan(problem).per_sample << RUNGS - 1)))
+    return problem.stepped(with_step(problem.scene, problem.scene.time.sample / counts[-1]))
 
 
 def planned_steps(problem: Problem) -> int:
     """Return the number of time steps of a problem as declared: of its one run, or of all planned runs together."""
-    scene, tolerance = problem.scene, problem.declared.time.tolerance
-    if tolerance is None:
-        return scene.time.steps
-    whole = problem.stepped(scene.with_values({"time.tolerance": tolerance}))
-    return plan(whole).steps_per_sample * scene.time.samples
+    return sum(plan(problem)) * problem.scene.time.samples
 
 
 def sphere_steps(scene: Scene) -> float:
     """Return spheres times steps of all planned runs of a scene, to which their time is proportional."""
-    steps = scene.time.steps if scene.time.tolerance is None else planned_steps(prepare(scene))
-    return float(scene.shape.spheres * steps)
+    return float(scene.shape.spheres * planned_steps(prepare(scene)))
 
 
-def _refuse_many(scene: Scene, plan: Plan) -> None:
-    """Raise SceneError if the planned runs take too many steps."""
-    if plan.steps_per_sample * scene.time.samples > MOST_STEPS:
-        raise SceneError(
-            f"time.tolerance = {scene.time.tolerance!r}: would take more than {MOST_STEPS} steps in this scene"
-        )
+def _refuse_many(scene: Scene, tolerance: float, first: int) -> None:
+    """Raise SceneError if the planned runs of a ladder take too many steps; `first` is the first one's to a sample."""
+    if first * ((1 << RUNGS) - 1) * scene.time.samples > MOST_STEPS:
+        raise SceneError(f"time.tolerance = {tolerance!r}: would take more than {MOST_STEPS} steps in this scene")

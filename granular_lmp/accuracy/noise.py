@@ -8,7 +8,7 @@ import numpy as np
 from granular_lmp.accuracy.extrapolation import Signals
 from granular_lmp.accuracy.rounding import grain, judged, moving, noise_floor
 from granular_lmp.errors import ToleranceError
-from granular_lmp.problem import largest_step
+from granular_lmp.rest.held import largest_step
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import FORCES, NAMES, RATES
 
@@ -70,9 +70,9 @@ def lost(scene: Scene, signals: Signals, finest: Scene) -> dict[str, float]:
     ToleranceError
         If no signal is left that counts.
     """
-    assert scene.time.tolerance is not None
-    found = {name: n for name, n in noise_of(finest, signals).items() if _SEEN * n > scene.time.tolerance}
-    refuse_noise(scene.time.tolerance, found, counted(scene, signals))
+    tolerance = scene.time.clock.tolerance
+    found = {name: n for name, n in noise_of(finest, signals).items() if _SEEN * n > tolerance}
+    refuse_noise(tolerance, found, counted(scene, signals))
     return found
 
 

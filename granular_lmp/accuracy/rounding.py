@@ -88,7 +88,7 @@ def check_floor(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> Non
         "walls": 'packing.ends = "periodic"' + ("" if scene.shape.infinite else ' and packing.sides = "periodic"'),
     }
     for source, value in floor(scene, signals).items():
-        if scene.time.tolerance is not None and scene.time.tolerance < value:
+        if scene.time.clock.tolerance < value:
             raise SceneError(
                 f"time.tolerance = {scene.time.tolerance!r}: must be at least {value:.2g}, which {source} leaves in "
                 f"this scene, or take {remedies[source]}"

@@ -67,13 +67,10 @@ def second_harmonic(record: Record) -> SecondHarmonic | None:
     seen = scene.time.sample * max(exact.free, 2 * exact.wave) < pi
     if not seen or exact.detuning == 0 or len(tau) < _FEWEST * _columns(exact, scene, tau).shape[1]:
         return None
-    amplitude, spread = _fitted(exact, record)
-    if scene.time.tolerance is None:
-        stepped, spread = _fitted(oscillator_of(scene, scene.time.step), record)
-        change = amplitude - stepped
-    else:
-        share = record.info.get("error_estimate", {}).get("p")
-        change = amplitude * (scene.time.tolerance if share is None else share)
+    amplitude, _ = _fitted(exact, record)
+    stepped, spread = _fitted(oscillator_of(scene, scene.time.clock.of_answer), record)
+    share = scene.time.clock.left(record.info.get("error_estimate", {}).get("p"))
+    change = amplitude - stepped + amplitude * share
     return SecondHarmonic(amplitude, hypot(change, spread), 2 * exact.wave)
 
 

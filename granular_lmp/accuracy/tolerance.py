@@ -17,6 +17,7 @@ from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.record import Record
+from granular_lmp.scene.clock import Step
 
 __all__ = ["resume", "run"]
 
@@ -97,7 +98,7 @@ def run(
     """
     folder = absolute(folder)
     options = Options(launcher, ranks, force, progress, kernel)
-    if isinstance(what, Deck) or what.time.tolerance is None:
+    if isinstance(what, Deck) or isinstance(what.time.clock, Step):
         return launch.launch(what, folder, options, _budget)
     from granular_lmp.accuracy.refinement import to_tolerance  # kept out of start-up
 
@@ -148,7 +149,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     if (folder / SWEEP).is_file():
         raise RunFolderError(f"{folder}: holds a sweep; the same sweep command again does what is missing")
     info = read_unfinished(folder)
-    if scene_of(folder).time.tolerance is None:
+    if isinstance(scene_of(folder).time.clock, Step):
         return launch.resume(folder, progress=progress, judge=_budget)
     from granular_lmp.accuracy.refinement import resumed  # kept out of start-up
 

@@ -125,10 +125,8 @@ def _say_notes_on(scene: "Scene") -> None:
     from granular_lmp.effects.selection import remarks, select, warnings
     from granular_lmp.rest.at_rest import crystal_of, remarks_on_wait
 
-    for sentence in (*scene.remarks(), *([] if scene.loose else [*remarks(scene), *remarks_on_wait(scene)])):
+    for sentence in (*scene.remarks(), *remarks(scene), *remarks_on_wait(scene)):
         remark(f"note: {sentence}")
-    if scene.loose:
-        return
     crystal = crystal_of(scene, progress_of_rest)
     lines = [
         *(f"note: {each}" for each in crystal.remarks()),

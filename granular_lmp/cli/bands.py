@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from math import pi
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 Ranges = list[tuple[str, float, float]]
 
 
-def ranges(cell: "tuple[NDArray, NDArray]") -> Ranges:
+def ranges(cell: "tuple[NDArray[Any], NDArray[Any]]") -> Ranges:
     """Return the bands and gaps of a cell, ("band", from, to), in rad/t0 of its masses and stiffnesses, ascending."""
     from granular_lmp.crystal.chain_bands import edges, gaps
 

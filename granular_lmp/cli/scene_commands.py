@@ -112,14 +112,16 @@ def _as_json(problem: "Problem", found: "Forecast") -> dict[str, object]:
 
     from granular_lmp.rest.remarks import law_words
 
-    scene, scale = problem.scene, problem.scale
+    scene, scale, rest = problem.scene, problem.scale, problem.rest
+    steps = rest.steps_to_collision
+    collision = {} if steps is None else {"at_rest": rest.pressed, "steps_per_collision": steps}
     return (
         {"name": scene.name, "description": scene.description}
         | asdict(found)
         | {"recorded": len(problem.recorded)}
         | {"t0_s": scale.time, "length_m": scale.length, "velocity_m_s": scale.velocity}
         | {"law": law_words(scene.material, scene.effects)}
-        | ({"at_rest": problem.collisions.at_rest, "steps_per_collision": _collision(problem)} if scene.loose else {})
+        | collision
         | {"defaults": _defaults(problem.declared)}
         | {"effects": problem.on, "guards": problem.guards, "warnings": problem.warnings()}
         | {"sources": _sources(problem)}
@@ -156,16 +158,14 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
         yield "ranks", lost
     yield "restart", f"a checkpoint about every {found.checkpoint:.3g} minutes"
     yield "memory", f"about {found.memory / 1e6:.0f} MB"
-    unit, ratio = ("l", "l/R") if scene.loose else ("Delta0", "Delta0/R")
-    length = f"{unit} = {scale.length:.4g} m, {ratio} = {scale.length / scene.sphere.radius:.3g}"
+    length = f"{scale.name} = {scale.length:.4g} m, {scale.name}/R = {scale.length / scene.sphere.radius:.3g}"
     yield "scale", f"t0 = {scale.time:.4g} s, {length}"
-    if scene.loose:
-        yield from _of_rest(problem)
+    yield from _of_rest(problem)
     if law := law_words(scene.material, scene.effects):
         yield "law", law
     yield "duration", f"{scene.time.duration * scale.time:.4g} s"
-    if scene.loose:
-        yield "step", f"{_collision(problem):.3g} to the shortest collision"
+    if (steps := problem.rest.steps_to_collision) is not None:
+        yield "step", f"{steps:.3g} to the shortest collision"
     if scene.wave is None and (taken := _defaults(problem.declared)):
         said = ", ".join(f"{key} = {json.dumps(value)}" for key, value in taken.items())
         yield "default", f"{said}: as there is no [wave]"
@@ -180,8 +180,10 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
 def _defaults(scene: "Scene") -> dict[str, object]:
     """Return key → default for keys that a scene leaves out, and whose default depends on whether it has a wave."""
     from granular_lmp.scene.json_schema import keys
+    from granular_lmp.scene.without_wave import NOT_HELD, WAVE
 
-    others = {f"{each.section}.{each.name}": each.default for each in keys(bare=scene.wave is not None)}
+    other_kind = keys(WAVE if scene.wave is None else NOT_HELD)
+    others = {f"{each.section}.{each.name}": each.default for each in other_kind}
     own = {f"{table}.{each.name}": each.default for table in scene.layout.sections for each in scene.keys_of(table)}
     return {
         key: default
@@ -192,15 +194,10 @@ def _defaults(scene: "Scene") -> dict[str, object]:
 
 def _of_rest(problem: "Problem") -> "Iterator[tuple[str, str]]":
     """Yield the lines of a chain that is pressed together."""
-    if rest := problem.collisions.at_rest:
+    if rest := problem.rest.pressed:
         force, residual = rest["contact_force_over_impact"], rest["residual_force_over_impact"]
         yield "at rest", f"{force:.3g} of the force of the impact, m v/t0; rounding leaves {residual:.1g} of it"
         yield "sound", f"{rest['sound_m_s']:.4g} m/s"
-
-
-def _collision(problem: "Problem") -> float:
-    """Return the steps in the shortest collision."""
-    return problem.collisions.shortest_collision / problem.scene.time.step
 
 
 def _sources(problem: "Problem") -> list[dict[str, object]]:

@@ -206,7 +206,7 @@ def _collide(options: Options) -> int:
     write_numbers(result, errors)
     if result.sticks:
         say("the bodies stick together")
-    if collision.contact.normal == "jkr" and collision.contact.parting == "load":
+    if collision.law.late and collision.contact.parting == "load":
         remark(
             "note: LAMMPS ends the contact at the largest pull, and loses half of the energy of JKR's theory; "
             'contact.parting = "distance" with the kernel loses all'

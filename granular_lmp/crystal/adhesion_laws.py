@@ -19,6 +19,11 @@ does. (Held by a stiff device it would hang on to y = 1/6, which neither LAMMPS 
 together touch at δ = 0 only, where the contact snaps in. A law thus says where its contact ends, `pull_off_overlap`;
 both begin at 0.
 
+A law is one class below, and `ADHESION_LAWS` lists it: all else in this package asks the class, so that a new law
+touches this file only. Its last methods are words of LAMMPS. A JKR contact holds beyond an overlap of 0, where
+LAMMPS's ``contact/atom`` and the cutoff ``radius`` of its local computes do not know it; with the cutoff ``type`` they
+list every pair up to the largest pull-off distance, with forces and components ``p`` of 0 where LAMMPS has no contact.
+
 Everything follows from the coefficients A = (4/3) E* √Rc, B = 8 G* √Rc and F: a JKR contact that nothing presses has
 δ0 = (4F/A)^{2/3}/3 and a0 = √(3Rc δ0). A law can therefore be had in any consistent units, `scaled`.
 
@@ -37,20 +42,36 @@ Numbers = Any  # a number, or an array with one for each contact
 
 
 @dataclass(frozen=True, eq=False)
-class _Law:
+class AdhesionLaw:
     """Law of the contact of two spheres, or of C pairs of spheres with (C,) arrays.
+
+    Forces are in N, overlaps δ in m, stiffnesses in N/m.
 
     Attributes
     ----------
     normal_coefficient : A = (4/3) E* √Rc of Hertz's law, N/m^{3/2}.
     shear_coefficient : B = 8 G* √Rc of Mindlin's law for Hertz's contact radius, N/m^{3/2}.
     pull_off_force : F that parts the spheres, N.
+    pull : F/(π w Rc).
+    closing_work : work of adhesion from first touch to the overlap Δ0 of a contact that nothing presses, over F Δ0.
+    beyond : True if adhesion acts beyond an overlap of 0; such a law needs w > 0.
+    said : what a scene says of the law beside its name.
+    cutoff : cutoff with which LAMMPS's local computes list all contacts.
+    late : the kernel's name of the law whose contacts end at the largest distance, not at the largest pull; "" if both
+        are one. LAMMPS knows no such law.
+    later : where such contacts end over where the others end.
     """
 
     normal_coefficient: Numbers
     shear_coefficient: Numbers
     pull_off_force: Numbers
-    pull: ClassVar[float]  # F/(π w Rc)
+    pull: ClassVar[float]
+    closing_work: ClassVar[float]
+    beyond: ClassVar[bool] = False
+    said: ClassVar[str] = ""
+    cutoff: ClassVar[str] = "radius"
+    late: ClassVar[str] = ""
+    later: ClassVar[float] = 1.0
 
     @classmethod
     def between(cls, modulus: Numbers, shear_modulus: Numbers, radius: Numbers, adhesion: Numbers) -> Self:
@@ -99,14 +120,70 @@ class _Law:
         """Overlap at which that pull parts the spheres, m."""
         raise NotImplementedError
 
+    def overlap_under(self, force: Numbers) -> Numbers:
+        """Return the overlap of a contact that is pressed with the force f_N ≥ −F."""
+        raise NotImplementedError
 
-class Dmt(_Law):
-    """DMT law, and Hertz's where w = 0; forces in N, overlaps δ in m, stiffnesses in N/m.
+    def force(self, overlap: Numbers) -> Numbers:
+        """Return f_N."""
+        raise NotImplementedError
+
+    def push(self, overlap: Numbers) -> Numbers:
+        """Return f_N of any overlaps; 0 where spheres do not touch."""
+        raise NotImplementedError
+
+    def energy(self, overlap: Numbers) -> Numbers:
+        """Return the energy V, J, of any overlaps; 0 where spheres do not touch."""
+        raise NotImplementedError
+
+    def sliding_force(self, overlap: Numbers) -> Numbers:
+        """Return the shear force f_N + 2F over the friction coefficient at which the contact slides, as in LAMMPS."""
+        return self.force(overlap) + 2 * self.pull_off_force
+
+    def normal_stiffness(self, overlap: Numbers) -> Numbers:
+        """Return ∂f_N/∂δ."""
+        raise NotImplementedError
+
+    def shear_stiffness(self, overlap: Numbers) -> Numbers:
+        """Return ∂f_S/∂ξ."""
+        raise NotImplementedError
+
+    def excess(self, overlap: Numbers) -> Numbers:
+        """Return ∂f_S/∂ξ : ∂f_N/∂δ over 4G*/E*, Mindlin's ratio."""
+        raise NotImplementedError
+
+    def softening(self, overlap: Numbers) -> tuple[Numbers, Numbers]:
+        """Return n, m of f_N = f − k(x − n x²/δ) and f_S = g(1 − m x/δ)ξ, to second order in a stretch x."""
+        raise NotImplementedError
+
+    def above_pull_off(self, x: str, load: float, holding: float) -> str:
+        """Return f_N + F, or a lower bound of it, at the overlap x, over that under the load (N), in LAMMPS's words.
+
+        `holding` is F and the load in units of the deck, which are those of the force too.
+        """
+        raise NotImplementedError
+
+    def overlap_of_share(self, u: str, load: float) -> str:
+        """Return the overlap at which f_N + F is the share u of that under the load (N), over that then, in words."""
+        raise NotImplementedError
+
+    def hertz_force(self, force: str, pull: str) -> str:
+        """Return the force without adhesion whose overlap is that of a force, or a bound of it, in words; F: `pull`."""
+        return f"({force}+{pull})"
+
+    @staticmethod
+    def mark(axes: int) -> str:
+        """Return further columns of a local compute, which tell contacts from other pairs; "" if it lists no others."""
+        return ""
+
+
+class Dmt(AdhesionLaw):
+    """DMT law, and Hertz's where w = 0.
 
     An overlap must not be negative, except for `push` and `energy`.
     """
 
-    pull = 2.0
+    pull, closing_work = 2.0, 3 / 5
     pull_off_overlap = 0.0  # m: the contact parts where it ends
 
     def overlap_under(self, force: Numbers) -> Numbers:
@@ -152,14 +229,24 @@ class Dmt(_Law):
         """Return n, m of f_N = f − k(x − n x²/δ) and f_S = g(1 − m x/δ)ξ, to second order in a stretch x: ¼ and ½."""
         return 0.25, 0.5
 
+    def above_pull_off(self, x: str, load: float, holding: float) -> str:
+        """Return f_N + F = (F + F0) x^{3/2} in LAMMPS's words."""
+        return f"{holding!r}*{x}^1.5"
 
-class Jkr(_Law):
-    """JKR law of a contact that adheres, w > 0; forces in N, overlaps δ in m, stiffnesses in N/m.
+    def overlap_of_share(self, u: str, load: float) -> str:
+        """Return u^{2/3} in LAMMPS's words."""
+        return f"{u}^(2/3)"
+
+
+class Jkr(AdhesionLaw):
+    """JKR law of a contact that adheres, w > 0.
 
     An overlap must not be below `pull_off_overlap`, where the contact parts, except for `push` and `energy`.
     """
 
-    pull = 1.5
+    pull, closing_work = 1.5, 6 / 5 * (1 - (2 / 3) ** (4 / 3))
+    beyond, said, cutoff = True, "also beyond contact", "type"
+    late, later = "jkr/distance", 9 * 6 ** (-4 / 3) * 2 ** (4 / 3)  # it ends at y = 1/6 in place of y = 1/2
 
     @cached_property
     def rest_overlap(self) -> Numbers:
@@ -192,10 +279,6 @@ class Jkr(_Law):
         energy = s**4 * (1.2 * y * y - 2 * y + 0.5) + 0.2 * 2 ** (-4 / 3)  # at y = ½ the bracket is −1/5
         return self.closed(overlap) * 4 * self.pull_off_force * self.rest_overlap * energy
 
-    def sliding_force(self, overlap: Numbers) -> Numbers:
-        """Return the shear force f_N + 2F over the friction coefficient at which the contact slides, as in LAMMPS."""
-        return self.force(overlap) + 2 * self.pull_off_force
-
     def normal_stiffness(self, overlap: Numbers) -> Numbers:
         """Return ∂f_N/∂δ = 2E*a (6y−3)/(6y−1), with 2E*a = (3/2) A √(3δ0) s²."""
         s = self._s(overlap)
@@ -219,6 +302,29 @@ class Jkr(_Law):
         y = self._y(overlap)
         shear = (3 * y - 2) / (6 * y - 1)
         return shear / 2 * (1 + 6 * y / ((2 * y - 1) * (6 * y - 1))), shear
+
+    def above_pull_off(self, x: str, load: float, holding: float) -> str:
+        """Return a parabola in LAMMPS's words that touches zero where f_N + F does.
+
+        It is below f_N + F for all overlaps up to that under the load (tests/theory/test_adhesion_laws.py).
+        """
+        hold = abs(float(self.pull_off_overlap)) / float(self.overlap_under(load))
+        return f"{holding!r}*(({x}+{hold!r})/(1+{hold!r}))^2"
+
+    def overlap_of_share(self, u: str, load: float) -> str:
+        """Return the overlap in LAMMPS's words, by y."""
+        pressed = (float(self.pull_off_force) + load) / float(self.pull_off_force)
+        y = f"(0.5+0.5*sqrt({u}*{pressed!r}))"
+        return f"{float(self.overlap_under(0.0)) / float(self.overlap_under(load))!r}*{y}^(1/3)*(3*{y}-2)"
+
+    def hertz_force(self, force: str, pull: str) -> str:
+        """Return the force of the contact radius, f + 2F + 2√(F(f + F)) in LAMMPS's words, as δ ≤ a²/Rc."""
+        return f"({force}+{pull}+{pull}+2*sqrt({pull}*({force}+{pull})))"
+
+    @staticmethod
+    def mark(axes: int) -> str:
+        """Return the components of the vector between the centres, which are 0 of a pair that is no contact."""
+        return "".join(f" p{10 + axis}" for axis in range(axes))
 
     def _hertzian(self, s: Numbers) -> Numbers:
         """Return a/√Rc, the root of the overlap that a Hertz contact of the same radius has."""
@@ -246,11 +352,15 @@ class Jkr(_Law):
 
 
 _STEPS = 5
-# Where a JKR contact ends at a given distance, y = 1/6, over where it ends under a given load, y = 1/2
 SKIN = 0.1  # radii beyond contact, within the list of neighbours of a deck: a contact that adheres ends there
-LATER = 9 * 6 ** (-4 / 3) * 2 ** (4 / 3)
-AdhesionLaw = Dmt | Jkr
-ADHESION_LAWS: dict[str, type[Dmt] | type[Jkr]] = {"dmt": Dmt, "jkr": Jkr}
+ADHESION_LAWS: dict[str, type[AdhesionLaw]] = {"dmt": Dmt, "jkr": Jkr}
+HERTZ = "hertz"  # LAMMPS's name of the DMT law without adhesion
+NORMAL_LAWS = tuple(sorted((*ADHESION_LAWS, HERTZ)))
+
+
+def words_of_laws() -> str:
+    """Return what a scene says of the laws beside their names."""
+    return "; ".join(f"{name}: {law.said}" for name, law in ADHESION_LAWS.items() if law.said)
 
 
 def joined(laws: Sequence[AdhesionLaw]) -> AdhesionLaw:

@@ -46,12 +46,12 @@ _STIFF = 1e-3  # 1/t0²: where all of ω² are less, as of motions that no conta
 _FED = 1e-5  # imaginary part of ω² over the largest one: in a film without symmetry 3e-7, for a share η of 2.5e-4
 SPARSE = 12  # spheres of a cell beyond which the rows of one wave vector are a sparse array; a contact has 12 numbers
 _APART = 1e-9  # coupling of two subspaces, over the largest element of the matrix, that is rounding
-Springs = list[tuple[NDArray, NDArray]]
+Springs = list[tuple[NDArray[Any], NDArray[Any]]]
 
 
 def bloch_modes(
     contacts: Contacts, sphere: Sphere, wavevectors: ArrayLike, physics: Physics = FULL
-) -> tuple[NDArray, NDArray]:
+) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return frequencies and shapes of all modes of a crystal at any wave vectors, lowest first.
 
     Parameters
@@ -93,7 +93,7 @@ def require_plane(contacts: Contacts) -> None:
         raise ValueError(f"contact {outside[0]}: leaves the plane z = const, in which all contacts must lie")
 
 
-def effective_inertia(contacts: Contacts) -> NDArray:
+def effective_inertia(contacts: Contacts) -> NDArray[Any]:
     """Return I/R² = Ĩm/(1 − η) of each sphere, (N,), kg: its inertia as LAMMPS's torque arm makes it.
 
     A sphere that no contact turns keeps Ĩm. The module docstring defines η.
@@ -101,7 +101,7 @@ def effective_inertia(contacts: Contacts) -> NDArray:
     return INERTIA_RATIO * contacts.mass / (1 - _arm_loss(contacts))
 
 
-def _arm_loss(contacts: Contacts) -> NDArray:
+def _arm_loss(contacts: Contacts) -> NDArray[Any]:
     """Return the mean η of each sphere, (N,), over its contacts with others."""
     turned, weighted = np.zeros_like(contacts.mass), np.zeros_like(contacts.mass)
     pairs = ~contacts.on_wall
@@ -112,7 +112,7 @@ def _arm_loss(contacts: Contacts) -> NDArray:
     return np.divide(weighted, turned, out=np.zeros_like(turned), where=turned > 0)
 
 
-def effective_rolling(contacts: Contacts, physics: Physics) -> NDArray:
+def effective_rolling(contacts: Contacts, physics: Physics) -> NDArray[Any]:
     """Return the rolling stiffness k_r/(1 − η) of each contact that goes with `effective_inertia`, (C,), N/m.
 
     LAMMPS's torque of a roll has the arm Rc, without the part δ/2 that shear torques lose: the effective inertia is too
@@ -122,12 +122,12 @@ def effective_rolling(contacts: Contacts, physics: Physics) -> NDArray:
 
 
 def stretch_rows(
-    contacts: Contacts, wavevectors: NDArray, ways: Sequence[int] = (0, 1)
-) -> tuple[NDArray, list[NDArray], list[NDArray]]:
+    contacts: Contacts, wavevectors: NDArray[Any], ways: Sequence[int] = (0, 1)
+) -> tuple[NDArray[Any], list[NDArray[Any]], list[NDArray[Any]]]:
     """Return rows (..., C, 6N) of a shape (u, f): −i times δN, and of the tangents δT and δS − δT; k in 1/m."""
     phase_i, phase_j = _phases(contacts, wavevectors)
 
-    def moves(way: NDArray) -> NDArray:
+    def moves(way: NDArray[Any]) -> NDArray[Any]:
         part = np.hstack([way, np.zeros_like(way)])
         return _rows(contacts, 1j * phase_i * part, -1j * phase_j * part)
 
@@ -135,21 +135,21 @@ def stretch_rows(
     return moves(contacts.normals), [moves(contacts.tangents[:, way]) for way in ways], turns
 
 
-def twist_rows(contacts: Contacts, wavevectors: NDArray) -> NDArray:
+def twist_rows(contacts: Contacts, wavevectors: NDArray[Any]) -> NDArray[Any]:
     """Return the rows (..., C, 6N) of a shape (u, f) that give −i times (φ_i + φ_j)·n; k in 1/m."""
     part = np.hstack([np.zeros_like(contacts.normals), contacts.normals])
     phase_i, phase_j = _phases(contacts, wavevectors)
     return _rows(contacts, phase_i * part, phase_j * part)
 
 
-def _turn_rows(contacts: Contacts, way: int, on_i: NDArray, on_j: NDArray) -> NDArray:
+def _turn_rows(contacts: Contacts, way: int, on_i: NDArray[Any], on_j: NDArray[Any]) -> NDArray[Any]:
     """Return the rows (..., C, 6N) of the rotations about n × t, from factors (..., C, 1) of spheres i and j."""
     about = contacts.turns[:, way]
     part = np.hstack([np.zeros_like(about), about])
     return _rows(contacts, on_i * part, on_j * part)
 
 
-def _torque_rows(contacts: Contacts, wavevectors: NDArray) -> list[NDArray]:
+def _torque_rows(contacts: Contacts, wavevectors: NDArray[Any]) -> list[NDArray[Any]]:
     """Return, for both tangents, the rows of `stretch_rows` of δS − δT times what the true arm of a torque adds.
 
     The arm is (R − δ/2)/R of a pair and 1 of a wall; `effective_inertia` stands for the mean 1 − η of each sphere.
@@ -163,7 +163,7 @@ def _torque_rows(contacts: Contacts, wavevectors: NDArray) -> list[NDArray]:
     return [_turn_rows(contacts, way, *factors) for way in range(2)]
 
 
-def _exact(matrix: NDArray) -> tuple[NDArray, NDArray]:
+def _exact(matrix: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the real parts of ω² (..., F) and eigenvectors as columns of a matrix that is nearly symmetric.
 
     Torques of different arms do work over a period, in LAMMPS too. A layer that half a turn about z leaves as it is has
@@ -182,13 +182,13 @@ def _exact(matrix: NDArray) -> tuple[NDArray, NDArray]:
     return np.real(squared), vectors
 
 
-def _phases(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, NDArray]:
+def _phases(contacts: Contacts, wavevectors: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return e^{−ik·d/2} and e^{ik·d/2} of each contact, (..., C, 1), for spheres i and j."""
     half_phase = wavevectors @ contacts.vector[:, : wavevectors.shape[-1]].T / 2
     return np.exp(-1j * half_phase)[..., None], np.exp(1j * half_phase)[..., None]
 
 
-def roll_rows(contacts: Contacts, wavevectors: NDArray) -> NDArray:
+def roll_rows(contacts: Contacts, wavevectors: NDArray[Any]) -> NDArray[Any]:
     """Return the rows (..., C, 6N) that give the roll ρ of a shape in the plane, up to a phase; k in 1/m."""
     phase_i, phase_j = _phases(contacts, wavevectors)
     turn = np.eye(6)[F]
@@ -196,7 +196,7 @@ def roll_rows(contacts: Contacts, wavevectors: NDArray) -> NDArray:
     return _rows(contacts, 1j * phase_i * share_i * turn, -1j * phase_j * share_j * turn)
 
 
-def _rows(contacts: Contacts, on_i: NDArray, on_j: NDArray) -> NDArray:
+def _rows(contacts: Contacts, on_i: NDArray[Any], on_j: NDArray[Any]) -> NDArray[Any]:
     """Return one row a contact over the freedoms of all spheres, from its parts (..., C, 6) on spheres i and j.
 
     Those of one wave vector are a sparse array where a cell has more than `SPARSE` spheres.
@@ -221,8 +221,8 @@ def _rows(contacts: Contacts, on_i: NDArray, on_j: NDArray) -> NDArray:
 
 
 def _springs(
-    contacts: Contacts, sphere: Sphere, wavevectors: NDArray, physics: Physics
-) -> tuple[Springs, list[NDArray], NDArray]:
+    contacts: Contacts, sphere: Sphere, wavevectors: NDArray[Any], physics: Physics
+) -> tuple[Springs, list[NDArray[Any]], NDArray[Any]]:
     """Return springs, torques, and 1/√mass of the freedoms, (6N,).
 
     Springs are stiffnesses with their rows, the normal one and the slips first. Torques are what true arms add to the
@@ -246,15 +246,15 @@ def _springs(
 
 
 def solve(
-    contacts: Contacts, sphere: Sphere, wavevectors: NDArray, physics: Physics, basis: NDArray
-) -> tuple[NDArray, NDArray]:
+    contacts: Contacts, sphere: Sphere, wavevectors: NDArray[Any], physics: Physics, basis: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return frequencies, ascending, and shapes of the modes in a subspace of the freedoms.
 
     `basis` holds the indices of some freedoms, (F,), or orthonormal columns, (6N, F), each of one sphere and of its
     displacement or its rotation.
     """
 
-    def within(rows: Any) -> NDArray:
+    def within(rows: Any) -> NDArray[Any]:
         rows = rows if isinstance(rows, np.ndarray) else rows.toarray()
         return np.asarray(rows[..., basis] if basis.ndim == 1 else rows @ basis)
 
@@ -287,7 +287,12 @@ def solve(
 
 
 def part(
-    contacts: Contacts, sphere: Sphere, wavevector: NDArray, physics: Physics, one: NDArray, other: NDArray
+    contacts: Contacts,
+    sphere: Sphere,
+    wavevector: NDArray[Any],
+    physics: Physics,
+    one: NDArray[Any],
+    other: NDArray[Any],
 ) -> bool:
     """Return whether no motion of one subspace, (6N, F) columns, moves the other, at a wave vector (2,)."""
     springs, torques, _ = _springs(contacts, sphere, wavevector, physics)
@@ -299,7 +304,9 @@ def part(
     )
 
 
-def matrix_of(contacts: Contacts, sphere: Sphere, wavevector: NDArray, physics: Physics) -> tuple[Any, NDArray]:
+def matrix_of(
+    contacts: Contacts, sphere: Sphere, wavevector: NDArray[Any], physics: Physics
+) -> tuple[Any, NDArray[Any]]:
     """Return the sparse matrix of ω² of a cell of many spheres, (6N, 6N) over freedoms times √mass, and 1/√mass."""
     springs, torques, inverse_root_mass = _springs(contacts, sphere, wavevector, physics)
     parts: list[tuple[Any, Any]] = [(rows, rows * weight) for weight, rows in springs]

@@ -223,16 +223,19 @@ def law_between(crystal: ase.Atoms, materials: Sequence[Sphere], i: Integers, j:
     Raises
     ------
     ValueError
-        If two materials have other adhesion laws.
+        If two materials have other adhesion laws, or other factors.
     """
-    names = sorted({each.adhesion_law for each in materials})
-    if len(names) > 1:
-        raise ValueError(f"adhesion_law = {', '.join(names)}: must be the same for all materials of a crystal")
-    radius, material = crystal.arrays["radius"] * materials[0].radius, _material(crystal)
+    first = materials[0]
+    for name in ("adhesion_law", "factors"):
+        if len(found := {getattr(each, name) for each in materials}) > 1:
+            raise ValueError(
+                f"{name} = {', '.join(map(str, sorted(found)))}: must be the same for all materials of a crystal"
+            )
+    radius, material = crystal.arrays["radius"] * first.radius, _material(crystal)
     effective_radius = radius[i] * radius[j] / (radius[i] + radius[j])
     modulus, shear_modulus, adhesion = _mixed(materials, material[i], material[j])
-    law = ADHESION_LAWS[names[0]].between(modulus, shear_modulus, effective_radius, adhesion)
-    return times_factors(law, crystal, i, j)
+    law = ADHESION_LAWS[first.adhesion_law].between(modulus, shear_modulus, effective_radius, adhesion)
+    return times_factors(law.times(*first.factors), crystal, i, j)
 
 
 def times_factors(law: AdhesionLaw, crystal: ase.Atoms, i: Integers, j: Integers | int) -> AdhesionLaw:
@@ -250,9 +253,14 @@ def times_factors(law: AdhesionLaw, crystal: ase.Atoms, i: Integers, j: Integers
 def equivalent(one: Sphere, other: Sphere) -> Sphere:
     """Return the sphere whose contact with an equal one has E*, G* and w of the contact between two materials.
 
-    Radius and density are of `one`.
+    E = 2(1−ν²)E* and ν = (2−2κ)/(2−κ) with κ = 4G*/E*. Radius, density and factors are of `one`.
     """
-    return one if one == other else one.with_moduli(*(float(each[0]) for each in mixed(one, other)))
+    if one == other:
+        return one
+    modulus, shear_modulus, adhesion = (float(each[0]) for each in mixed(one, other))
+    kappa = 4 * shear_modulus / modulus
+    number = (2 - 2 * kappa) / (2 - kappa)
+    return replace(one, youngs_modulus=2 * (1 - number**2) * modulus, poisson_ratio=number, work_of_adhesion=adhesion)
 
 
 def mixed(one: Sphere, other: Sphere) -> tuple[Floats, Floats, Floats]:

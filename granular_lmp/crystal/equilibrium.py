@@ -75,7 +75,7 @@ class Equilibrium:
         Σ f d_a²/|d|, N m: the load that the contacts bear; over the length of the box, the force on its faces.
     residual : float
         The largest force on a free sphere, in k1 Δ0 of the first material.
-    loose : int
+    rattlers : int
         Free spheres without any contact, which stay where they are.
     lifted : int
         Free spheres that touched a wall at their places, and do not at rest.
@@ -91,7 +91,7 @@ class Equilibrium:
     contacts: Contacts
     box_load: Floats
     residual: float
-    loose: int
+    rattlers: int
     lifted: int
     steps: int
     protocol: str
@@ -118,7 +118,7 @@ class Equilibrium:
             "disorder": info.get("disorder"),
             "spheres": len(self.lattice),
             "isolated": info.get("isolated"),
-            "loose": self.loose,
+            "loose": self.rattlers,
             "contacts_per_sphere": self.contacts_per_sphere,
             "residual": self.residual,
             "newton_steps": self.steps,
@@ -232,7 +232,7 @@ def _record(potential: Potential, state: State, steps: int, protocol: str) -> Eq
         contacts=contacts,
         box_load=contacts.vector[:, : potential.axes].T ** 2 @ push,
         residual=potential.residual(state),
-        loose=int((free & (contacts.per_sphere == 0)).sum()),
+        rattlers=int((free & (contacts.per_sphere == 0)).sum()),
         lifted=int((free & lifted).sum()),
         steps=steps,
         protocol=protocol,

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import lattice_constant
-from granular_lmp.crystal.modes import FULL, MODES, Physics, bloch_modes, branch_names
+from granular_lmp.crystal.mode import FULL, Physics
+from granular_lmp.crystal.modes import MODES, bloch_modes, branch_names
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, zone_edge
 

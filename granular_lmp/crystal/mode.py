@@ -1,5 +1,7 @@
 """One Bloch mode: its wave vector, frequency and shape; and the freedoms of the spheres that it moves."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -104,7 +106,7 @@ class Mode:
         return np.array(self.cell or [(self.ux, self.uy, 0, 0, 0, 1j * self.f)])
 
 
-def branch_mode(name: str, vector: WaveVector, frequency: float, shape: NDArray) -> Mode:
+def branch_mode(name: str, vector: WaveVector, frequency: float, shape: NDArray[Any]) -> Mode:
     """Return the mode of a branch from its shape (u, f) of each sphere, (6P,), normalised to 1.
 
     Its phase makes the largest p or q of a sphere real and positive, of equal ones the first, to 1e-6; of spheres that

@@ -108,16 +108,22 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
         return _in_space(lattice, sphere, vector, name, physics)
     kind = "layered" if np.ptp(lattice.mass) else lattice_of_contacts(lattice, sphere).name
     if name not in (known := MODES if len(lattice.mass) == 1 else restored(lattice, physics)):
-        raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(known)} in the {kind} lattice")
+        raise SceneError(
+            f"wave.mode = {name!r}: must be one of {', '.join(known)} in the {kind} lattice", because="physics"
+        )
     if len(lattice.mass) > 1:
         return _branch(lattice, sphere, vector, name, physics)
     if name == "RT" and not physics.rotation:
-        raise SceneError(f"wave.mode = {name!r}: needs effects.rotation, which is off; without it there are L and TR")
+        raise SceneError(
+            f"wave.mode = {name!r}: needs effects.rotation, which is off; without it there are L and TR",
+            because="physics",
+        )
     if name not in (there := restored(lattice, physics)):
         cure = "effects.rolling_stiffness above 0" if physics.shear else "effects.shear, which is off"
         raise SceneError(
             f"wave.mode = {name!r}: has the frequency 0 in the {kind} lattice, as no contact resists it; must be "
-            f"{' or '.join(there)}, or needs {cure}"
+            f"{' or '.join(there)}, or needs {cure}",
+            because="physics",
         )
     columns, index = _SUBSPACE[vector.axis][name] if vector.axis else (physics.coordinates, None)
     columns = [column for column in columns if column in physics.coordinates]
@@ -145,7 +151,7 @@ def modes_at(lattice: Contacts, sphere: Sphere, vector: WaveVector, physics: Phy
 
 def branches(
     lattice: Contacts, sphere: Sphere, vectors: Sequence[WaveVector], physics: Physics = FULL
-) -> dict[str, NDArray]:
+) -> dict[str, NDArray[Any]]:
     """Return the frequencies (K,) of `modes_at` at wave vectors of one direction, by their names there.
 
     Between the axes, where branches exchange their names, they are numbered from the lowest.
@@ -172,19 +178,24 @@ def _in_space(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, 
     names = named_in_space(lattice, sphere, vector, physics)
     if name not in names:
         known = (*names, f"{numbers[0]} to {numbers[-1]}")
-        raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(known)} in this crystal and direction")
+        raise SceneError(
+            f"wave.mode = {name!r}: must be one of {', '.join(known)} in this crystal and direction", because="physics"
+        )
     frequency, shape = names[name]
     if frequency < _STILL * highest_frequency(lattice, sphere, physics):
-        raise SceneError(f"wave.mode = {name!r}: has the frequency 0 at this wave vector, as no contact resists it")
+        raise SceneError(
+            f"wave.mode = {name!r}: has the frequency 0 at this wave vector, as no contact resists it",
+            because="physics",
+        )
     return branch_mode(name, vector, frequency, shape)
 
 
 @lru_cache(maxsize=128)  # a band is asked for name by name
 def named_in_space(
     lattice: Contacts, sphere: Sphere, vector: WaveVector, physics: Physics
-) -> dict[str, tuple[float, NDArray]]:
+) -> dict[str, tuple[float, NDArray[Any]]]:
     """Return frequency and shape of the waves that mirrors of a crystal in space give names, by name."""
-    found: dict[str, tuple[float, NDArray]] = {}
+    found: dict[str, tuple[float, NDArray[Any]]] = {}
     x, y = vector.unit
     along, across = np.array([x, y, 0.0]), np.array([-y, x, 0.0])
     up, none, axes = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.eye(3)
@@ -207,7 +218,7 @@ def named_in_space(
     return found
 
 
-def _spread(ways: list[tuple[NDArray, NDArray]], spheres: int, physics: Physics) -> Any:
+def _spread(ways: list[tuple[NDArray[Any], NDArray[Any]]], spheres: int, physics: Physics) -> Any:
     """Return motions (u, f) of each sphere of a cell as orthonormal columns, (6N, F); none turns without rotation."""
     columns = np.array([np.concatenate(way) for way in ways if physics.rotation or not way[1].any()]).T
     if spheres <= _MANY:
@@ -218,8 +229,8 @@ def _spread(ways: list[tuple[NDArray, NDArray]], spheres: int, physics: Physics)
 
 
 def _lowest(
-    lattice: Contacts, sphere: Sphere, wavevector: NDArray, physics: Physics, basis: Any, least: int = 0
-) -> tuple[NDArray, NDArray]:
+    lattice: Contacts, sphere: Sphere, wavevector: NDArray[Any], physics: Physics, basis: Any, least: int = 0
+) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return frequencies and shapes as `solve` does; of a cell of many spheres the `_LOWEST` ones.
 
     They are found by Arnoldi's method on the inverse, in a time in proportion to the spheres. Raises SceneError if more
@@ -230,7 +241,8 @@ def _lowest(
     if least > _LOWEST:
         raise SceneError(
             f"wave.mode = '{least}': must be at most {_LOWEST} in a crystal of {len(lattice.mass)} spheres a cell, or "
-            f"packing.layers fewer: higher branches are found in cells of at most {_MANY} spheres"
+            f"packing.layers fewer: higher branches are found in cells of at most {_MANY} spheres",
+            because="physics",
         )
     from scipy.sparse.linalg import eigs
 
@@ -254,20 +266,26 @@ def _branch(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, ph
     own, others = frequencies[number - 1], np.delete(frequencies, number - 1)
     where = f"wave.mode = '{number}': has the frequency"
     if own < _STILL * frequencies[-1]:
-        raise SceneError(f"{where} 0 at this wave vector, as no contact resists it; needs effects.rolling_stiffness")
+        raise SceneError(
+            f"{where} 0 at this wave vector, as no contact resists it; needs effects.rolling_stiffness",
+            because="physics",
+        )
     if np.abs(others - own).min() < _MEET * own:
-        raise SceneError(f"{where} of another branch at this wave vector, where its shape is any; must be beside it")
+        raise SceneError(
+            f"{where} of another branch at this wave vector, where its shape is any; must be beside it",
+            because="physics",
+        )
     return branch_mode(name, vector, float(own), shapes[number - 1])
 
 
-def branch_names(shapes: NDArray, along: NDArray) -> tuple[str, ...]:
+def branch_names(shapes: NDArray[Any], along: NDArray[Any]) -> tuple[str, ...]:
     """Return L, TR or RT for each branch of a lattice, (B, 3), ascending in frequency, at a wave vector along (2,)."""
     longitudinal, others = int(np.argmax(np.abs(shapes[:, :2] @ along))), iter(MODES[1:])
     return tuple("L" if branch == longitudinal else next(others) for branch in range(len(shapes)))
 
 
 @lru_cache(maxsize=1)  # rules ask again and again
-def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
+def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the amplitudes of δN and δS of contacts in a wave of the perfect lattice, (C,) each, in units of D0.
 
     All are in phase; of several spheres a cell they are the moduli. In a crystal that is not perfect they are those of
@@ -282,7 +300,7 @@ def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[N
     return normal, shear
 
 
-def _in_phase(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
+def _in_phase(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return δN and δS of the contacts in a mode of one sphere a cell."""
     half_phase = contacts.vector[:, :2] @ _wavevector(sphere, mode.vector) / sphere.radius / 2
     moved, shape = 2 * np.sin(half_phase), np.array([mode.ux, mode.uy])
@@ -291,7 +309,7 @@ def _in_phase(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, 
     return normal, shear
 
 
-def _moduli(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
+def _moduli(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return |δN| and |δS| of the contacts of a cell of several spheres; of another crystal a bound on both."""
     if len(contacts.mass) == len(mode.cell):
         normal, sideways, turn = stretch_rows(contacts, _wavevector(sphere, mode.vector) / sphere.radius)
@@ -305,12 +323,12 @@ def _moduli(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, ND
     return 2 * normal, 2 * (np.hypot(*across) + turned)
 
 
-def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray:
+def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray[Any]:
     """Return the amplitudes of the rolls ρ of the contacts of a cell, (C,), in units of D0."""
     return roll_rows(lattice, _wavevector(sphere, mode.vector) / sphere.radius) @ _freedoms(mode)
 
 
-def _freedoms(mode: Mode) -> NDArray:
+def _freedoms(mode: Mode) -> NDArray[Any]:
     """Return (u, f) of each sphere of a cell in turn, (6P,)."""
     return (mode.shape() / TURNS).ravel()
 
@@ -386,7 +404,7 @@ def _layers_of(crystal: Contacts, count: int) -> Contacts:
     return replace(crystal, **own | {"i": place[own["i"]], "j": place[own["j"]]} | of_spheres)
 
 
-def row_stretches(lattice: Contacts, ux: float, uy: float) -> tuple[NDArray, NDArray]:
+def row_stretches(lattice: Contacts, ux: float, uy: float) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return δN and δS of the contacts, (C,) each, between a row shifted by (ux, uy) and the next one at rest."""
     shift, normal, shear = np.array([ux, uy]), np.empty(len(lattice)), np.empty(len(lattice))
     for block, some in zip(blocks(len(lattice)), lattice.parts(), strict=True):
@@ -423,12 +441,12 @@ def kinetic_parts(lattice: Contacts, sphere: Sphere, mode: Mode) -> tuple[float,
     return float(squares[:FX].sum()), float(INERTIA_RATIO * squares[FX:].sum())
 
 
-def _wavevector(sphere: Sphere, vector: WaveVector) -> NDArray:
+def _wavevector(sphere: Sphere, vector: WaveVector) -> NDArray[Any]:
     """Return the components of a wave vector in 1/R."""
     return np.array(vector.components) / lattice_constant(sphere)
 
 
-def _sign(name: str, vector: WaveVector, shape: NDArray) -> float:
+def _sign(name: str, vector: WaveVector, shape: NDArray[Any]) -> float:
     """Return +1 or −1, which makes the larger of p and q positive.
 
     If both vanish it makes f negative, except for TR along y.

@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.modes import FULL, Mode, Physics
+from granular_lmp.crystal.mode import FULL, Mode, Physics
 from granular_lmp.crystal.row_waves import Complexes, Line, flux, line_of, waves
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.frozen import dataclass

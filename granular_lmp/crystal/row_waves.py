@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.mode import TURNS
-from granular_lmp.crystal.modes import FULL, MODES, Physics, bloch_modes, effective_inertia
+from granular_lmp.crystal.mode import FULL, TURNS, Physics
+from granular_lmp.crystal.modes import MODES, bloch_modes, effective_inertia
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
 from granular_lmp.frozen import dataclass

@@ -41,6 +41,7 @@ class Scale:
     mass: float
     length: float
     time: float
+    of_impact: bool = False  # the unit of velocities is that of the sphere that is the fastest at the beginning
 
     @classmethod
     def of(cls, sphere: Sphere, velocity: float = 0.0) -> Self:
@@ -56,7 +57,21 @@ class Scale:
         if not velocity > 0:
             raise ValueError(f"velocity = {velocity!r}: must be above 0 where spheres have no overlap at rest")
         length = (sphere.mass * velocity**2 / sphere.normal_coefficient) ** 0.4
-        return cls(sphere.mass, length, length / velocity)
+        return cls(sphere.mass, length, length / velocity, of_impact=True)
+
+    @property
+    def name(self) -> str:
+        """Name of the unit of lengths."""
+        return "l" if self.of_impact else "Delta0"
+
+    @property
+    def symbol(self) -> str:
+        """Name of the unit of lengths, for a figure."""
+        return r"\ell" if self.of_impact else r"\Delta_0"
+
+    def force(self, length: float, stiffness: float) -> float:
+        """Return the unit of forces beside a length, N: m ℓ/t0² of an impact, else stiffness (N/m) times ℓ."""
+        return self.mass * length / self.time**2 if self.of_impact else stiffness * length
 
     @property
     def velocity(self) -> float:

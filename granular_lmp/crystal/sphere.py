@@ -20,7 +20,6 @@ from granular_lmp.frozen import cached_property, dataclass
 
 __all__ = ["Sphere"]
 
-_NEAREST = 2.0**-51  # from 2 to the next double, for the ratio 2 of stiffnesses, which only an infinite ν has
 INERTIA_RATIO = 2 / 5  # Ĩ = I/(mR²) of a solid sphere, fixed in LAMMPS's sphere styles too
 # Equilibrium distance of surfaces, m, and Tabor's parameter where each law is right (`Sphere.tabor_parameter`)
 SURFACE_DISTANCES = 4e-10, 1.6e-10
@@ -47,6 +46,9 @@ class Sphere:
         Outer force F0 that presses the contacts together at rest, N.
     adhesion_law : "dmt" or "jkr"
         Law of the contact; "jkr" needs w > 0.
+    factors : (float, float)
+        Factors of the normal and the shear force of the contact at every overlap, where its stiffnesses were measured
+        (`granular_lmp.crystal.stiffnesses`). The moduli stay those of the material.
 
     Notes
     -----
@@ -67,6 +69,7 @@ class Sphere:
     density: float
     contact_force: float = 0.0
     adhesion_law: str = "dmt"
+    factors: tuple[float, float] = (1.0, 1.0)
 
     @cached_property
     def contact_law(self) -> AdhesionLaw:
@@ -79,31 +82,21 @@ class Sphere:
         """
         if self.adhesion_law not in ADHESION_LAWS:
             raise ValueError(f"adhesion_law = {self.adhesion_law!r}: must be one of {', '.join(ADHESION_LAWS)}")
-        if self.adhesion_law == "jkr" and not self.work_of_adhesion > 0:
+        kind = ADHESION_LAWS[self.adhesion_law]
+        if kind.beyond and not self.work_of_adhesion > 0:
             raise ValueError(
-                f"work_of_adhesion = {self.work_of_adhesion!r}: must be above 0 with adhesion_law = 'jkr'; take 'dmt', "
-                "which is Hertz's law without adhesion"
+                f"work_of_adhesion = {self.work_of_adhesion!r}: must be above 0 with adhesion_law = "
+                f"{self.adhesion_law!r}; take 'dmt', which is Hertz's law without adhesion"
             )
-        return ADHESION_LAWS[self.adhesion_law].between(
+        law = kind.between(
             self.effective_modulus, self.effective_shear_modulus, self.effective_radius, self.work_of_adhesion
         )
+        return law.times(*self.factors)
 
     @property
     def unloaded(self) -> "Sphere":
         """Sphere without adhesion and outer force, whose contacts at rest just touch."""
         return replace(self, work_of_adhesion=0.0, contact_force=0.0, adhesion_law="dmt")
-
-    def with_moduli(self, modulus: float, shear_modulus: float, adhesion: float) -> "Sphere":
-        """Return the sphere whose contact with an equal one has these E*, G* and w.
-
-        E = 2(1−ν²)E* and ν = (2−2κ)/(2−κ) with κ = 4G*/E*. Of a material κ is in [2/3, 4/3); measured stiffnesses may
-        have any ratio. E and ν are those of no material then, E negative from κ = 4/3 on, and only E* and G* count.
-        """
-        kappa = 4 * shear_modulus / modulus
-        number = (2 - 2 * kappa) / (2 - kappa if kappa != 2 else -_NEAREST)
-        return replace(
-            self, youngs_modulus=2 * (1 - number**2) * modulus, poisson_ratio=number, work_of_adhesion=adhesion
-        )
 
     @property
     def mass(self) -> float:
@@ -174,9 +167,11 @@ class Sphere:
     def stiffness_ratio(self) -> float:
         """Ratio κ = g1/k1, which with the overlap ratio determines the dimensionless linear dynamics.
 
-        It is 2(1−ν)/(2−ν) by the DMT law, and 5/3 of that by the JKR law without an outer force.
+        It is 2(1−ν)/(2−ν) by the DMT law, and 5/3 of that by the JKR law without an outer force; measured stiffnesses
+        may have any ratio.
         """
-        mindlin = 2 * (1 - self.poisson_ratio) / (2 - self.poisson_ratio)
+        normal, shear = self.factors
+        mindlin = 2 * (1 - self.poisson_ratio) / (2 - self.poisson_ratio) * (shear / normal)
         return float(mindlin * self.contact_law.excess(self.static_overlap))
 
     @property

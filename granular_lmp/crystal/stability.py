@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lanczos import top_bound
-from granular_lmp.crystal.modes import FULL, Physics, effective_inertia, effective_rolling, require_plane
+from granular_lmp.crystal.mode import FULL, Physics
+from granular_lmp.crystal.modes import effective_inertia, effective_rolling, require_plane
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.frozen import dataclass
 

@@ -1,10 +1,14 @@
-"""Contacts of which some are stiffer than the law of their materials says: by pair of kinds, and with a spread.
+"""Contacts that are stiffer than the law of their materials says: as measured, by pair of kinds, and with a spread.
 
-A factor of a pair scales the force of its law at every overlap. Contacts that nothing presses keep their overlap, so
-that spheres at rest in a lattice stay there, and the second derivative of the force scales as the first one does.
+A factor scales the force of a law at every overlap. Contacts that nothing presses keep their overlap, so that spheres
+at rest in a lattice stay there, and the second derivative of the force scales as the first one does.
 
-**Kinds** are 0, the spheres of the lattice, and n, those of the n-th inclusion. A measured stiffness K of two kinds at
-rest gives the factor c = K/k(δ) of the normal force at the overlap δ where c f_N(δ) = F0, the load of a contact.
+**Measured.** A stiffness K at rest gives the factor c = K/k(δ) of the normal force at the overlap δ where
+c f_N(δ) = F0, the load of a contact; the shear stiffness is measured at the same δ. This holds for all contacts of the
+lattice (``[contact]``), of two kinds (``[[pair]]``) and with a half-space (``[substrate]``).
+
+**Kinds** are 0, the spheres of the lattice, and n, those of the n-th inclusion. Factors of two kinds multiply those of
+the lattice.
 
 **Spread.** Each sphere is drawn into one of eight classes of equal size, as LAMMPS has coefficients by pair of types.
 Class c has the deviate g_c, the mean of a Gaussian over its eighth of the probability, scaled to unit variance, and
@@ -16,6 +20,7 @@ Both have the standard deviation σ. Contacts that share a sphere are alike in p
 
 from collections.abc import Sequence
 from itertools import product
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +37,16 @@ _ROUNDS = 60  # Each round takes at least a third off the error of a factor
 _ROUNDING = 1e-15
 
 
+class Measured(Protocol):
+    """A contact whose stiffnesses at rest, N/m, may be declared; None: those that the law gives."""
+
+    @property
+    def normal_stiffness(self) -> float | None: ...
+
+    @property
+    def shear_stiffness(self) -> float | None: ...
+
+
 @dataclass(frozen=True)
 class Pair:
     """Measured stiffnesses of the contact at rest of two kinds of spheres; None: those that the law gives."""
@@ -40,16 +55,19 @@ class Pair:
     normal_stiffness: float | None = None
     shear_stiffness: float | None = None
 
-    def factors(self, law: AdhesionLaw, load: float) -> tuple[float, float]:
-        """Return the factors of normal and shear force of a contact with this law that a load (N) presses."""
-        factor = 1.0
-        for _ in range(_ROUNDS if self.normal_stiffness else 0):
+
+def measured_factors(measured: Measured, law: AdhesionLaw, load: float) -> tuple[float, float]:
+    """Return the factors of normal and shear force of a contact with this law that a load (N) presses."""
+    factor, normal, shear = 1.0, measured.normal_stiffness, measured.shear_stiffness
+    if normal is not None:
+        for _ in range(_ROUNDS):
             before = factor
-            factor = self.normal_stiffness / float(law.normal_stiffness(law.overlap_under(load / before)))  # type: ignore[operator]
+            factor = normal / float(law.normal_stiffness(law.overlap_under(load / before)))
             if abs(factor / before - 1) < _ROUNDING:
                 break
-        shear = float(law.shear_stiffness(law.overlap_under(load / factor)))
-        return factor, 1.0 if self.shear_stiffness is None else self.shear_stiffness / shear
+    if shear is None:
+        return factor, 1.0
+    return factor, shear / float(law.shear_stiffness(law.overlap_under(load / factor)))
 
 
 def deviates() -> Floats:
@@ -91,10 +109,11 @@ def factors_of(
         if sorted(pair.of) == sorted((kinds[m], kinds[n])):
             one, other = radii[kinds[m]], radii[kinds[n]]
             law = _law(materials[m], materials[n], one * other / (one + other))
-            found[m, n] = pair.factors(law, materials[0].contact_force)
+            found[m, n] = measured_factors(pair, law, materials[0].contact_force)
     return found
 
 
 def _law(one: Sphere, other: Sphere, radius: float) -> AdhesionLaw:
     modulus, shear_modulus, adhesion = (float(each[0]) for each in mixed(one, other))
-    return ADHESION_LAWS[one.adhesion_law].between(modulus, shear_modulus, radius, adhesion)
+    law = ADHESION_LAWS[one.adhesion_law].between(modulus, shear_modulus, radius, adhesion)
+    return law.times(*one.factors)

@@ -12,13 +12,14 @@ length, as in the deck, positions are exact in binary numbers:
 
 In a chain that a force F0 presses together, the overlaps (F0/A)^{2/3} are rounded to a multiple of `grain` too. Those
 of equal spheres are then alike to the last bit, and nothing moves; those of unequal ones leave a residual force
-(`granular_lmp.rest.collisions.Collisions.residual_force`).
+(`granular_lmp.rest.meeting.Meeting.residual_force`).
 
-Unequal spheres of a sheet cannot all touch. They are on the lattice of the nominal radius, and none is larger: sphere s
-has the radius R (1 − σ |g_s|), with the deviate g_s of `granular_lmp.crystal.disorder`, and gaps of σ (|g_s| + |g_t|) R
-part neighbours. Nothing is pressed, so that all are at rest.
+Unequal spheres of a sheet cannot all touch. They are on the lattice of the nominal radius R, and none is larger: sphere
+s has the radius R_s (1 − σ |g_s|), R_s ≤ R that of its inclusion, with the deviate g_s of
+`granular_lmp.crystal.disorder`, and gaps part neighbours. Nothing is pressed, so that all are at rest.
 """
 
+from dataclasses import replace
 from math import ceil, floor, log2
 
 import ase
@@ -26,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts, contacts_between, law_between
-from granular_lmp.crystal.disorder import CUT, Disorder, Inclusion, imperfect
+from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
 from granular_lmp.crystal.lattices import CHAIN, Lattice, Shape, offsets, packed
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
@@ -48,7 +49,7 @@ def touching(
     columns: int,
     *,
     held: tuple[bool, bool] = (False, False),
-    periodic: bool = False,
+    periodic: tuple[bool, bool] = (False, False),
     force: float = 0.0,
     disorder: Disorder | None = None,
     inclusions: tuple[Inclusion, ...] = (),
@@ -63,13 +64,13 @@ def touching(
     rows, columns : int
     held : (bool, bool)
         True if the first, the last row is held.
-    periodic : bool
-        True if the first column touches the last.
+    periodic : (bool, bool)
+        True if the first column touches the last, and the first row of a sheet the last.
     force : float
         Force F0 that presses the contacts of a chain together, N; 0 in a sheet.
     disorder, inclusions
-        As `granular_lmp.crystal.disorder.imperfect` takes them. Radii of inclusions may differ in a chain only, and
-        those of a disordered sheet are at most the nominal one (see above).
+        As `granular_lmp.crystal.disorder.imperfect` takes them. Radii of a sheet are at most the nominal one (see
+        above).
 
     Returns
     -------
@@ -83,12 +84,15 @@ def touching(
     CrystalError
         If imperfections do not fit into the lattice.
     """
-    crystal = packed(sphere.unloaded, Shape(rows, columns, "fixed", lattice))
+    crystal = packed(sphere.unloaded, Shape(rows, columns, "periodic" if periodic[1] else "fixed", lattice))
     crystal.arrays["fixed"] = (crystal.arrays["row"] == 0) & held[0] | (crystal.arrays["row"] == rows - 1) & held[1]
-    crystal.pbc = (periodic, False, False)
+    crystal.pbc = (*periodic, False)
     centre_row = (rows - 1) // 2
     unit = grain(float(rows))
-    crystal.positions[:, 1] = offsets(crystal)[1] * (floor(lattice.row_distance(2.0) / unit) * unit)
+    distance = floor(lattice.row_distance(2.0) / unit) * unit
+    crystal.positions[:, 1] = offsets(crystal)[1] * distance
+    if periodic[1]:
+        crystal.cell[1, 1] = rows * distance
     # Neighbours are found by their overlap, which spheres that just touch lack; chains are put side by side afterwards
     crystal.arrays["radius"] = np.full(len(crystal), 1 + _REACH)
     places = crystal.copy()
@@ -106,9 +110,10 @@ def touching(
         crystal.positions[:, 1] = y - y[centre_row]
         crystal.info["reach"] = _REACH
     else:
-        spread = disorder.radius if disorder else 0.0
-        crystal.arrays["radius"] = 1 - np.abs(crystal.arrays["radius"] - 1)
-        crystal.info["reach"] = _REACH + CUT * spread
+        alike = replace(disorder or Disorder(), radius=0.0)
+        mean = imperfect(places, sphere, alike, inclusions)[0].arrays["radius"]
+        crystal.arrays["radius"] = radius = mean - np.abs(crystal.arrays["radius"] - mean)
+        crystal.info["reach"] = _REACH + 1 - float(radius.min())
     return crystal, materials
 
 

@@ -4,8 +4,7 @@ It has the law of two spheres (`granular_lmp.crystal.adhesion_laws`) with the ef
 moduli 1/E* = (1−ν₁²)/E₁ + (1−ν₂²)/E₂ and 1/G* = (2−ν₁)/G₁ + (2−ν₂)/G₂, and w = √(w₁w₂). Of one material, by the DMT law
 and without a load, the overlap is 2^{1/3} times that of two spheres and both stiffnesses are 2^{2/3} times theirs.
 
-Where stiffnesses were measured, the law's force is scaled at the same overlap: f_N by the measured over the computed
-normal stiffness at rest, f_S by that of the shear stiffnesses.
+Where stiffnesses were measured, factors scale the forces at every overlap (`granular_lmp.crystal.stiffnesses`).
 
 A wall is at rest. A half-space that moves with the spheres radiates: a vertical resonance has Q = ρ c_l/(N m ω), about
 11 for silica on silica, which a rigid wall does not show.
@@ -38,31 +37,22 @@ class Wall:
         The spheres, of the reference radius R.
     substrate : Sphere
         Moduli and work of adhesion of the half-space; its radius does not count.
-    normal_stiffness, shear_stiffness : float, optional
-        Measured stiffnesses at rest of a sphere of the reference radius, N/m.
+    factors : (float, float)
+        Factors of the normal and the shear force at every overlap.
     sides : "below" or "both"
         Where the half-spaces are: at −z, or at −z and +z.
     """
 
     material: Sphere
     substrate: Sphere
-    normal_stiffness: float | None = None
-    shear_stiffness: float | None = None
+    factors: tuple[float, float] = (1.0, 1.0)
     sides: str = BELOW
 
     def law(self, radius: Floats | float) -> AdhesionLaw:
         """Return the law of the contacts of spheres of these radii, m."""
-        bare = self._computed(radius)
-        rest = self._computed(self.material.radius)
-        overlap = rest.overlap_under(0.0)
-        normal, shear = (
-            1.0 if measured is None else measured / float(computed)
-            for measured, computed in (
-                (self.normal_stiffness, rest.normal_stiffness(overlap)),
-                (self.shear_stiffness, rest.shear_stiffness(overlap)),
-            )
-        )
-        return bare.times(normal, shear)
+        law = ADHESION_LAWS[self.material.adhesion_law]
+        modulus, shear_modulus, adhesion = (float(each[0]) for each in mixed(self.material, self.substrate))
+        return law.between(modulus, shear_modulus, radius, adhesion).times(*self.factors)
 
     def beside(self, materials: Sequence[Sphere]) -> list["Wall"]:
         """Return the wall as spheres of each material of a crystal touch it, of which the first is that of the wall."""
@@ -74,11 +64,6 @@ class Wall:
         material = crystal.arrays.get("material", np.zeros(len(crystal), dtype=int))[spheres]
         law = chosen(material, [each.law(radius) for each in self.beside(materials)])
         return times_factors(law, crystal, spheres, -1)
-
-    def _computed(self, radius: Floats | float) -> AdhesionLaw:
-        law = ADHESION_LAWS[self.material.adhesion_law]
-        modulus, shear_modulus, adhesion = (float(each[0]) for each in mixed(self.material, self.substrate))
-        return law.between(modulus, shear_modulus, radius, adhesion)
 
     @cached_property
     def overlap(self) -> float:

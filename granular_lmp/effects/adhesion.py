@@ -10,8 +10,9 @@ from dataclasses import replace
 from math import inf
 from typing import Any
 
+from granular_lmp.crystal.adhesion_laws import HERTZ
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, Meeting
 from granular_lmp.rest.scene import Scene
 
 
@@ -25,7 +26,7 @@ def called_for(case: Case) -> Finding:
     )
 
 
-def loose(case: Case) -> Finding:
+def of_meeting(case: Case) -> Finding:
     pull = case.scene.material.pull_off_force
     return (
         Finding(True, pull, "a pull of {} N parts two spheres")
@@ -35,14 +36,23 @@ def loose(case: Case) -> Finding:
 
 
 def loss(case: Case) -> str:
-    pressed = replace(case.scene.material, contact_force=case.scene.sphere.contact_force)
-    bare, whole = replace(pressed, work_of_adhesion=0.0, adhesion_law="dmt").static_overlap, pressed.static_overlap
+    material, force = case.scene.material, case.scene.sphere.contact_force
+    bare, whole = (replace(each, contact_force=force).static_overlap for each in (material.unloaded, material))
     left = bare / whole if whole else 0.0
     return f"the static overlap falls to {left:.3g} of its value"
 
 
 def law(scene: Scene, on: bool) -> Mapping[str, Any]:
-    return {"normal": scene.material.adhesion_law if on else "hertz"}
+    return {"normal": scene.material.adhesion_law if on else HERTZ}
 
 
-ADHESION = Effect("adhesion", called_for, cost="1 or 2", loss=loss, loose=loose, law=law, in_all=False)
+ADHESION = Effect(
+    "adhesion",
+    called_for,
+    cost="1 or 2",
+    loss=loss,
+    meeting=Meeting(of_meeting),
+    law=law,
+    recorded=True,
+    in_all=False,
+)

@@ -13,11 +13,12 @@ import numpy as np
 from granular_lmp.crystal.adhesion_laws import AdhesionLaw
 from granular_lmp.crystal.blocks import blocks
 from granular_lmp.crystal.contacts import FACTORS, Contacts, Floats
-from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, highest_frequency, row_stretches
+from granular_lmp.crystal.mode import Mode, Physics
+from granular_lmp.crystal.modes import contact_stretches, decay_rate, highest_frequency, row_stretches
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.rest.at_rest import contacts_of, crystal_of, law_at_rest, swiftness
-from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts, wave_contacts
+from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts, viscosity_of, wave_contacts
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.sources import ROTATION
@@ -172,7 +173,9 @@ class Case:
             hold = float(weakest) / self.scene.sphere.holding_force
         stiffer = self.shear_stiffness / self.scene.sphere.stiffness_ratio
         strength = self.strength or 1.0  # strikes alone have that of their own amplitude
-        stiffer *= max(1.0, 3 * self.scene.sphere.effective_shear_modulus / self.scene.sphere.effective_modulus)
+        sphere = self.scene.sphere
+        normal, shear = sphere.factors
+        stiffer *= max(1.0, 3 * shear * sphere.effective_shear_modulus / (normal * sphere.effective_modulus))
         stiffer *= self._stiffer_walls * float(self._factors[..., 1].max())
         return FRICTION_PER_AMPLITUDE * strength * stiffer / hold if hold > 0 else inf
 
@@ -238,9 +241,7 @@ class Case:
     @property
     def viscosity(self) -> float:
         """Dashpot of a contact at rest, in m/t0."""
-        effects, sphere = self.scene.effects, self.scene.sphere
-        dashpot = effects.viscosity or sphere.restitution_viscosity(effects.restitution)
-        return dashpot * sphere.time_scale / sphere.mass
+        return viscosity_of(self.scene)
 
     @property
     def strongest_dashpot(self) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.effects.case import NOTHING, Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, Meeting
 from granular_lmp.effects.guard import Guard
 from granular_lmp.effects.openings import changed_lines
 from granular_lmp.effects.reading import judged_singly
@@ -58,7 +58,7 @@ def _meeting(case: Case) -> int:
     return int((touching.take(place, mode="clip") != pairs).sum())
 
 
-def loose(case: Case) -> Finding:
+def of_meeting(case: Case) -> Finding:
     force = case.scene.packing.contact_force
     pressed = "{} N press the contacts together" if force else "no force holds the contacts together"
     return Finding(True, force or inf, pressed)
@@ -73,13 +73,19 @@ def order(scene: Scene) -> int:
     return 0
 
 
+def order_of_meeting(scene: Scene) -> int:
+    """Return 1 of contacts that snap in and part under a pull, at any moment of a step; others part without a force."""
+    return 1 if scene.start.touching else 2
+
+
 CONTACT_OPENING = Effect(
     "contact_opening",
     called_for,
-    loose=loose,
+    meeting=Meeting(of_meeting, order=order_of_meeting),
     cost="1.00",
     loss=loss,
     order=order,
     guard=GUARD,
     always=True,
+    recorded=True,
 )

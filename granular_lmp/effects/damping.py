@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, Meeting
 from granular_lmp.rest.scene import Scene
 
 
@@ -22,7 +22,7 @@ def called_for(case: Case) -> Finding:
     return Finding(True, rate, f"the wave decays by {{}} per tau, and {left:.3g} of it is left at the end")
 
 
-def loose(case: Case) -> Finding:
+def of_meeting(case: Case) -> Finding:
     effects, scale = case.scene.effects, case.scene.scale
     if effects.viscosity:
         return Finding(True, effects.viscosity * scale.time / scale.mass, "the dashpot of a contact is {} m/t0")
@@ -62,6 +62,20 @@ def order(scene: Scene) -> int:
     return 1
 
 
+def order_of_meeting(scene: Scene) -> int:
+    """Return 1 with dashpots or a restitution, else 2."""
+    return 1 if scene.effects.restitution < 1 or scene.effects.viscosity > 0 else 2
+
+
 DAMPING = Effect(
-    "damping", called_for, cost="1.00", loss=loss, loose=loose, law=law, refuse=refuse, order=order, in_all=False
+    "damping",
+    called_for,
+    cost="1.00",
+    loss=loss,
+    meeting=Meeting(of_meeting, order=order_of_meeting),
+    law=law,
+    refuse=refuse,
+    order=order,
+    in_all=False,
+    recorded=True,
 )

@@ -8,7 +8,7 @@ from math import inf
 
 from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, Meeting
 from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.rest.scene import Scene
 from granular_lmp.rest.step_rules import LONGEST_STEP
@@ -16,7 +16,7 @@ from granular_lmp.rest.step_rules import LONGEST_STEP
 
 def deepest(problem: Prepared) -> list[str]:
     """Return the lines of v_deepest, the deepest overlap of spheres and walls in units of the scene."""
-    softest, walls = float(problem.collisions.coefficients.min(initial=1.0)), problem.planes
+    softest, walls = float(problem.rest.coefficients.min(initial=1.0)), problem.planes
     pushes = hertz_force("(c_largest>0)*c_largest", problem)
     length = problem.units.number(problem.scale.length, length=1)  # ℓ, and m ℓ/t0² too
     lines = [
@@ -37,15 +37,11 @@ def deepest(problem: Prepared) -> list[str]:
 
 
 def hertz_force(force: str, problem: Prepared) -> str:
-    """Return the force without adhesion whose overlap is that of a force, or a bound of it: f + F, by JKR's law more.
-
-    By JKR's law it is that of the contact radius, f + 2F + 2√(F(f + F)), as δ ≤ a²/Rc.
-    """
+    """Return the force without adhesion whose overlap is that of a force with the strongest adhesion, or a bound."""
     strongest = max(problem.materials, key=lambda each: each.pull_off_force)
     if not (pull := problem.units.number(strongest.pull_off_force, mass=1, length=1, time=-2)):
         return force
-    more = f"+{pull!r}+2*sqrt({pull!r}*({force}+{pull!r}))" if strongest.adhesion_law == "jkr" else ""
-    return f"({force}+{pull!r}{more})"
+    return strongest.contact_law.hertz_force(force, repr(pull))
 
 
 def overlap(problem: Prepared) -> list[str]:
@@ -62,7 +58,7 @@ def omega_dt(problem: Prepared) -> list[str]:
     """Return the lines of the step in units of 1/ω of the stiffest contact."""
     return [
         *deepest(problem),
-        f"variable     omega_dt equal v_step*sqrt({problem.collisions.square_rate!r}*sqrt(v_deepest))",
+        f"variable     omega_dt equal v_step*sqrt({problem.rest.square_rate!r}*sqrt(v_deepest))",
     ]
 
 
@@ -91,10 +87,7 @@ def small_overlaps(case: Case) -> Finding:
 
 
 def chosen_step(case: Case) -> Finding:
-    time = case.scene.time
-    if time.tolerance is None:
-        return Finding(False, time.step, "the step is {} t0")
-    return Finding(False, time.tolerance, "a tolerance of {} chooses the step")
+    return Finding(False, *case.scene.time.clock.chosen)
 
 
 def never(scene: Scene) -> bool:
@@ -108,10 +101,9 @@ def loss(case: Case) -> str:
 DEEP_OVERLAP = Effect(
     "deep_overlap",
     None,
-    loose=small_overlaps,
+    meeting=Meeting(small_overlaps, guard=TOO_DEEP),
     cost="1.00",
     loss=loss,
-    guard=TOO_DEEP,
     switch="striker",
     declared=never,
     in_all=False,
@@ -119,10 +111,9 @@ DEEP_OVERLAP = Effect(
 LONG_STEP = Effect(
     "long_step",
     None,
-    loose=chosen_step,
+    meeting=Meeting(chosen_step, guard=TOO_LONG),
     cost="1.00",
     loss=loss,
-    guard=TOO_LONG,
     switch="time.timestep",
     declared=never,
     in_all=False,

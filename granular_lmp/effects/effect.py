@@ -7,18 +7,22 @@ only if its line in `granular_analysis.theory.catalogue` names it.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Any
 
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.guard import Guard, Lines
 from granular_lmp.frozen import dataclass
 from granular_lmp.rest.scene import Scene
-from granular_lmp.scene.schema import Auto
+from granular_lmp.scene.schema import AUTO, Auto
 
 
 def _nothing_refused(case: Case) -> str:
     return ""
+
+
+def _nothing_lost(case: Case) -> str:
+    return "nothing"
 
 
 def _not_required(scene: Scene) -> str:
@@ -38,6 +42,25 @@ def _every(scene: Scene) -> bool:
 
 
 @dataclass(frozen=True)
+class Meeting:
+    """What an effect is among spheres that meet, which nothing holds at rest.
+
+    Attributes
+    ----------
+    called_for : callable
+        Rule, Case → Finding.
+    order : callable
+        Scene → order of LAMMPS's error in the time step: 2, or 1.
+    guard : Guard, optional
+        Guard that is always in the deck.
+    """
+
+    called_for: Callable[[Case], Finding]
+    order: Callable[[Scene], int] = _second_order
+    guard: Guard | None = None
+
+
+@dataclass(frozen=True)
 class Effect:
     """One effect.
 
@@ -48,8 +71,8 @@ class Effect:
     called_for : callable, optional
         Rule that decides whether a crystal at rest under load calls for the effect, Case → Finding; None if the effect
         cannot occur there.
-    loose : callable, optional
-        Rule for scenes that are not held at rest (`Scene.loose`); None if the effect cannot occur there.
+    meeting : Meeting, optional
+        The effect among spheres that meet, which nothing holds at rest; None if it cannot occur there.
     cost : str
         Cost in time as a factor, measured (docs/verification.md), or the word for a cost that depends on the scene.
     loss : callable
@@ -75,19 +98,24 @@ class Effect:
         Scene → True if another guard looks there, and that guard.
     always : bool
         True if the guard also measures, without judging, while the effect is on.
+    recorded : bool
+        True if the record of contacts holds all forces and torques beside the effect.
     in_all : bool
         True if ``--all-effects`` switches the effect on.
     switch : str
         Key that forces the effect, if it is not a key of ``[effects]``.
     declared : callable, optional
         Scene → True if the effect is on, for an effect with a `switch`.
+    forces : bool
+        True if a scene may force the effect on; else its true is read as "auto".
     """
 
     name: str
     called_for: Callable[[Case], Finding] | None
     cost: str
     loss: Callable[[Case], str]
-    loose: Callable[[Case], Finding] | None = None
+    meeting: Meeting | None = None
+    forces: bool = True
     needs: str = ""
     lines: Mapping[str, Lines] = field(default_factory=dict)
     lines_off: Mapping[str, Lines] = field(default_factory=dict)
@@ -99,6 +127,7 @@ class Effect:
     guard: Guard | None = None
     instead: tuple[Callable[[Scene], bool], Guard] | None = None
     always: bool = False
+    recorded: bool = False
     in_all: bool = True
     switch: str = ""
     declared: Callable[[Scene], bool] | None = None
@@ -108,30 +137,38 @@ class Effect:
         """Key of the scene that forces the effect."""
         return self.switch or f"effects.{self.name}"
 
-    def rule(self, scene: Scene) -> Callable[[Case], Finding] | None:
-        """Return the rule that decides in a scene; None if the effect is none of such scenes."""
-        if scene.loose:
-            return self.loose
-        return self.called_for if self.called_for and self.concerns(scene) else None
+    def among_meeting(self) -> "Effect":
+        """Return the effect among spheres that meet: nothing is lost or refused there."""
+        assert self.meeting is not None
+        return replace(
+            self,
+            called_for=self.meeting.called_for,
+            order=self.meeting.order,
+            guard=self.meeting.guard,
+            loss=_nothing_lost,
+            refuse=_nothing_refused,
+            required=_not_required,
+            concerns=_every,
+            instead=None,
+            always=True,
+            forces=False,
+        )
 
     def wanted(self, scene: Scene) -> bool | Auto:
-        """Return whether a scene forces the effect on or off, or "auto"; true of loose spheres is read as "auto"."""
+        """Return whether a scene forces the effect on or off, or "auto"."""
         if self.declared:
             return self.declared(scene)
         wanted: bool | Auto = getattr(scene.effects, self.name)
-        if scene.loose and wanted is True:
-            return "auto"
-        return wanted
+        return AUTO if wanted is True and not self.forces else wanted
 
     @property
     def guards(self) -> tuple[Guard, ...]:
         """All guards of the effect."""
-        return (*((self.guard,) if self.guard else ()), *(self.instead[1:] if self.instead else ()))
+        of_meeting = self.meeting.guard if self.meeting else None
+        return tuple(each for each in (self.guard, *(self.instead or ())[1:], of_meeting) if isinstance(each, Guard))
 
     def guard_name(self, scene: Scene, on: Mapping[str, bool]) -> str:
         """Return the title of the guard in the deck of a scene with these effects on, or "" if no guard is needed."""
-        if scene.loose:
-            return self.guard.title if self.guard and self.called_for is None else ""
         guard = self.instead[1] if self.instead and self.instead[0](scene) else self.guard
         watched = on.get(self.needs, True) and (self.always or not on[self.name])
         return guard.title if guard and watched else ""

@@ -19,10 +19,10 @@ def along(problem: Prepared, name: str, none: str) -> str:
     return " ".join(f"v_{name}{axis}" if axis in axes(problem) else none for axis in "xyz")
 
 
-def about(problem: Prepared, name: str, none: str = "v_zero") -> str:
+def about(problem: Prepared, name: str) -> str:
     """Return the three words of a rate of rotation: of the variable NAME about z, or NAMEx, NAMEy, NAMEz in space."""
     own = [f"v_{name}{axis}" for axis in turns(problem)]
-    return " ".join([none] * (3 - len(own)) + own)
+    return " ".join(["0.0"] * (3 - len(own)) + own)
 
 
 def style(problem: Prepared) -> str:

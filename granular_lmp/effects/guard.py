@@ -14,6 +14,7 @@ from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.looks import hidden
 from granular_lmp.frozen import dataclass
+from granular_lmp.rest.face import Rest
 from granular_lmp.rest.resolution import gathered_rounding
 from granular_lmp.rest.scene import Scene
 from granular_lmp.units import AnyUnits
@@ -42,7 +43,7 @@ class Prepared(Protocol):
     @property
     def scale(self) -> Scale: ...
     @property
-    def collisions(self) -> Any: ...  # `granular_lmp.rest.collisions.Collisions`
+    def rest(self) -> Rest: ...
     @property
     def planes(self) -> Mapping[str, float]: ...
     @property

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, Meeting
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.sections import DISTANCE
 
@@ -22,7 +22,7 @@ _SHARE = 0.4939  # 3.5026/7.0922
 
 
 def finding(case: Case) -> Finding:
-    if case.scene.material.adhesion_law != "jkr":
+    if not case.scene.material.contact_law.late:
         return Finding(False, 0.0, "contacts of this law end at overlap 0")
     return Finding(False, _SHARE, "ended at the largest pull, a contact loses {} of the energy that it loses by JKR")
 
@@ -56,7 +56,7 @@ def refuse(case: Case) -> str:
 LATE_PARTING = Effect(
     "late_parting",
     finding,
-    loose=finding,
+    meeting=Meeting(finding),
     cost="1.00",
     loss=loss,
     law=law,

@@ -5,8 +5,8 @@ A wall is named after its face, and its fix after that and the material of the s
 
 import numpy as np
 
+from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.guard import Prepared
-from granular_lmp.effects.law_formulas import FORMULAS, Formulas
 from granular_lmp.frozen import dataclass
 
 # Walls by name: the axis across which they are, and the way along it in which they push
@@ -24,15 +24,16 @@ class OnWall:
         Fix of the wall.
     inward : int
         1 if the wall pushes along its axis, −1 against it.
-    formulas : Formulas
-        Of the adhesion law.
-    adhesive_force, dashpot, rest : float
+    sphere : Sphere
+        Sphere of the lattice, which has the law.
+    holding_force, adhesive_force, dashpot, rest : float
         In units of the deck; `rest` is the push at rest.
     """
 
     name: str
     inward: int
-    formulas: Formulas
+    sphere: Sphere
+    holding_force: float
     adhesive_force: float
     dashpot: float = 0.0
     rest: float = 0.0
@@ -61,9 +62,8 @@ class OnWall:
                     )
                     holding, pull = forces
                     rest = holding - pull if holding - pull > _PRESSED * holding else 0.0
-                    formulas = FORMULAS[sphere.adhesion_law](sphere, holding)
                     loss = problem.units.number(dashpot, mass=1, time=-1)
-                    found.append(cls(f"{face}{m + 1}", inward, formulas, pull, loss, rest))
+                    found.append(cls(f"{face}{m + 1}", inward, sphere, holding, pull, loss, rest))
         return tuple(found)
 
     def lines(self) -> list[str]:
@@ -89,12 +89,14 @@ class OnWall:
         if self.dashpot:
             push += f"-{self.dashpot!r}*c_lift_{self.name}"
         least = f"{push}+{self.adhesive_force!r}"
-        return self.formulas.overlap(f"(({least}>0)*({least})/{self.formulas.holding_force!r})")
+        share = f"(({least}>0)*({least})/{self.holding_force!r})"
+        return self.sphere.contact_law.overlap_of_share(share, self.sphere.contact_force)
 
     def slip(self) -> str:
         """Return the largest shear force over the sliding force of the contact that touches least."""
         drag = "+".join(f"c_drag_{self.name}[{part}]^2" for part in (1, 2))
-        rest = self.formulas.above_pull_off(f"v_left_{self.name}")
+        left, load = f"v_left_{self.name}", self.sphere.contact_force
+        rest = self.sphere.contact_law.above_pull_off(left, load, self.holding_force)
         return f"sqrt({drag})/(v_mu*({self.adhesive_force!r}+{rest}))"
 
 

@@ -1,7 +1,7 @@
 """The lines of a deck that begin contacts at rest, and that count the contacts that have opened or formed since.
 
 Contacts that end at an overlap of 0 LAMMPS begins and counts by itself, sphere by sphere (``contact/atom``). Contacts
-that adhere beyond (`FORMULAS` says of which law) it begins at an overlap of 0, and has no count of. So
+that adhere beyond (`AdhesionLaw.beyond`) it begins at an overlap of 0, and has no count of. So
 
 * *at rest* all spheres are made wider for a moment, by more than any pull-off distance. All contacts begin, and those
   that have no contact at rest end again when the spheres have their size back;
@@ -22,10 +22,10 @@ import numpy as np
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.effects import on_walls
 from granular_lmp.effects.guard import Prepared, watches_part
-from granular_lmp.effects.law_formulas import FORMULAS
-from granular_lmp.effects.looks import LOOKS, nearly_open
+from granular_lmp.effects.looks import nearly_open
 from granular_lmp.effects.reading import alike, judged_singly
 from granular_lmp.rest.at_rest import contacts_of, crystal_of, law_at_rest
+from granular_lmp.rest.looks import LOOKS
 from granular_lmp.rest.scene import Scene
 
 PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is counted, against rounding
@@ -55,7 +55,7 @@ def begins_wider(scene: Scene) -> bool:
 
 def begin(problem: Prepared) -> list[str]:
     """Return the block that begins all contacts at rest, empty where LAMMPS does by itself."""
-    if problem.scene.loose or not begins_wider(problem.scene):
+    if not begins_wider(problem.scene):
         return []
     reach = float(np.max(-law_at_rest(problem.scene).pull_off_overlap / contacts_of(problem.scene).radii))
     return [
@@ -76,8 +76,6 @@ def at_rest_lines(problem: Prepared) -> list[str]:
 
     LAMMPS counts them, so that the number is that of the data file.
     """
-    if problem.scene.loose:
-        return []
     walls = on_walls.at_rest_lines(problem)
     if by_pairs(problem.scene):
         return walls
@@ -99,7 +97,7 @@ def changed_lines(problem: Prepared) -> list[str]:
             "compute      missing inside reduce sum v_missed",
             f"variable     open equal ceil(c_missing/2){near.format('c_missing')}",
         ]
-    law, axes = FORMULAS[scene.sphere.adhesion_law], _axes(scene)
+    law, axes = scene.sphere.contact_law, _axes(scene)
     mark = law.mark(scene.space)
     off = [
         f"variable     off_{axis} equal abs(f_along_{axis}[1][2]+f_along_{axis}[3][2]-{count})"

@@ -42,7 +42,7 @@ def motion(problem: Prepared) -> list[str]:
         *(f"variable     kept_{axis} atom f_kept*v{axis}" for axis in moved),
         *(spin if spins else []),
         f"fix          drag all set 1 0 group quiet {' '.join(f'v{axis} v_kept_{axis}' for axis in moved)}"
-        + (f" omega {about(problem, 'kept_turn', '0.0')}" if spins else ""),
+        + (f" omega {about(problem, 'kept_turn')}" if spins else ""),
     ]
 
 
@@ -72,4 +72,5 @@ QUIET_ENDS = Effect(
     switch="absorb.rows",
     declared=declared,
     in_all=False,
+    recorded=True,
 )

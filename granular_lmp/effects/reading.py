@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from granular_lmp.crystal.adhesion_laws import AdhesionLaw
+from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.guard import Prepared
-from granular_lmp.effects.law_formulas import FORMULAS, Formulas
 from granular_lmp.effects.on_walls import OnWall
 from granular_lmp.frozen import dataclass
 from granular_lmp.rest.at_rest import crystal_of
@@ -26,10 +27,10 @@ class Reading:
         True if these forces hold dashpots. Overlaps are then lower bounds: the fastest two spheres may part.
     whole : bool
         True if contacts slide at μ times the whole normal force, with its dashpot: LAMMPS's Hertz contacts.
-    formulas : Formulas
-        Of the adhesion law.
-    adhesive_force, dashpot : float
-        Adhesion of the weakest contact and dashpot of the strongest one, in units of the deck.
+    sphere : Sphere
+        Sphere of the lattice, which has the law.
+    holding_force, adhesive_force, dashpot : float
+        F + F0 of the sphere, adhesion of the weakest contact and dashpot of the strongest one, in units of the deck.
     walls : tuple of OnWall
         Contacts with walls.
     axes : int
@@ -37,7 +38,8 @@ class Reading:
     """
 
     lengths: bool
-    formulas: Formulas
+    sphere: Sphere
+    holding_force: float
     dashpots: bool = False
     whole: bool = False
     adhesive_force: float = 0.0
@@ -54,12 +56,20 @@ class Reading:
         spheres = case.contacts.adhesive_force[~case.contacts.on_wall]
         weakest = sphere.pull_off_force if scene.perfect else float(spheres.min())
         adhesive, walls = units.number(weakest, mass=1, length=1, time=-2), OnWall.all_of(problem)
-        formulas = FORMULAS[sphere.adhesion_law](sphere, holding)
         if scene.effects.damping is not True:
-            return cls(scene.perfect, formulas, adhesive_force=adhesive, walls=walls, axes=scene.space)
+            return cls(scene.perfect, sphere, holding, adhesive_force=adhesive, walls=walls, axes=scene.space)
         same, whole = alike(scene), scene.effects.adhesion is not True
         dashpot = units.number(case.strongest_dashpot, mass=1, time=-1)
-        return cls(same, formulas, not same, whole, adhesive, dashpot, walls, scene.space)
+        return cls(same, sphere, holding, not same, whole, adhesive, dashpot, walls, scene.space)
+
+    @property
+    def law(self) -> AdhesionLaw:
+        """Law of two spheres of the lattice."""
+        return self.sphere.contact_law
+
+    def overlap_of_share(self, share: str) -> str:
+        """Return the overlap, in Δ0, of two spheres of the lattice whose f_N + F is a share of that at rest."""
+        return self.law.overlap_of_share(share, self.sphere.contact_force)
 
     @property
     def forces(self) -> bool:
@@ -83,7 +93,7 @@ def judged_singly(scene: Scene) -> bool:
 
 def contact_lines(how: Reading) -> list[str]:
     """Return the lines that measure the contacts of the group inside: lengths, shear forces, perhaps normal forces."""
-    forces = f" force{how.formulas.mark(how.axes)} cutoff {how.formulas.cutoff}" if how.forces else ""
+    forces = f" force{how.law.mark(how.axes)} cutoff {how.law.cutoff}" if how.forces else ""
     lines = [
         f"compute      contact inside pair/local dist p4{forces}",
         "compute      extreme inside reduce max c_contact[1] c_contact[2] inputs local",
@@ -128,9 +138,9 @@ def _between(how: Reading) -> list[str]:
             f"variable     {name} equal ($(2*v_R:%.17g)-c_extreme[1])/$(v_Delta0:%.17g)"
             "  # the smallest, in Delta0, of contacts that touch"
         ]
-    least, holding = f"c_weakest+{how.adhesive_force!r}", repr(how.formulas.holding_force)
+    least, holding = f"c_weakest+{how.adhesive_force!r}", repr(how.holding_force)
     if not how.dashpots:
-        overlap = how.formulas.overlap(f"(({least}>0)*({least})/{holding})")
+        overlap = how.overlap_of_share(f"(({least}>0)*({least})/{holding})")
         return [f"variable     {name} equal {overlap}  # of the smallest normal force, in Delta0"]
     squares = (f"c_swift[{axis}]^2" for axis in range(1, how.axes + 1))
     swift = f"sqrt({'+'.join(squares)})"
@@ -139,5 +149,5 @@ def _between(how: Reading) -> list[str]:
     return [
         f"variable     spring equal ({least}-2*{how.dashpot!r}*{swift})/{holding}"
         "  # the smallest normal force, as if the strongest dashpot added the most to it",
-        f"variable     {name} equal {how.formulas.overlap(share)}  # of that force, in Delta0: never above the truth",
+        f"variable     {name} equal {how.overlap_of_share(share)}  # of that force, in Delta0: never above the truth",
     ]

@@ -15,7 +15,7 @@ import numpy as np
 
 from granular_lmp.crystal.modes import contact_rolls
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, Meeting
 from granular_lmp.rest.linear import wave_contacts
 from granular_lmp.rest.scene import Scene
 
@@ -36,6 +36,12 @@ def called_for(case: Case) -> Finding:
     return Finding(True, ratio, "the largest rolling force is {} of the cap of rolling friction")
 
 
+def of_meeting(case: Case) -> Finding:
+    effects = case.scene.effects
+    rolls = effects.rolling_stiffness > 0 and effects.rolling is not False
+    return Finding(rolls, np.inf, "contacts resist rolling" if rolls else "the rolling stiffness is 0")
+
+
 def loss(case: Case) -> str:
     return case.frequency_shift(case.physics(case.on.get("shear", True), case.on.get("rotation", True)))
 
@@ -43,8 +49,10 @@ def loss(case: Case) -> str:
 def law(scene: Scene, on: bool) -> Mapping[str, Any]:
     if not on:
         return {}
-    effects = scene.effects
-    return {"rolling": (effects.rolling_stiffness, effects.rolling_viscosity, effects.rolling_friction)}
+    effects, units = scene.effects, scene.units
+    spring = units.number(effects.rolling_stiffness, mass=1, time=-2)
+    dashpot = units.number(effects.rolling_viscosity, mass=1, time=-1)
+    return {"rolling": f"sds {spring!r} {dashpot!r} {effects.rolling_friction!r}"}
 
 
 def refuse(case: Case) -> str:
@@ -68,9 +76,11 @@ ROLLING = Effect(
     called_for,
     cost="1.05",
     loss=loss,
+    meeting=Meeting(of_meeting),
     needs="rotation",
     law=law,
     refuse=refuse,
     order=order,
     in_all=False,
+    recorded=True,
 )

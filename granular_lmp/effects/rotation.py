@@ -4,7 +4,7 @@ from math import inf
 
 from granular_lmp.crystal.modes import kinetic_parts
 from granular_lmp.effects.case import NOTHING, Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, Meeting
 from granular_lmp.effects.freedoms import about, turns
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
 from granular_lmp.rest.linear import uniform_rows, wave_contacts
@@ -15,8 +15,7 @@ def preload(problem: Prepared) -> list[str]:
     if problem.scene.wave is None:
         return []
     return [
-        *(f"variable     to_th{axis} atom v_D0*d_phi{axis}/v_R/v_slow" for axis in turns(problem)),
-        "variable     zero  atom 0.0",
+        *(f"variable     to_th{axis} atom v_D0*d_phi{axis}/v_R/dt" for axis in turns(problem)),
         f"set          group all omega {about(problem, 'to_th')}",
     ]
 
@@ -84,7 +83,7 @@ def called_for(case: Case) -> Finding:
     return Finding(share > NOTHING, share, reason)
 
 
-def loose(case: Case) -> Finding:
+def of_meeting(case: Case) -> Finding:
     turning = case.scene.effects.rotation is not False
     return Finding(turning, inf, "shear forces turn spheres" if turning else "effects.rotation is off")
 
@@ -100,8 +99,9 @@ ROTATION = Effect(
     called_for,
     cost="1.02",
     loss=loss,
-    loose=loose,
+    meeting=Meeting(of_meeting),
     needs="shear",
     lines={"preload": preload, "wave": wave},
     guard=GUARD,
+    recorded=True,
 )

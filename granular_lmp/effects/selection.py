@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from functools import partial
 
-from granular_lmp.crystal.modes import Mode, Physics
+from granular_lmp.crystal.mode import Mode, Physics
 from granular_lmp.effects.adhesion import ADHESION
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.contact_opening import CONTACT_OPENING
@@ -38,7 +38,10 @@ LIMITS: tuple[Effect, ...] = (DEEP_OVERLAP, LONG_STEP, CREEP)
 
 def of(scene: Scene) -> tuple[Effect, ...]:
     """Return the effects of a scene and the limits of what its run shows, those that are of such scenes."""
-    return tuple(each for each in (*EFFECTS, *LIMITS) if each.rule(scene))
+    every = (*EFFECTS, *LIMITS)
+    if scene.held_at_rest:
+        return tuple(each for each in every if each.called_for and each.concerns(scene))
+    return tuple(each.among_meeting() for each in every if each.meeting)
 
 
 def guards() -> dict[str, Guard]:
@@ -59,22 +62,23 @@ def select(scene: Scene) -> list[Chosen]:
     chosen = []
     modes: dict[Physics, Mode] = {}
     slips: dict[tuple[object, ...], float] = {}
-    for effect in of(scene):
-        rule = effect.rule(scene)
-        assert rule is not None
+    effects = of(scene)
+    for effect in effects:
+        rule = effect.called_for
+        assert rule is not None  # as `of` has it
         case, possible = Case(scene, dict(on), modes, slips), on.get(effect.needs, True)
         needed = Finding(False, 0.0, f"{effect.name} needs {effect.needs}, which is off")
         finding = rule(case) if possible else needed
         on[effect.name] = _is_on(effect, scene, finding.called_for, possible)
-        lost = partial(effect.loss, case) if finding.called_for and not scene.loose else _nothing
+        lost = partial(effect.loss, case) if finding.called_for else _nothing
         guard = effect.guard_name(scene, on)
         decided = (effect.name, effect.key, on[effect.name], *finding)
         chosen.append(Chosen(*decided, guard=guard, cost=effect.cost, lost=lost))
     complete = Case(scene, on, modes, slips)
-    for effect in () if scene.loose else of(scene):
+    for effect in effects:
         reason = effect.refuse(complete)
         if reason:
-            raise SceneError(reason)
+            raise SceneError(reason, because="physics")
     return chosen
 
 
@@ -85,7 +89,7 @@ def _nothing() -> str:
 def _is_on(effect: Effect, scene: Scene, called_for: bool, possible: bool) -> bool:
     wanted = effect.wanted(scene)
     if wanted is True and not possible:
-        raise SceneError(f"effects.{effect.name} = true: needs effects.{effect.needs}, which is off")
+        raise SceneError(f"effects.{effect.name} = true: needs effects.{effect.needs}, which is off", because="physics")
     if effect.required(scene):
         return possible
     return possible and called_for if wanted == AUTO else bool(wanted)
@@ -103,7 +107,8 @@ def lines(block: str, problem: Prepared) -> list[str]:
 
 def order(scene: Scene) -> int:
     """Return the order of LAMMPS's error in the time step: 2 for velocity Verlet, or what the effects leave of it."""
-    return min((effect.order(scene) for effect in EFFECTS if effect.wanted(scene) is True), default=2)
+    acting = (each for each in of(scene) if not each.forces or each.wanted(scene) is True)
+    return min((each.order(scene) for each in acting), default=2)
 
 
 def with_all(scene: Scene) -> Scene:
@@ -123,7 +128,7 @@ def remarks(scene: Scene) -> list[str]:
     """Return a sentence for each effect that runs although the scene, as declared, switches it off."""
     return [
         f"{effect.key} = false is read as true: {reason}"
-        for effect in EFFECTS
+        for effect in of(scene)
         if effect.wanted(scene) is False and (reason := effect.required(scene))
     ]
 
@@ -133,5 +138,5 @@ def warnings(chosen: Iterable[Chosen]) -> list[str]:
     return [
         f"{effect.switch} is off, but {effect.finding}; without it {effect.loss}"
         for effect in chosen
-        if effect.called_for and not effect.on
+        if effect.called_for and not effect.on and effect.loss != "nothing"
     ]

@@ -12,7 +12,7 @@ import numpy as np
 
 from granular_lmp.crystal.modes import bears_compression, contact_stretches
 from granular_lmp.effects.case import NOTHING, Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, Meeting
 from granular_lmp.rest.linear import uniform_rows, wave_contacts
 from granular_lmp.rest.scene import Scene
 
@@ -38,7 +38,7 @@ def called_for(case: Case) -> Finding:
     return Finding(largest > NOTHING, largest, f"{case.wave_words} shears contacts by up to {{}} D0")
 
 
-def loose(case: Case) -> Finding:
+def of_meeting(case: Case) -> Finding:
     effects = case.scene.effects
     if not case.scene.lattice.sheet:
         return Finding(False, inf, "nothing is sheared in a chain")
@@ -61,4 +61,18 @@ def order(scene: Scene) -> int:
     return 1 if scene.effects.shear_law == "incremental" else 2
 
 
-SHEAR = Effect("shear", called_for, cost="1.20", loss=loss, loose=loose, law=law, order=order)
+def order_of_meeting(scene: Scene) -> int:
+    """Return the order where spheres rub, 2 where none does."""
+    return order(scene) if float(scene.effects.friction) > 0 else 2
+
+
+SHEAR = Effect(
+    "shear",
+    called_for,
+    cost="1.20",
+    loss=loss,
+    meeting=Meeting(of_meeting, order=order_of_meeting),
+    law=law,
+    order=order,
+    recorded=True,
+)

@@ -6,7 +6,7 @@ If the effect is off, the deck has a friction at which no contact slides.
 from math import inf, isfinite
 
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, Meeting
 from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.effects.reading import Reading, between
 from granular_lmp.rest.scene import Scene
@@ -14,14 +14,14 @@ from granular_lmp.scene.schema import AUTO
 
 
 def variables(problem: Prepared) -> list[str]:
-    """Return the variable of the friction; the law of spheres that just meet holds the number."""
-    if problem.scene.loose:
+    """Return the variable of the friction; the law of spheres that meet holds the number, in units of their own."""
+    if problem.units.own:
         return []
     return [f"variable friction index {problem.scene.effects.friction!r}  # Coulomb friction: contacts may slide"]
 
 
 def variables_off(problem: Prepared) -> list[str]:
-    if problem.scene.loose:
+    if problem.units.own:
         return []
     case = Case(problem.scene, problem.on)
     amplitude = f"(v_amplitude+{case.struck_amplitude!r})" if problem.scene.struck else "v_amplitude"
@@ -77,8 +77,9 @@ def sliding_force(how: Reading) -> str:
     It is that of the smallest overlap, or of the smallest normal force if the limit is that of the `whole` force.
     """
     if how.whole:
-        return f"($(v_mu:%.17g)*(1e-9*{how.formulas.holding_force!r}+(c_weakest>0)*c_weakest))"
-    return f"($(v_mu:%.17g)*({how.adhesive_force!r}+{how.formulas.above_pull_off(between(how))}))"
+        return f"($(v_mu:%.17g)*(1e-9*{how.holding_force!r}+(c_weakest>0)*c_weakest))"
+    above = how.law.above_pull_off(between(how), how.sphere.contact_force, how.holding_force)
+    return f"($(v_mu:%.17g)*({how.adhesive_force!r}+{above}))"
 
 
 def called_for(case: Case) -> Finding:
@@ -96,7 +97,7 @@ def called_for(case: Case) -> Finding:
     )
 
 
-def loose(case: Case) -> Finding:
+def of_meeting(case: Case) -> Finding:
     return Finding(True, float(case.scene.effects.friction), "friction is {}")
 
 
@@ -137,7 +138,7 @@ SLIDING = Effect(
     called_for,
     cost="1.00",
     loss=loss,
-    loose=loose,
+    meeting=Meeting(of_meeting),
     needs="shear",
     lines={"variables": variables},
     lines_off={"variables": variables_off},
@@ -146,4 +147,5 @@ SLIDING = Effect(
     guard=GUARD,
     always=True,
     in_all=False,
+    recorded=True,
 )

@@ -28,7 +28,7 @@ def wave(problem: Prepared) -> list[str]:
     return [
         "variable     mx atom cos(v_D0*d_phi/v_R)",
         "variable     my atom sin(v_D0*d_phi/v_R)",
-        "set          group all dipole v_mx v_my v_zero",
+        "set          group all dipole v_mx v_my 0.0",
     ]
 
 
@@ -86,4 +86,5 @@ TRACKING = Effect(
     lines={"spheres": spheres, "wave": wave, "record": record},
     required=required,
     refuse=refuse,
+    recorded=True,
 )

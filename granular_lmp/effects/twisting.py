@@ -23,7 +23,9 @@ def loss(case: Case) -> str:
 
 
 def law(scene: Scene, on: bool) -> Mapping[str, Any]:
-    return {"twisting": True} if on else {}
+    return {"twisting": "marshall"} if on else {}
 
 
-TWISTING = Effect("twisting", called_for, cost="1.03", loss=loss, needs="rotation", law=law, in_all=False)
+TWISTING = Effect(
+    "twisting", called_for, cost="1.03", loss=loss, needs="rotation", law=law, in_all=False, recorded=True
+)

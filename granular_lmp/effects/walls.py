@@ -7,11 +7,11 @@ from math import inf
 
 from granular_lmp.crystal.lattices import HELD, WALL
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, Meeting
 from granular_lmp.rest.scene import Scene
 
 
-def loose(case: Case) -> Finding:
+def of_meeting(case: Case) -> Finding:
     closed = [name for name, face in case.scene.shape.faces.items() if face in (HELD, WALL)]
     return Finding(bool(closed), inf, f"held or rigid: {', '.join(closed)}" if closed else "all ends are free")
 
@@ -19,7 +19,7 @@ def loose(case: Case) -> Finding:
 def called_for(case: Case) -> Finding:
     shape = case.scene.shape
     if case.scene.wave is None:
-        return loose(case)
+        return of_meeting(case)
     if not shape.faces or not shape.lattice.sheet and shape.along_y:
         return Finding(False, float(shape.rows), "{} rows in a periodic cell are the infinite lattice")
     if not {HELD, WALL} & {*shape.faces.values()}:
@@ -38,4 +38,13 @@ def declared(scene: Scene) -> bool:
     return bool({HELD, WALL} & {*scene.shape.faces.values()})
 
 
-WALLS = Effect("walls", called_for, cost="rows", loss=loss, loose=loose, switch="packing.ends", declared=declared)
+WALLS = Effect(
+    "walls",
+    called_for,
+    cost="rows",
+    loss=loss,
+    meeting=Meeting(of_meeting),
+    switch="packing.ends",
+    declared=declared,
+    recorded=True,
+)

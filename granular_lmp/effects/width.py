@@ -105,4 +105,5 @@ WIDTH = Effect(
     instead=(_is_pressed_chain, SIDEWAYS),
     switch="packing.columns",
     declared=declared,
+    recorded=True,
 )

@@ -10,7 +10,7 @@ LAMMPS 22Jul2025 differs from these equations as follows, measured in ``tests/va
 * ``coeff_restitution`` yields the requested restitution e to the error of the step. ``tsuji`` does not (0.616 for a
   requested 0.5) and is not offered here. LAMMPS refuses both with an adhesive law.
 * The sliding limit of Hertz contacts is μ times the normal force *with* its damping part, that of DMT contacts without.
-* A contact by "jkr" begins at overlap 0 and ends at the largest pull, not at the largest distance as `LATE` does.
+* A contact by "jkr" begins at overlap 0 and ends at the largest pull, not at the largest distance as the kernel can.
 * A wall has the material of the spheres, E* = E/(2(1−ν²)), G* likewise; Rc and the lever arm are R.
 
 https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/fix_wall_gran.html
@@ -20,12 +20,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import pi, sqrt
 
-from granular_lmp.crystal.adhesion_laws import AdhesionLaw
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, HERTZ, NORMAL_LAWS, AdhesionLaw
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.units import AnyUnits
 
-LATE = "jkr/distance"  # the kernel's name of "jkr" with late parting; LAMMPS knows no such law
-NORMAL_LAWS = ("dmt", "hertz", "jkr")
 # The laws differ in the effect of the overlap on the shear force (docs/choosing-a-shear-law.md). "rescaled" is
 # "secant" with a shear displacement that shrinks with the contact radius on unloading.
 _MINDLIN = {"secant": "mindlin", "incremental": "mindlin/force", "rescaled": "mindlin_rescale"}
@@ -42,10 +40,9 @@ def model(
     damping: float = 0.0,
     restitution: float | None = None,
     shear_damping: float = 0.0,
-    rolling: tuple[float, float, float] | None = None,
-    twisting: bool = False,
     shear_modulus: float | None = None,
     late_parting: bool = False,
+    **submodels: str,
 ) -> str:
     """Return the contact model of two equal spheres, as `pair` and `wall` take it.
 
@@ -67,14 +64,12 @@ def model(
         Coefficient e in (0, 1], instead of `damping`: ``damping coeff_restitution``.
     shear_damping : float
         Ratio of the damping coefficients of shear and normal motion.
-    rolling : (float, float, float), optional
-        Stiffness, N/m, dashpot, N s/m, and friction of ``rolling sds``; spheres roll freely without it.
-    twisting : bool
-        Resistance to twisting, ``twisting marshall``, with the stiffness and the friction of the shear force.
     shear_modulus : float, optional
-        Effective shear modulus G*, Pa, in place of that of the sphere's material.
+        Effective shear modulus G*, Pa, in place of that of the sphere's material and factors.
     late_parting : bool
-        Contacts by "jkr" end at the largest distance: `LATE`.
+        Contacts end at the largest distance, by a law of the kernel (`AdhesionLaw.late`).
+    submodels : str
+        Words of other parts of the model by their names, such as "rolling" and "twisting".
 
     Returns
     -------
@@ -95,30 +90,26 @@ def model(
     """
     if normal not in NORMAL_LAWS or shear not in TANGENTIAL_LAWS:
         raise ValueError(f"normal = {normal!r}, shear = {shear!r}: must be one of {NORMAL_LAWS} and {TANGENTIAL_LAWS}")
-    if restitution is not None and (normal != "hertz" or damping):
+    if restitution is not None and (normal != HERTZ or damping):
         raise ValueError(f"restitution = {restitution!r}: needs normal = 'hertz' and no other damping")
-    young, number = sphere.youngs_modulus, sphere.poisson_ratio
-    if young < 0:  # as stiffnesses were measured: LAMMPS takes E* of any E and ν that have it, and G* by itself
-        shear_modulus = sphere.effective_shear_modulus if shear_modulus is None else shear_modulus
-        young, number = 2 * sphere.effective_modulus, 0.0
-    modulus = units.number(young, mass=1, length=-1, time=-2)
+    pressing, shearing = sphere.factors
+    if shear_modulus is None and shearing != pressing:  # else LAMMPS has G* from E and ν
+        shear_modulus = shearing * sphere.effective_shear_modulus
+    number = sphere.poisson_ratio
+    modulus = units.number(pressing * sphere.youngs_modulus, mass=1, length=-1, time=-2)
     loss = units.number(damping, mass=1, time=-1) if restitution is None else restitution
     force = f"hertz/material {modulus!r} {loss!r} {number!r}"
-    if normal != "hertz":
-        half_adhesion = units.number(sphere.work_of_adhesion / 2, mass=1, time=-2)  # LAMMPS's γ
-        force = f"{LATE if late_parting else normal} {modulus!r} {loss!r} {number!r} {half_adhesion!r}"
+    if normal != HERTZ:
+        half_adhesion = units.number(pressing * sphere.work_of_adhesion / 2, mass=1, time=-2)  # LAMMPS's γ
+        name = ADHESION_LAWS[normal].late if late_parting else normal
+        force = f"{name} {modulus!r} {loss!r} {number!r} {half_adhesion!r}"
     stiffness = "NULL" if shear_modulus is None else repr(units.number(8 * shear_modulus, mass=1, length=-1, time=-2))
     slip = f"{_MINDLIN.get(shear)} {stiffness} {shear_damping!r} {friction}"
     slip = "linear_nohistory 0.0 0.0" if shear == "none" else slip
     loss_law = "velocity" if restitution is None else "coeff_restitution"
-    rolls = "none" if rolling is None else _rolling(units, *rolling)
-    turns = f" rolling {rolls} twisting {'marshall' if twisting else 'none'}" if rolling or twisting else ""
-    return f"{force} &\n             tangential {slip}{turns} damping {loss_law}"
-
-
-def _rolling(units: AnyUnits, stiffness: float, viscosity: float, friction: float) -> str:
-    spring, dashpot = units.number(stiffness, mass=1, time=-2), units.number(viscosity, mass=1, time=-1)
-    return f"sds {spring!r} {dashpot!r} {friction!r}"
+    words = {"rolling": "none", "twisting": "none"} | submodels if submodels else {}
+    more = "".join(f" {name} {text}" for name, text in words.items())
+    return f"{force} &\n             tangential {slip}{more} damping {loss_law}"
 
 
 def pair(contact: str) -> str:
@@ -165,7 +156,11 @@ def of_law(law: AdhesionLaw, effective_radius: float, sphere: Sphere) -> tuple[S
     modulus = 3 / 4 * float(law.normal_coefficient) / root
     adhesion = float(law.pull_off_force) / (law.pull * pi * effective_radius)
     alike = replace(
-        sphere, youngs_modulus=2 * (1 - sphere.poisson_ratio**2) * modulus, work_of_adhesion=adhesion, contact_force=0.0
+        sphere,
+        youngs_modulus=2 * (1 - sphere.poisson_ratio**2) * modulus,
+        work_of_adhesion=adhesion,
+        contact_force=0.0,
+        factors=(1.0, 1.0),
     )
     return alike, float(law.shear_coefficient) / (8 * root)
 

@@ -57,6 +57,22 @@ BLOCKS = (
     Block(monitors.monitors, again=monitors.monitors),
     Block(recording.run, again=recording.run),
 )
+# Of spheres that meet, which nothing holds at rest
+BLOCKS_OF_MEETING = (
+    Block(variables.heading, again=variables.continues),
+    Block(variables.variables),
+    Block(spheres.spheres_of_meeting, again=spheres.restarted_of_meeting),
+    Block(laws.contacts_of_meeting),
+    Block(start.preload_of_meeting, again=start.reference_of_meeting),
+    Block(start.begin, again=start.kept_field),
+    Block(strikes.strikers, again=False),
+    Block(ends.loads),
+    Block(motion.motion_of_meeting),
+    Block(guards.guards_of_meeting, again=guards.guards_of_meeting),
+    Block(recording.record, again=recording.record),
+    Block(monitors.monitors, again=monitors.monitors),
+    Block(recording.run_of_meeting, again=recording.run_of_meeting),
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -192,7 +208,7 @@ def data_of(problem: Problem) -> DataFile:
 
 def written_text(problem: Problem) -> str:
     """Return ``in.NAME`` of a problem as this package writes it."""
-    return text_of(block.lines(problem) for block in BLOCKS)
+    return text_of(block.lines(problem) for block in _blocks(problem))
 
 
 def resume_text(problem: Problem, checkpoint: str) -> str:
@@ -202,4 +218,8 @@ def resume_text(problem: Problem, checkpoint: str) -> str:
     positions of ``compute displace/atom`` by its name, so the input repeats these commands.
     https://docs.lammps.org/Howto_restart.html
     """
-    return text_of(block.continued(problem, checkpoint) for block in BLOCKS)
+    return text_of(block.continued(problem, checkpoint) for block in _blocks(problem))
+
+
+def _blocks(problem: Problem) -> tuple[Block, ...]:
+    return BLOCKS_OF_MEETING if problem.rest.meets else BLOCKS

@@ -18,23 +18,19 @@ FREE = 3.0  # radii between the centres of the outer spheres and the faces of th
 
 def boundary(problem: Problem) -> str:
     """Return the words for the faces of the box: the box follows spheres at a free face, which may fly."""
-    periodic = problem.crystal.pbc
+    periodic, follows = problem.crystal.pbc, problem.rest.follows
     depth = "f" if problem.scene.space == 3 and not periodic[2] else "p"
-    if problem.scene.loose:
-        return f"{'p' if periodic[0] else 'm'} m {depth}"
-    shape = problem.scene.shape
-    faces = (shape.along_x, "sides" in shape.free), (shape.along_y, {"first", "last"} & {*shape.free})
-    return " ".join(["p" if along else "m" if free else "f" for along, free in faces] + [depth])
+    along = ("p" if periodic["xy".index(axis)] else "m" if axis in follows else "f" for axis in "xy")
+    return " ".join([*along, depth])
 
 
 def box_of(problem: Problem) -> NDArray[np.float64]:
-    """Return the faces of the box, (3, 2); a chain of unequal spheres that touch is longer or shorter than its cell."""
+    """Return the faces of the box, (3, 2)."""
     packing, to_deck = problem.crystal, problem.units.number(problem.scene.sphere.radius, length=1)
     low = packing.get_celldisp().ravel() * to_deck
     high = low + packing.cell.lengths() * to_deck
-    if problem.scene.loose:
-        low[1] = min(low[1], packing.positions[:, 1].min() - 1)
-        high[1] = max(high[1], packing.positions[:, 1].max() + 1)
+    lowest, highest = problem.rest.outermost
+    low[1], high[1] = min(low[1], lowest * to_deck), max(high[1], highest * to_deck)
     if problem.scene.space == 3 and not packing.pbc[2]:
         z = packing.positions[:, 2] * to_deck
         low[2], high[2] = z.min() - FREE * to_deck, z.max() + FREE * to_deck
@@ -44,31 +40,36 @@ def box_of(problem: Problem) -> NDArray[np.float64]:
 def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
     """Return the lines of the rigid walls that spheres of each material touch, by the law of their contacts.
 
-    The wall of a crystal at rest has its own law, and says of each sphere whether it touches and with what force.
+    A wall that is touched at rest says of each sphere whether it touches and with what force.
     """
     if not problem.planes:
         return []
     to_deck = problem.units.number(problem.scene.material.radius, length=1)
     planes = {name: place * to_deck for name, place in problem.planes.items()}
+    seen = problem.contacts.on_wall.any() or any(each.with_contacts for each in problem.scene.monitor)
     groups = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(problem.materials))]
     return groups + [
         wall(
-            model(rigid(each), problem.units, **law) if problem.scene.loose else _against(problem, name, m - 1, law),
+            _against(problem, name, m - 1, law),
             f"{name[0]}plane {f'{place!r} NULL' if name.endswith('lo') else f'NULL {place!r}'}"
-            + " contacts" * (not problem.scene.loose or any(each.with_contacts for each in problem.scene.monitor)),
+            + " contacts" * bool(seen),
             name=f"{name}{m}",
             group=f"material{m}",
         )
         for name, place in planes.items()
-        for m, each in enumerate(problem.materials, 1)
+        for m in range(1, len(problem.materials) + 1)
     ]
 
 
 def _against(problem: Problem, name: str, material: int, law: Mapping[str, Any]) -> str:
-    """Return the model of the contact of spheres of a material, by its index, with a wall of a crystal at rest."""
-    declared = problem.scene.wall if name[0] == "z" else problem.scene.rigid
-    assert declared is not None  # else there is no such wall
-    against, own = declared.beside(problem.materials)[material], problem.materials[material]
+    """Return the model of the contact of spheres of a material, by its index, with a wall.
+
+    A wall that spheres meet, which has no law at rest, is that of spheres of twice the modulus.
+    """
+    declared, own = problem.scene.wall if name[0] == "z" else problem.scene.rigid, problem.materials[material]
+    if declared is None:
+        return model(rigid(own), problem.units, **law)
+    against = declared.beside(problem.materials)[material]
     law_of_wall, factors = against.law(own.radius), problem.crystal.info.get(FACTORS)
     if factors is not None:
         law_of_wall = law_of_wall.times(*map(float, factors[material, -1]))
@@ -78,7 +79,7 @@ def _against(problem: Problem, name: str, material: int, law: Mapping[str, Any])
 
 def held(problem: Problem) -> list[str]:
     """Return the lines that freeze held spheres which other spheres hit with dashpots."""
-    if not (problem.scene.loose and problem.on["damping"] and problem.crystal.arrays["fixed"].any()):
+    if not (problem.on["damping"] and problem.crystal.arrays["fixed"].any()):
         return []
     return [
         "# dashpots then take the mass of a held sphere as infinite; with its own mass too much would come back",
@@ -92,10 +93,10 @@ def loads(problem: Problem) -> list[str]:
     units, scale = problem.units, problem.scale
     mass, time = units.number(scale.mass, mass=1), units.number(scale.time, time=1)
     lines = ["# --- constant forces on free ends, which press the chain together"]
-    for number, (sphere, force) in enumerate(problem.loads.items(), 1):
+    for number, (sphere, force) in enumerate(problem.rest.loads.items(), 1):
         of_deck = units.number(force * scale.length, length=1) * mass / time**2
         lines += [
             f"group        end{number} id {sphere + 1}",
             f"fix          load{number} end{number} addforce 0.0 {of_deck!r} 0.0",
         ]
-    return lines if problem.loads else []
+    return lines if problem.rest.loads else []

@@ -12,32 +12,29 @@ from types import MappingProxyType
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.guard import Guard
-from granular_lmp.effects.looks import longest, look_interval, nearly_open
+from granular_lmp.effects.looks import nearly_open
 from granular_lmp.effects.openings import counted_lines
 from granular_lmp.effects.reading import Reading, contact_lines, overlap_lines
 from granular_lmp.effects.selection import guards as all_guards
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.lammps.outputs import CONTACTS, UNWAVED_CONTACTS
-from granular_lmp.lammps.region_of_influence import inside_lines
+from granular_lmp.lammps.region_of_influence import inside_lines, leaving_lines
 from granular_lmp.problem import Problem
+from granular_lmp.rest.looks import longest
 
 GUARDS = all_guards()
-LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
 # The hardest shear over the smallest sliding force is at most this times the largest ratio of one contact (make guards)
 BOUND = 3.0
 
 
 def line_interval(problem: Problem) -> int:
-    """Return the steps between two looks, which are the lines of the thermo table.
+    """Return the steps between two looks, which are the lines of the thermo table; those of a sample without looks."""
+    return problem.rest.steps_between_looks if problem.looks else problem.scene.time.steps_per_sample
 
-    Where spheres meet there are `LOOKS_IN_COLLISION` in the shortest collision, a whole number of them in a sample.
-    """
-    time = problem.scene.time
-    if not problem.scene.loose:
-        return look_interval(problem.scene, problem.mode)
-    most = int(problem.collisions.shortest_collision / LOOKS_IN_COLLISION / time.step)
-    whole = time.steps_per_sample
-    return next(steps for steps in range(max(min(most, whole), 1), 0, -1) if whole % steps == 0)
+
+def has_looks(problem: Problem) -> bool:
+    """Return whether guards look at v_look, as those of a crystal at rest do; where spheres meet, at every line."""
+    return not problem.rest.meets
 
 
 def guards(problem: Problem, checkpoint: str = "") -> list[str]:
@@ -45,8 +42,8 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
 
     The contacts of a guard whose effect is off are judged one by one, also where the scene calls for the effect.
     """
-    if problem.scene.loose:
-        return _of_meetings(problem)
+    if not problem.looks:
+        return _none(problem)
     names, how = problem.guards, Reading.of(problem)
     text: list[str] = []
     for guard in (GUARDS[name] for name in names):
@@ -54,7 +51,7 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
         text += [line for line in (*of_contacts, *guard.lines(problem)) if line not in text]
     seen = {name: f"f_looks[{place}]" for place, name in enumerate(_measured(problem), 1)}
     return [
-        "# --- guards: looks whether the effects occur that this deck leaves out",
+        f"# --- guards: looks whether the effects occur that this deck leaves out{_judges(problem)}",
         *inside_lines(problem),
         *look_lines(problem),
         *text,
@@ -63,6 +60,16 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
         *judged_lines(problem, seen=seen),
         *_written_out(problem, how, seen, checkpoint),
         *thermo_lines(columns(problem), seen),
+    ]
+
+
+def _none(problem: Problem) -> list[str]:
+    """Return the block of a run that does not look: a line of the thermo table each sample, for its progress."""
+    return [
+        "# --- guards: none, as a finer run of the same scene looks",
+        *leaving_lines(problem),
+        "thermo_style custom step v_tau",
+        "thermo       ${every}",
     ]
 
 
@@ -107,14 +114,14 @@ def verdict(problem: Problem) -> list[str]:
     ]
 
 
-def _of_meetings(problem: Problem) -> list[str]:
+def guards_of_meeting(problem: Problem, checkpoint: str = "") -> list[str]:
     """Return the block of the guards of spheres that meet: every look is a line of the thermo table."""
     lines = dict.fromkeys(line for name in problem.guards for line in GUARDS[name].lines(problem))
     return [
         "# --- guards: the largest force of a contact; its overlap and frequency are at most those of the softest and",
         "#     the stiffest pair of spheres",
         *lines,
-        f"thermo_style custom step {' '.join(columns(problem))}",
+        f"thermo_style custom step v_tau {' '.join(GUARDS[name].column for name in problem.guards)}",
         "thermo_modify flush yes",
         f"thermo       {line_interval(problem)}",
         *judged_lines(problem, line_interval(problem)),
@@ -123,8 +130,6 @@ def _of_meetings(problem: Problem) -> list[str]:
 
 def columns(problem: Problem) -> list[str]:
     """Return the names of the thermo columns behind the step; those of slip need shear."""
-    if problem.scene.loose:
-        return ["v_tau", *(GUARDS[name].column for name in problem.guards)]
     return ["v_tau", *_measured(problem), *(["v_mu"] if SLIP.title in problem.guards else [])]
 
 
@@ -151,7 +156,7 @@ def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkp
         columns, numbers = f"{columns} c_contact[3]", f"{numbers} %.9g"
     if not how.lengths:
         columns, numbers = f"c_ends[1] c_ends[2] {columns}", f"%.0f %.0f {numbers}"
-        ends = [f"compute      ends inside property/local patom1 patom2 cutoff {how.formulas.cutoff}"]
+        ends = [f"compute      ends inside property/local patom1 patom2 cutoff {how.law.cutoff}"]
     holds = {
         SLIP.title: f"({SLIP.limit_in(problem):.4f}>={seen['v_slip']})",
         OPEN.title: f"({seen['v_overlap']}>={nearly_open(scene, problem.mode):.4f})",
@@ -166,17 +171,15 @@ def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkp
     ]
 
 
-def header(problem: Problem) -> list[str]:
-    """Return the comment at the top of a deck that says how it judges its run."""
-    if not problem.judged:
-        return []
-    return ["# Each line of the thermo table is a look; the last lines say INVALID, and why, if a limit was passed"]
+def _judges(problem: Problem) -> str:
+    """Return the words for the last lines of a deck, which judge its run."""
+    return "; the last lines say INVALID, and why, if they do" if problem.judged else ""
 
 
 def _trouble(guard: Guard, problem: Problem) -> str:
     """Return what it means that a guard is above its limit, behind the name of its column."""
     limit = guard.limit_in(problem)
-    if problem.scene.loose:
+    if guard.heading:
         return f"{guard.column}, {guard.heading.format(limit=limit)}"
     held = UNWAVED_CONTACTS if problem.mode is None else CONTACTS
     each = f"; {held} then holds each contact" if guard is SLIP else ""

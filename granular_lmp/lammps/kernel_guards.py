@@ -12,7 +12,7 @@ from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import mu_line
-from granular_lmp.lammps.guards import GUARDS, guards, judged_lines, look_lines, thermo_lines
+from granular_lmp.lammps.guards import GUARDS, guards, has_looks, judged_lines, look_lines, thermo_lines
 from granular_lmp.lammps.region_of_influence import inside_lines
 from granular_lmp.problem import Problem
 
@@ -24,12 +24,12 @@ _STEP = {SLIP.name: 4, OPEN.name: 5}
 def watched_text(problem: Problem, text: str, checkpoint: str = "") -> str:
     """Return the input of a deck, or of its continuation, with the guards of the kernel in place of LAMMPS's.
 
-    The text is returned as it is where LAMMPS's guards stay: of spheres that meet, of contacts with walls, which are
-    LAMMPS's own, of contacts without shear in the DMT law, of which nobody knows whether they touched before, and where
-    other lines of an edited deck take something of the guards.
+    The text is returned as it is in a run without looks, and where LAMMPS's guards stay: of spheres that meet, of
+    contacts with walls, which are LAMMPS's own, of contacts without shear in the DMT law, of which nobody knows whether
+    they touched before, and where other lines of an edited deck take something of the guards.
     """
     sphere, on = problem.scene.sphere, problem.on
-    past = not problem.scene.loose and (on["shear"] or sphere.adhesion_law == "jkr")
+    past = problem.looks and has_looks(problem) and (on["shear"] or sphere.contact_law.beyond)
     if not past or Reading.of(problem).walls:
         return text
     theirs, own = guards(problem, checkpoint), _guards(problem)

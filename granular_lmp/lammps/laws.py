@@ -15,18 +15,25 @@ from granular_lmp.problem import Problem
 
 def contacts(problem: Problem) -> list[str]:
     """Return the block of the contacts between spheres and with walls."""
-    law: dict[str, Any] = {"friction": problem.scene.effects.friction if problem.scene.loose else "${friction}"}
+    return [*_contacts(problem, "${friction}", "damping, nu and half the work of adhesion"), *at_rest_lines(problem)]
+
+
+def contacts_of_meeting(problem: Problem) -> list[str]:
+    """Return the block of the contacts of spheres that meet, whose friction is a number."""
+    return _contacts(problem, problem.scene.effects.friction, "damping and nu")
+
+
+def _contacts(problem: Problem, friction: float | str, words: str) -> list[str]:
+    law: dict[str, Any] = {"friction": friction}
     for effect in EFFECTS:
         law |= effect.law(problem.scene, problem.on[effect.name])
     laws = {
         (m, n): of_pair(problem, m, n, law) for m, n in combinations_with_replacement(range(len(problem.materials)), 2)
     }
-    words = "damping and nu" if problem.scene.loose else "damping, nu and half the work of adhesion"
     return [
         f"# --- contacts: normal law with E, {words}; tangential law with friction",
         pairs(laws),
         *walls(problem, law),
-        *at_rest_lines(problem),
     ]
 
 
@@ -35,9 +42,5 @@ def of_pair(problem: Problem, one: int, other: int, law: Mapping[str, Any]) -> s
     sphere, factors = equivalent(problem.materials[one], problem.materials[other]), problem.crystal.info.get(FACTORS)
     if factors is None:
         return model(sphere, problem.units, **law)
-    normal, shear = map(float, factors[one, other])
-    stiffer = replace(
-        sphere, youngs_modulus=sphere.youngs_modulus * normal, work_of_adhesion=sphere.work_of_adhesion * normal
-    )
-    modulus = None if shear == normal else shear * sphere.effective_shear_modulus
-    return model(stiffer, problem.units, **law, shear_modulus=modulus)
+    normal, shear = (float(each * own) for each, own in zip(factors[one, other], sphere.factors, strict=True))
+    return model(replace(sphere, factors=(normal, shear)), problem.units, **law)

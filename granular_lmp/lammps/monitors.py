@@ -8,7 +8,6 @@ with the motion.
 from pathlib import Path
 
 from granular_lmp.effects.freedoms import axes
-from granular_lmp.effects.law_formulas import FORMULAS
 from granular_lmp.effects.on_walls import FACES
 from granular_lmp.lammps.binary_dump import CONTINUED, binary_snapshots
 from granular_lmp.lammps.blocks import apart
@@ -94,7 +93,7 @@ def monitors(problem: Problem, checkpoint: str = "") -> list[str]:
 
 def _monitor(number: int, placed: PlacedMonitor, problem: Problem, checkpoint: str) -> list[str]:
     # With the cutoff "type" pairs that LAMMPS has no contact of are among them: their vector is 0
-    cutoff, scene = FORMULAS[problem.scene.material.adhesion_law].cutoff, problem.scene
+    cutoff, scene = problem.scene.material.contact_law.cutoff, problem.scene
     name, tag = f"monitor{number}", str(number)
     walls = [each for face in problem.planes for each in wall_columns(face, axes(problem))]
     own = [f"v_{each}" for each in walls if placed.monitor.with_contacts]

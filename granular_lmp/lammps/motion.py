@@ -8,14 +8,23 @@ from granular_lmp.problem import Problem
 
 def motion(problem: Problem) -> list[str]:
     """Return the block that integrates the motion."""
+    return _motion(problem, [], [])
+
+
+def motion_of_meeting(problem: Problem) -> list[str]:
+    """Return the block that integrates the motion of spheres that meet, in their plane."""
+    return _motion(problem, start.plane(problem), ends.held(problem))
+
+
+def _motion(problem: Problem, before: list[str], after: list[str]) -> list[str]:
     turns, tracks = problem.on["rotation"], problem.on["tracking"]
     integrator = f"nve{'/sphere' if turns else ''}{' update dipole' if tracks else ''}"
     if "bpm/sphere" in style(problem):
         integrator = "nve/bpm/sphere"
     return [
         "# --- motion of the spheres that are not held",
-        *(start.plane(problem) if problem.scene.loose else []),
+        *before,
         f"fix          move mobile {integrator}",
-        *ends.held(problem),
+        *after,
         *selection.lines("motion", problem),
     ]

@@ -15,7 +15,7 @@ _QUATERNION = "wxyz"  # parts of the compute "turned", in their order
 
 def sphere_columns(problem: Problem) -> str:
     """Return the columns of spheres in a dump; ASE keeps v_theta."""
-    mass = " mass" if problem.scene.loose or not problem.scene.perfect else ""
+    mass = "" if problem.at_rest.of_one else " mass"
     return f"id type x y z radius{mass} {_columns('c_u', axes(problem))} vx vy vz" + _turned(problem)
 
 
@@ -95,14 +95,17 @@ def _recorded(problem: Problem) -> list[str]:
 
 
 def run(problem: Problem, checkpoint: str = "") -> list[str]:
-    """Return the command of the run, or of the rest of one that continues, and the verdict of its guards.
+    """Return the command of the run, or of the rest of one that continues, and the verdict of its guards."""
+    return [f"run ${{steps}}{' upto' if checkpoint else ''}", *verdict(problem)]
 
-    Where spheres may fly it is set up anew at each checkpoint, as a continuation is: forces that depend on velocities
+
+def run_of_meeting(problem: Problem, checkpoint: str = "") -> list[str]:
+    """Return the same of spheres that meet, which may fly.
+
+    The run is set up anew at each checkpoint, as a continuation is: forces that depend on velocities
     are then computed from the same ones in both, and the box is that of the checkpoint.
     """
     upto = " upto" if checkpoint else ""
-    if not problem.scene.loose:
-        return [f"run ${{steps}}{upto}", *verdict(problem)]
     comment = ["# --- at a checkpoint the run is set up anew, and its box too, as in a continuation"]
     return [
         *([] if checkpoint else comment),

@@ -45,15 +45,26 @@ def inside_lines(problem: Problem) -> list[str]:
     scene = problem.scene
     if not watches_part(scene):
         return ["group        inside union all  # the spheres that what is recorded depends on"]
-    least, lost = 1.5 * _row(problem), (_farthest_row(scene) - 2.5) * _row(problem)
     lines, away = _away(problem)
     return [
         *lines,
-        f"variable     reach equal {least + lost!r}-$({lost!r}*v_step/(v_t0*(v_duration+(v_duration==0))):%.17g)*step",
+        _reach(problem),
         f"variable     near atom v_reach>{away}",
         f"group        inside dynamic all var near every {_interval(scene)}  # whose signals still reach the record",
         *_leaving(problem),
     ]
+
+
+def leaving_lines(problem: Problem) -> list[str]:
+    """Return the lines by which spheres leave a run without guards, [] where they stay."""
+    return [_reach(problem), *_leaving(problem)] if leave(problem.scene) else []
+
+
+def _reach(problem: Problem) -> str:
+    """Return the line of v_reach, the radius of the cone at a step."""
+    least, lost = 1.5 * _row(problem), (_farthest_row(problem.scene) - 2.5) * _row(problem)
+    shrinks = f"$({lost!r}*v_step/(v_t0*(v_duration+(v_duration==0))):%.17g)*step"
+    return f"variable     reach equal {least + lost!r}-{shrinks}"
 
 
 def leave(scene: Scene) -> bool:
@@ -87,14 +98,14 @@ def _leaving(problem: Problem) -> list[str]:
     scene, row = problem.scene, _row(problem)
     if not leave(scene):
         return []
+    way = f"{_speed(scene)!r}*(v_duration-v_tau)"
     beyond = repr(MARGIN * row)  # farther only if -var made the run shorter
     return [
-        "# spheres that can no longer affect the record leave; to keep them add the line: unfix gone",
-        f"variable     way equal {_speed(scene)!r}*(v_duration-v_tau)",
-        f"variable     front equal {row!r}*(v_way+{WIDTHS}*(v_way+{WIDTHS**1.5:.3f})^(1/3))",
+        f"variable     front equal {row!r}*({way}+{WIDTHS}*({way}+{WIDTHS**1.5:.3f})^(1/3))",
         f"variable     lives equal ternary(v_front>v_reach+{beyond},v_front,v_reach+{beyond})",
         *_far(problem),
-        f"fix          gone all evaporate {LOST * _interval(scene)} {_ALL} far 1",
+        f"fix          gone all evaporate {LOST * _interval(scene)} {_ALL} far 1"
+        "  # what can no longer affect the record leaves; to keep it: unfix gone",
     ]
 
 

@@ -11,6 +11,8 @@ from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.ends import boundary, box_of
 from granular_lmp.problem import Problem
 
+_NEIGHBOURS_THAT_FLY = ["neighbor     0.2 bin", start.STEP]  # spheres that fly outrun those that vibrate
+
 
 def data_of(problem: Problem) -> DataFile:
     """Return all spheres of a problem with the fields in which they begin."""
@@ -29,10 +31,8 @@ def data_of(problem: Problem) -> DataFile:
 
 
 def _densities(problem: Problem) -> NDArray[np.float64]:
-    if problem.scene.loose:
-        return np.asarray(problem.collisions.mass / (4 / 3 * np.pi * problem.crystal.arrays["radius"] ** 3))
-    densities = problem.crystal.arrays.get("density", np.full(len(problem.crystal), problem.scene.sphere.density))
-    return problem.units.number(densities, mass=1, length=-3)
+    density = problem.rest.density
+    return density if problem.units.own else problem.units.number(density, mass=1, length=-3)
 
 
 def types(packing: ase.Atoms) -> NDArray[np.int64]:
@@ -43,16 +43,29 @@ def types(packing: ase.Atoms) -> NDArray[np.int64]:
 
 def spheres(problem: Problem) -> list[str]:
     """Return the lines that read the spheres at rest and how they begin, or make a large sheet of its first rows."""
-    if replicated.suits(problem.scene):
-        return _lattice(problem, "the variables wave_* are", replicated.lines(problem))
-    return _lattice(problem, "the section wave of the data file holds", start.read(problem))
+    made = replicated.suits(problem.scene)
+    wave_is = "the variables wave_* are" if made else "the section wave of the data file holds"
+    title = "lattice" + f" at rest; {wave_is} the wave for unit amplitude" if problem.scene.wave else "crystal at rest"
+    lines = replicated.lines(problem) if made else start.read(problem)
+    return _lattice(problem, [f"# --- {title}"], lines, *_bins(problem))
 
 
-def _lattice(problem: Problem, wave_is: str, lines: list[str]) -> list[str]:
-    flies = "  # m: the box follows spheres that fly away" if problem.scene.loose else ""
-    sort, neighbours = _bins(problem)
+def spheres_of_meeting(problem: Problem) -> list[str]:
+    """Return the lines that read spheres that meet, in the units of their impact."""
+    scale, sphere = problem.scale, problem.scene.sphere
+    titles = [
+        f"# --- units: the radius R = {sphere.radius!r} m, the mass m = {scale.mass!r} kg and t0 = {scale.time!r} s",
+        f"#     v = {scale.velocity!r} m/s and l = {scale.length!r} m are the units of velocities and overlaps below",
+    ]
+    flies = "  # m: the box follows spheres that fly away"
+    return _lattice(problem, titles, start.read(problem), "", _NEIGHBOURS_THAT_FLY, flies)
+
+
+def _lattice(
+    problem: Problem, titles: list[str], lines: list[str], sort: str, neighbours: list[str], flies: str = ""
+) -> list[str]:
     return [
-        *_titles(problem, wave_is),
+        *titles,
         f"units        {problem.units.style}",
         f"dimension    {problem.scene.space}",
         f"boundary     {boundary(problem)}{flies}",
@@ -66,29 +79,24 @@ def _lattice(problem: Problem, wave_is: str, lines: list[str]) -> list[str]:
     ]
 
 
-def _titles(problem: Problem, wave_is: str) -> list[str]:
-    scale, sphere = problem.scale, problem.scene.sphere
-    if problem.scene.wave is None and not problem.scene.loose:
-        return ["# --- crystal at rest"]
-    if not problem.scene.loose:
-        return [f"# --- lattice at rest; {wave_is} the wave for unit amplitude"]
-    return [
-        f"# --- units: the radius R = {sphere.radius!r} m, the mass m = {scale.mass!r} kg and t0 = {scale.time!r} s",
-        f"#     v = {scale.velocity!r} m/s and l = {scale.length!r} m are the units of velocities and overlaps below",
-    ]
-
-
 def restarted(problem: Problem, checkpoint: str) -> list[str]:
     """Return the lines that read the spheres of a checkpoint, which holds no ``comm_modify``."""
     sort, neighbours = _bins(problem)
     sorted_ = [f"atom_modify {sort}"] if sort else []
-    return [*sorted_, "comm_modify  vel yes", f"read_restart {checkpoint}", *neighbours]
+    return [*sorted_, *_read_again(checkpoint), *neighbours]
+
+
+def restarted_of_meeting(problem: Problem, checkpoint: str) -> list[str]:
+    """Return the same of spheres that meet."""
+    return [*_read_again(checkpoint), *_NEIGHBOURS_THAT_FLY]
+
+
+def _read_again(checkpoint: str) -> list[str]:
+    return ["comm_modify  vel yes", f"read_restart {checkpoint}"]
 
 
 def _bins(problem: Problem) -> tuple[str, list[str]]:
-    """Return how spheres are sorted, and the lines of neighbour lists; spheres that fly outrun those that vibrate."""
-    if problem.scene.loose:
-        return "", ["neighbor     0.2 bin", start.STEP]
+    """Return how spheres are sorted, and the lines of neighbour lists."""
     size = bins.size(problem)
     skin = problem.units.number(problem.scene.sphere.radius / bins.SKIN, length=1)
     clear = f"neigh_modify binsize {size!r}  # no sphere rests on the face of a bin"

@@ -106,24 +106,30 @@ def _sum(problem: Problem, of_wave: str, of_state: str) -> str:
 
 def preload(problem: Problem) -> list[str]:
     """Return the lines that move the spheres from rest to their places, or that count displacements from rest."""
+    return _preload(problem, reference(problem), plane(problem))
+
+
+def preload_of_meeting(problem: Problem) -> list[str]:
+    """Return the same of spheres that meet, whose plane comes with the motion: a continued run repeats that."""
+    return _preload(problem, reference_of_meeting(problem), [])
+
+
+def _preload(problem: Problem, otherwise: list[str], held: list[str]) -> list[str]:
     if not _preloads(problem):
-        return reference(problem)
+        return otherwise
     state, wave = problem.scene.start.moves, problem.scene.wave
     ways = {axis: _sum(problem, f"v_D0*d_u{axis}", f"d_{'s' if wave else 'u'}{axis}") for axis in axes(problem)}
     if wave and state:
         ways = {axis: f"({way})" for axis, way in ways.items()}
     return [
-        f"# --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the "
-        f"{'wave' if wave else 'state'} in one",
-        "#     step without forces, which loads the shear springs; a long step, slow enough for negligible forces of "
-        "dashpots",
-        "variable     slow  equal 1e6*v_step",
-        "timestep     $(v_slow:%.17g)",
+        f"# --- preload: one long step without forces, from rest to the {'wave' if wave else 'state'}, loads the shear "
+        "springs",
+        "timestep     $(1e6*v_step:%.17g)  # so slow that dashpots hardly push",
         _REFERENCE,
-        *(f"variable     to_u{axis} atom {way}/v_slow" for axis, way in ways.items()),
+        *(f"variable     to_u{axis} atom {way}/dt" for axis, way in ways.items()),
         f"velocity     all set {along(problem, 'to_u', 'NULL')} units box",
         *selection.lines("preload", problem),
-        *([] if problem.scene.loose else plane(problem)),  # else with the motion, which a continued run repeats too
+        *held,
         "fix          move mobile nve/noforce",
         "thermo_style custom step",
         "run          1 post no",
@@ -135,9 +141,12 @@ def preload(problem: Problem) -> list[str]:
 
 def reference(problem: Problem, checkpoint: str = "") -> list[str]:
     """Return the lines that count displacements from rest: LAMMPS finds the places of a checkpoint by the name u."""
-    if problem.scene.loose:
-        return ["# --- displacements count from the places at rest", _REFERENCE]
     return [_REFERENCE, *plane(problem), STEP]
+
+
+def reference_of_meeting(problem: Problem, checkpoint: str = "") -> list[str]:
+    """Return the same of spheres that meet, whose step is set with the neighbour lists."""
+    return ["# --- displacements count from the places at rest", _REFERENCE]
 
 
 def plane(problem: Problem) -> list[str]:
@@ -178,5 +187,5 @@ def _begun(problem: Problem) -> list[str]:
         *(f"variable     {name} atom d_{name}" for name in names),
         *([] if there else [f"displace_atoms all move {along(problem, 'u', '0.0')} units box"]),
         f"velocity     all set {along(problem, 'v', '0.0')} units box",
-        *([f"set          group all omega {about(problem, 'spin', '0.0')}"] if spins else []),
+        *([f"set          group all omega {about(problem, 'spin')}"] if spins else []),
     ]

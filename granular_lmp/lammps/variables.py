@@ -2,7 +2,6 @@
 
 from granular_lmp.effects import selection
 from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps import guards
 from granular_lmp.lammps.checkpoints import checkpoint_steps
 from granular_lmp.lammps.outputs import DUMP, LOG, SNAPSHOTS
 from granular_lmp.problem import Problem
@@ -25,8 +24,7 @@ def title(scene: Scene) -> str:
 
 def data_title(problem: Problem) -> str:
     """Return the first line of the data file."""
-    units = problem.units
-    return f"{title(problem.scene)}; {units.names if problem.scene.loose else f'units {units.style}'}"
+    return f"{title(problem.scene)}; {problem.units.title}"
 
 
 def heading(problem: Problem) -> list[str]:
@@ -35,10 +33,8 @@ def heading(problem: Problem) -> list[str]:
     values = "-var amplitude 0.1 -var timestep 0.025" if problem.mode else "-var timestep 0.01"
     return [
         f"# {title(scene)}",
-        f"# Runs as it is in this folder:  lmp -in in.{scene.name}",
-        f"# With other values:             lmp -in in.{scene.name} {values}",
+        f"# Runs in this folder:  lmp -in in.{scene.name}; with other values:  lmp -in in.{scene.name} {values}",
         *(["# Needs LAMMPS with the packages GRANULAR and BPM"] if scene.space == 3 else []),
-        *guards.header(problem),
     ]
 
 
@@ -69,7 +65,7 @@ def variables(problem: Problem) -> list[str]:
         f"variable checkpoint index {checkpoint_steps(problem)}  # steps between checkpoints, here for one core",
         f"variable {'marked':{width}} index unmarked  # empty group whose name identifies the scene in a checkpoint",
         *([_refusal(), f'print "{_said(problem)}"'] if wave else []),
-        *(clock(problem) if problem.scene.loose else []),
+        *(clock(problem) if problem.units.own else []),
     ]
 
 
@@ -131,7 +127,7 @@ def said_variables(log: str) -> dict[str, str] | None:
 def units(problem: Problem) -> list[str]:
     """Return the lengths and times of the scene in the units of the deck, and the clock; [] where they are its own."""
     of, scale = problem.units, problem.scale
-    if problem.scene.loose:
+    if of.own:
         return []
     overlap = "static overlap" if problem.scene.wave else "unit of overlaps and displacements"
     return [
@@ -146,13 +142,12 @@ def units(problem: Problem) -> list[str]:
 
 def clock(problem: Problem) -> list[str]:
     """Return the variables of steps and time; t0 is 1 where the units are those of the scene."""
-    width = 8 if problem.scene.loose else 6
-    step, tau = ("v_sample/v_every*v_t0", "step*v_step/v_t0")
-    if problem.scene.loose:
-        step, tau = ("v_sample/v_every", "step*v_step")
+    width, step, tau = 6, "$(v_sample/v_every*v_t0:%.17g)", "step*v_step/v_t0"
+    if problem.units.own:
+        width, step, tau = 8, "v_sample/v_every", "step*v_step"
     return [
         f"variable {'every':{width}} equal ceil(v_sample/v_timestep-1e-9)",
-        f"variable {'step':{width}} equal {step if problem.scene.loose else f'$({step}:%.17g)'}",
+        f"variable {'step':{width}} equal {step}",
         f"variable {'steps':{width}} equal v_every*floor(v_duration/v_sample+1e-9)",
         f"variable {'tau':{width}} equal {tau}",
     ]

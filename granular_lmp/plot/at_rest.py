@@ -10,11 +10,10 @@ from granular_lmp.crystal.lattices import packed
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.signals import Picture
-from granular_lmp.rest.at_rest import CrystalAtRest, crystal_of
+from granular_lmp.rest.at_rest import CrystalAtRest
+from granular_lmp.rest.kinds import rest_of
 from granular_lmp.rest.scene import Scene
 
-# Units of lengths and forces, of crystals at rest and of loose spheres
-UNITS = (r"\Delta_0", r"k_1\Delta_0"), (r"\ell", r"m\ell/t_0^2")
 MOST_DRAWN = 20_000  # spheres; with more, a contact would be below a pixel
 
 
@@ -23,8 +22,8 @@ def at_rest_figure(scene: Scene) -> Picture:
 
     Spheres are coloured by the deviation of their diameter from the mean, in overlaps Δ0, or of their density where
     all radii are equal. Lines are contacts of spheres, coloured by their force f_N over k1 Δ0: positive where they
-    press. Dotted are neighbours in the lattice that do not touch, and crosses are empty places. Of loose spheres the
-    units are ℓ and m ℓ/t0².
+    press. Dotted are neighbours in the lattice that do not touch, and crosses are empty places. Of spheres that
+    meet the units are ℓ and m ℓ/t0².
 
     Raises
     ------
@@ -34,7 +33,8 @@ def at_rest_figure(scene: Scene) -> Picture:
     """
     if scene.perfect:
         raise ViewError(f"{scene.name}: its spheres and contacts are all equal; there is nothing to draw at rest")
-    crystal = crystal_of(scene)
+    rest = rest_of(scene)
+    crystal = rest.crystal
     if len(crystal.atoms) > MOST_DRAWN:
         raise ViewError(f"{scene.name}: has {len(crystal.atoms)} spheres; at most {MOST_DRAWN} are drawn")
     figure = Picture(figsize=(8.0, 6.0), layout="constrained")
@@ -48,10 +48,9 @@ def at_rest_figure(scene: Scene) -> Picture:
     discs.set_array(values)
     axes.add_collection(discs, autolim=False)
     contacts, scale, sphere = crystal.contacts, scene.scale, scene.sphere
-    close = _close(scene, crystal) & ~contacts.on_wall
+    close = rest.closed & ~contacts.on_wall
     pairs = contacts.i[close], contacts.j[close]
-    unit = scale.mass * scale.length / scale.time**2 if scene.loose else sphere.normal_stiffness * scale.length
-    force = contacts.contact_force[close] / unit
+    force = contacts.contact_force[close] / scale.force(scale.length, sphere.normal_stiffness)
     lines = LineCollection(
         _segments(position, pairs[0], contacts.vector[close, :2] / sphere.radius),
         cmap="PiYG",
@@ -69,7 +68,8 @@ def at_rest_figure(scene: Scene) -> Picture:
     low, high = position.min(axis=0) - 1.5, position.max(axis=0) + 1.5
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x/R", ylabel="y/R")
     figure.colorbar(discs, ax=axes, label=label, fraction=0.05)
-    figure.colorbar(lines, ax=axes, label=f"force of a contact (${UNITS[scene.loose][1]}$)", fraction=0.05)
+    unit = r"m\ell/t_0^2" if scale.of_impact else r"k_1\Delta_0"
+    figure.colorbar(lines, ax=axes, label=f"force of a contact (${unit}$)", fraction=0.05)
     lost = f", {len(i)} missing (dotted)" if len(i) else ""
     each = (2 * len(force) + contacts.on_wall.sum()) / len(position)
     axes.set_title(
@@ -85,7 +85,7 @@ def _values(scene: Scene, crystal: CrystalAtRest) -> tuple[NDArray[np.float64], 
     radius, density = crystal.atoms.arrays["radius"], crystal.atoms.arrays["density"]
     if np.ptp(radius) or not np.ptp(density):
         overlap = scene.scale.length / scene.sphere.radius
-        return (radius - 1) / overlap, f"deviation of the diameter (${UNITS[scene.loose][0]}$)"
+        return (radius - 1) / overlap, f"deviation of the diameter (${scene.scale.symbol}$)"
     return density / scene.sphere.density - 1, "relative deviation of the density"
 
 
@@ -94,15 +94,6 @@ def _segments(
 ) -> list[NDArray[np.float64]]:
     """Return a line from the centre of each first sphere to that of its neighbour; across a face it leaves the cell."""
     return list(np.stack([position[i], position[i] + vector], axis=1))
-
-
-def _close(scene: Scene, crystal: CrystalAtRest) -> NDArray[np.bool_]:
-    """Return which contacts are closed, (C,): of loose spheres those of neighbours whose gap is at most 1e-3 ℓ."""
-    contacts, radius = crystal.contacts, crystal.atoms.arrays["radius"]
-    if not scene.loose:
-        return np.ones(len(contacts), dtype=bool)
-    reach = (radius[contacts.i] + radius[contacts.j]) * scene.sphere.radius + 1e-3 * scene.scale.length
-    return np.asarray(np.linalg.norm(contacts.vector, axis=1) <= reach)
 
 
 def _missing(

@@ -117,7 +117,7 @@ COLOURINGS = {
 
 def unit_of(scene: Scene) -> str:
     """Return the symbol of the unit of displacements: D0 of a wave, Δ0 of a crystal at rest, ℓ of an impact."""
-    return "D_0" if scene.wave is not None else r"\ell" if scene.loose else r"\Delta_0"
+    return "D_0" if scene.wave is not None else scene.scale.symbol
 
 
 def label_of(colouring: Colouring, scene: Scene) -> str:

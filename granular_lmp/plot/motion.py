@@ -35,7 +35,7 @@ def bands_figure(problem: Problem) -> Figure:
 
     Raises SceneError as `Problem.cell`.
     """
-    mass, stiffness = problem.collisions.cell
+    mass, stiffness = problem.rest.cell
     phases = np.linspace(0.0, np.pi, 200)
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")
     axes = figure.subplots()
@@ -56,13 +56,13 @@ def _speeds(record: Record) -> NDArray[np.float64]:
 
 def _unit(record: Record) -> float:
     """Return the speed of the darkest colour, m/s: v of an impact, else the largest that was recorded."""
-    if record.scene.loose:
+    if record.scale.of_impact:
         return record.scale.velocity
     return float(np.linalg.norm(record.velocity, axis=-1).max(initial=0.0)) * record.scale.velocity or 1.0
 
 
 def _label(record: Record) -> str:
     scene = record.scene
-    struck = scene.loose and leads(scene.striker, scene.start, scene.sphere.radius)
+    struck = record.scale.of_impact and leads(scene.striker, scene.start, scene.sphere.radius)
     unit = "that of the striker" if struck else in_si(_unit(record), "m/s")
     return f"speed (unit: {unit})"

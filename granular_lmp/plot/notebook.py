@@ -16,6 +16,7 @@ from granular_lmp.plot.motion import chain_figure
 from granular_lmp.plot.page import page
 from granular_lmp.plot.signals import dispersion_figure, png
 from granular_lmp.plot.view import sweep_figure
+from granular_lmp.rest.kinds import has_modes
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
@@ -92,7 +93,7 @@ def _(deck: Deck) -> str:
         "edited": "\n".join(deck.edits()) or "no",
     }
     text = f"<details><summary>{escape(deck.input_name)}</summary><pre>{escape(deck.input_text)}</pre></details>"
-    picture = None if deck.scene.loose else dispersion_figure(deck.scene)  # loose spheres have no modes
+    picture = dispersion_figure(deck.scene) if has_modes(deck.scene) else None
     return _card(repr(deck), facts, picture, text)
 
 

@@ -15,7 +15,8 @@ from matplotlib.lines import Line2D
 from scipy.optimize import minimize_scalar
 
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import FULL, MODES, Mode, bloch_mode
+from granular_lmp.crystal.mode import FULL, Mode
+from granular_lmp.crystal.modes import MODES, bloch_mode
 from granular_lmp.crystal.quiet_ends import quiet_end, reflection
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector

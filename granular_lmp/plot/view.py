@@ -19,7 +19,8 @@ from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.document import note
-from granular_lmp.studies.sweep import ASKED, Sweep
+from granular_lmp.studies.sweep import Sweep
+from granular_lmp.studies.sweep_rows import ASKED
 
 _LABELS = {
     "second_harmonic": r"second harmonic ($D_0$)",

@@ -14,7 +14,8 @@ from functools import lru_cache
 from math import pi
 
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.modes import Mode, Physics, bloch_mode, highest_frequency, named_in_space, restored
+from granular_lmp.crystal.mode import Mode, Physics
+from granular_lmp.crystal.modes import bloch_mode, highest_frequency, named_in_space, restored
 from granular_lmp.crystal.quiet_ends import (
     MOST_ROWS,
     QuietEnd,
@@ -77,7 +78,8 @@ def _waves_of_sources(scene: Scene, step: float) -> list[Mode]:
         if not waves:
             raise SceneError(
                 f"source {number}: frequency = {frequency:.6g} rad per t0: is that of no wave along y, so that nothing "
-                "reaches the quiet ends; must be in a band, or absorb.rows = 0"
+                "reaches the quiet ends; must be in a band, or absorb.rows = 0",
+                because="physics",
             )
         found |= {(wave.name, wave.wavenumber): wave for wave in waves}
     return list(found.values())
@@ -121,7 +123,7 @@ def quiet_side(scene: Scene) -> str:
     low, high = low or scene.form.driven or "first" not in scene.quiet, high or "last" not in scene.quiet
     if low and high:
         ends = "both ends" if len(scene.quiet) == 2 else f"the {scene.quiet[0]} row, which alone is quiet"
-        raise SceneError(f"absorb.rows = {scene.absorb.rows!r}: must be 0 where sources move {ends}")
+        raise SceneError(f"absorb.rows = {scene.absorb.rows!r}: must be 0 where sources move {ends}", because="physics")
     return "y" if low else "-y" if high else "abs(y)"
 
 
@@ -139,7 +141,8 @@ def quiet_end_of(scene: Scene) -> QuietEnd | None:
     if scene.wall or scene.wave_lattice.cell_size > 1:
         raise SceneError(
             f"absorb.rows = {absorb.rows!r}: must be 0 on a [substrate] and in a lattice of several spheres a cell, "
-            "where it is not known what quiet ends reflect"
+            "where it is not known what quiet ends reflect",
+            because="not built",
         )
     try:
         if absorb.rows == AUTO:
@@ -149,23 +152,26 @@ def quiet_end_of(scene: Scene) -> QuietEnd | None:
             if end.reflection > absorb.reflection:
                 raise SceneError(
                     f"absorb.rows = {absorb.rows!r}: reflect {end.reflection:.2g} of the wave, and absorb.reflection = "
-                    f'{absorb.reflection!r} is wanted; must be at least {_enough(scene).rows}, or "auto"'
+                    f'{absorb.reflection!r} is wanted; must be at least {_enough(scene).rows}, or "auto"',
+                    because="physics",
                 )
             end = _in_run(scene, end)
     except ValueError as error:
-        raise SceneError(f"absorb.{error}") from error
+        raise SceneError(f"absorb.{error}", because="physics") from error
     side = quiet_side(scene)
     room = (shape.centre_row if side == "abs(y)" else shape.rows) - 3
     if end.rows > room:
         raise SceneError(
             f"absorb.rows = {end.rows}: leave no room in packing.rows = {shape.rows}, which holds {room} at most; must "
-            "be fewer, for a larger absorb.reflection, or packing.rows more"
+            "be fewer, for a larger absorb.reflection, or packing.rows more",
+            because="physics",
         )
     first, last = 0 if side == "y" else end.rows + 1, shape.rows - 1 - (0 if side == "-y" else end.rows + 1)
     for number, each in enumerate(scene.source, 1):
         if not first <= each.rows_of()[0] <= each.rows_of()[-1] <= last:
             raise SceneError(
-                f"source {number}: {each.places}: must be between the quiet ends, in rows {first} to {last}"
+                f"source {number}: {each.places}: must be between the quiet ends, in rows {first} to {last}",
+                because="physics",
             )
     return end
 
@@ -196,7 +202,7 @@ def _enough(scene: Scene) -> QuietEnd:
 def _in_run(scene: Scene, end: QuietEnd) -> QuietEnd:
     """Return a layer with what it reflects at the step of a scene; with a tolerance that is step zero."""
     sphere, physics = scene.sphere, physics_of(scene)
-    step = 0.0 if scene.time.tolerance is not None else scene.time.step
+    step = scene.time.clock.of_answer
     if step * highest_frequency(unit_contacts(scene), sphere, physics) >= 2:  # such a step is refused
         return end
     return replace(

@@ -46,12 +46,15 @@ class CrystalAtRest:
         Contacts of all spheres; of a perfect lattice those of one sphere.
     equilibrium : Equilibrium, optional
         The way to rest; None for a perfect lattice.
+    of_one : bool
+        True if the contacts are those of one sphere, of which all are like.
     """
 
     atoms: ase.Atoms
     materials: tuple[Sphere, ...]
     contacts: Contacts
     equilibrium: "Equilibrium | None" = None
+    of_one: bool = False
 
     def __post_init__(self) -> None:
         arrays, density = self.atoms.arrays, self.materials[0].density
@@ -62,11 +65,11 @@ class CrystalAtRest:
         """Return a sentence for spheres that were left out, touch no other at rest, or were pushed off their wall."""
         if self.equilibrium is None:
             return []
-        isolated, loose = self.equilibrium.lattice.info["isolated"], self.equilibrium.loose
+        isolated, rattlers = self.equilibrium.lattice.info["isolated"], self.equilibrium.rattlers
         lifted = self.equilibrium.lifted
         said = {
             f"{isolated} spheres that vacancies leave without a neighbour are left out": isolated,
-            f"{loose} spheres touch no other at rest, and stay where they are until they are hit": loose,
+            f"{rattlers} spheres touch no other at rest, and stay where they are until they are hit": rattlers,
             f"{lifted} spheres were pushed off their wall as the crystal came to rest, and do not touch it": lifted,
         }
         return [words for words, count in said.items() if count]
@@ -90,14 +93,15 @@ def crystal_of(scene: Scene, progress: "Progress | None" = None) -> CrystalAtRes
     CrystalError
         If imperfections do not fit into the lattice, or the spheres do not come to rest.
     """
-    if scene.perfect and not scene.loose:
-        return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene))
+    held = scene.held_at_rest
+    if scene.perfect and held:
+        return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene), of_one=True)
     packing, walls = scene.packing, (scene.wall, scene.rigid)
     imperfections = scene.disorder, scene.inclusion, scene.pair
-    way = (scene.material, packing) if scene.loose else (packing.relax, packing.relax_friction, packing.relax_by)
+    way = (packing.relax, packing.relax_friction, packing.relax_by) if held else (scene.material, packing)
     key = scene.sphere, scene.shape, scene.space, *imperfections, *walls, *way
     if key not in _KEPT:
-        _KEPT[key] = _touching(scene) if scene.loose else _relaxed(scene, progress)
+        _KEPT[key] = _relaxed(scene, progress) if held else _touching(scene)
         while len(_KEPT) > _MOST_KEPT:
             del _KEPT[next(iter(_KEPT))]
     return _KEPT[key]
@@ -105,7 +109,7 @@ def crystal_of(scene: Scene, progress: "Progress | None" = None) -> CrystalAtRes
 
 def remarks_on_wait(scene: Scene) -> list[str]:
     """Return a sentence that names the faster way where a crystal in the plane comes to rest slowly, else nothing."""
-    if scene.loose or scene.space == 3 or scene.packing.relax_by != WHOLE:
+    if scene.scale.of_impact or scene.space == 3 or scene.packing.relax_by != WHOLE:
         return []
     count, spread = scene.shape.spheres, scene.disorder.radius / scene.sphere.overlap_ratio
     seconds = round(_OF_WHOLE * spread**1.3 * (count / 1e4) ** 1.7, -1)
@@ -195,7 +199,7 @@ def _touching(scene: Scene) -> CrystalAtRest:
         shape.rows,
         shape.columns,
         held=(packing.first == HELD, packing.last == HELD),
-        periodic=packing.sides == PERIODIC,
+        periodic=(packing.sides == PERIODIC, shape.along_y),
         force=packing.contact_force,
         disorder=scene.disorder,
         inclusions=scene.inclusion,

@@ -7,10 +7,10 @@ from typing import Any
 
 from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattices import ENDS_OF_Y, FREE, QUIET, WALL, Lattice, Shape
-from granular_lmp.crystal.modes import Physics
+from granular_lmp.crystal.mode import Physics
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.stiffnesses import Pair
+from granular_lmp.crystal.stiffnesses import Pair, measured_factors
 from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
@@ -21,7 +21,6 @@ from granular_lmp.rest.frequency import hertz_of, wavenumbers_at
 from granular_lmp.rest.pattern import patterned
 from granular_lmp.rest.shape import Room, decide, declared_shape
 from granular_lmp.rest.space import lattice_of, remarks_on_space, space_of, wall_of
-from granular_lmp.rest.stiffnesses import measured
 from granular_lmp.scene.bodies import Contact
 from granular_lmp.scene.declaration import Declaration
 from granular_lmp.scene.forms import NO_WAVE, Form
@@ -32,7 +31,8 @@ from granular_lmp.scene.sections import (
 )
 from granular_lmp.scene.sources import Source
 from granular_lmp.scene.strikers import scale_of, stretch
-from granular_lmp.units import AnyUnits, units_of
+from granular_lmp.scene.without_wave import holds
+from granular_lmp.units import AnyUnits, OwnUnits, units_for
 
 DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing holds: it is cut off below 4e-6
 
@@ -43,13 +43,13 @@ class Derived(Declaration):
     @cached_property
     def sphere(self) -> Sphere:
         """The spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
-        material = self.material.unloaded if self.loose and self.start.touching else self.material
+        material = self.material.unloaded if self.start.touching and self.wave is None else self.material
         return at_rest(material, self.packing, self.effects, self.contact)
 
     @cached_property
     def scale(self) -> Scale:
-        """Units of the scene: m, Δ0 and t0 of the spheres at rest; of loose ones those of the impact."""
-        return scale_of(self.striker, self.start, self.material) if self.loose else Scale.of(self.sphere)
+        """Units of the scene: m, Δ0 and t0 of spheres that are held at rest, else those of the impact."""
+        return Scale.of(self.sphere) if self.held_at_rest else scale_of(self.striker, self.start, self.material)
 
     @cached_property
     def space(self) -> int:
@@ -64,7 +64,7 @@ class Derived(Declaration):
     @cached_property
     def rigid(self) -> Wall | None:
         """Law of the contacts with rigid planes at the faces of a crystal at rest, None without any."""
-        return Wall.rigid(self.sphere) if WALL in self.shape.faces.values() and not self.loose else None
+        return Wall.rigid(self.sphere) if WALL in self.shape.faces.values() and self.held_at_rest else None
 
     @property
     def _physics(self) -> Physics:
@@ -79,18 +79,21 @@ class Derived(Declaration):
         declared = tuple(name for name, face in faces.items() if face == QUIET)
         return declared or tuple(name for name, face in faces.items() if face not in (FREE, WALL))
 
-    @property
-    def loose(self) -> bool:
-        """True if spheres just touch, or are a chain that is pressed together: they part without a pull, and fly."""
-        pressed_sheet = self.packing.contact_force > 0 and lattice_of(self.packing, self.substrate).sheet
-        held = self.material.work_of_adhesion > 0 or pressed_sheet
-        return self.wave is None and (self.start.touching or not held)
+    @cached_property
+    def held_at_rest(self) -> bool:
+        """True if adhesion or a load holds the spheres at rest, as beside every wave.
+
+        Spheres that just touch are not, and a chain that is pressed together: they part without a pull, and fly.
+        """
+        sheet = lattice_of(self.packing, self.substrate).sheet
+        adhesion, force, touching = self.material.work_of_adhesion, self.packing.contact_force, self.start.touching
+        return self.wave is not None or holds(adhesion, force, sheet=sheet, touching=touching)
 
     @property
     def units(self) -> AnyUnits:
-        """Units of the deck."""
-        scale = self.scale
-        return units_of(self.material.radius, scale.time, scale.mass, loose=self.loose)
+        """Units of the deck: those of an impact, else a metric style."""
+        scale, radius = self.scale, self.material.radius
+        return OwnUnits(scale.mass, radius, scale.time) if scale.of_impact else units_for(radius)
 
     @property
     def displacement_amplitude(self) -> float:
@@ -110,7 +113,7 @@ class Derived(Declaration):
             try:
                 found.append(each.in_units(self))
             except SceneError as error:
-                raise SceneError(f"source {number}: {error}") from error
+                raise SceneError(f"source {number}: {error}", because=error.because) from error
         return tuple(found)
 
     @property
@@ -122,7 +125,7 @@ class Derived(Declaration):
     def lattice(self) -> Lattice:
         """Lattice of the packing."""
         found = lattice_of(self.packing, self.substrate)
-        if self.loose or not self.sphere.static_overlap or self.effects.shear is False:
+        if not self.held_at_rest or not self.sphere.static_overlap or self.effects.shear is False:
             return found
         # Spheres that do not turn have transverse waves faster than L above κ = 1; those that do, in the plane above 2
         turning = 4 / 3 if found.solid else 2.0
@@ -286,14 +289,13 @@ class Derived(Declaration):
                 f"{self._shaken}{self.wave.words} {self.envelope.kind} along {self.along}, "
                 f"xi = {self.wavenumber!r} rad per row, D0 = {self.wave.amplitude!r} Delta0"
             )
-        held = words.held_by(self.sphere, self.disorder.radius if self.loose and self.lattice.sheet else 0.0)
+        held = words.held_by(self.sphere, self.disorder.radius if self.scale.of_impact and self.lattice.sheet else 0.0)
         return words.of_strikes(self.shape, held, self.striker, self.start, self.source)
 
     def remarks(self) -> list[str]:
         """Return a sentence for each change that made the scene fit, on disorder, and if another law is nearer."""
         physics = remarks.on_law(self.material, self.effects)
-        if not self.loose:
-            physics += remarks.on_disorder(self.disorder, self.sphere, self.packing, self.wave)
+        physics += remarks.on_disorder(self.disorder, self.sphere, self.packing, self.wave)
         if self.wave is None:
             return physics + remarks.on_step(self.time)
         said = remarks.on_packing(self.packing, self.shape) + remarks.on_vector(self.wave, self.shape, self.vector)
@@ -321,7 +323,10 @@ class Derived(Declaration):
 def at_rest(material: Sphere, packing: Packing, effects: Effects, contact: Contact) -> Sphere:
     """Return the spheres of the lattice at rest: pressed together, adhesive or not, with stiffnesses as measured."""
     adhesion = 0.0 if effects.adhesion is False else material.work_of_adhesion
-    return measured(replace(material, work_of_adhesion=adhesion, contact_force=packing.contact_force), contact)
+    sphere = replace(material, work_of_adhesion=adhesion, contact_force=packing.contact_force)
+    if not sphere.static_overlap:  # the check of the sphere says what presses no contact
+        return sphere
+    return replace(sphere, factors=measured_factors(contact, sphere.contact_law, sphere.contact_force))
 
 
 def physics_of(effects: Effects, space: int) -> Physics:

@@ -13,12 +13,13 @@ from typing import Any
 
 from granular_lmp.crystal.lattice import LATTICES, orientations_of
 from granular_lmp.crystal.lattices import HEXAGONAL, Lattice, unit_lattice
-from granular_lmp.crystal.modes import Physics, bloch_mode, branches, modes_at, named_in_space, restored
+from granular_lmp.crystal.mode import Physics
+from granular_lmp.crystal.modes import bloch_mode, branches, modes_at, named_in_space, restored
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.forms import AT_REST
+from granular_lmp.scene.forms import STILL
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.signals import SIGNALS
 from granular_lmp.scene.sources import Source
@@ -192,7 +193,7 @@ def with_placeholder(tables: Mapping[str, Any]) -> Mapping[str, Any]:
     wave = tables.get("wave")
     if not isinstance(wave, Mapping):
         return tables
-    if wave.get("form") in AT_REST and wave.keys().isdisjoint(("wavenumber", "frequency")):
+    if wave.get("form") in STILL and wave.keys().isdisjoint(("wavenumber", "frequency")):
         _refuse_without_frequency(tables.get("source"))
         return {**tables, "wave": {**wave, "wavenumber": 1.0}}
     if "frequency" not in wave:

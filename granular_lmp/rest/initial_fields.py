@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import Shape, lattice_constant, offsets, places
-from granular_lmp.crystal.mode import TURNS
-from granular_lmp.crystal.modes import Mode, bloch_modes
+from granular_lmp.crystal.mode import TURNS, Mode
+from granular_lmp.crystal.modes import bloch_modes
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.frozen import dataclass

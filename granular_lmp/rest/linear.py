@@ -4,7 +4,8 @@ from dataclasses import replace
 
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import Mode, Physics, bloch_mode
+from granular_lmp.crystal.mode import Mode, Physics
+from granular_lmp.crystal.modes import bloch_mode
 from granular_lmp.rest import derived
 from granular_lmp.rest.scene import Scene
 
@@ -12,6 +13,13 @@ from granular_lmp.rest.scene import Scene
 def physics_of(scene: Scene) -> Physics:
     """Return the degrees of freedom of a scene's lattice; those that are still "auto" are there."""
     return derived.physics_of(scene.effects, scene.space)
+
+
+def viscosity_of(scene: Scene) -> float:
+    """Return the dashpot of a contact at rest, in m/t0."""
+    effects, sphere = scene.effects, scene.sphere
+    dashpot = effects.viscosity or sphere.restitution_viscosity(effects.restitution)
+    return dashpot * sphere.time_scale / sphere.mass
 
 
 def starts_along_y(scene: Scene) -> bool:

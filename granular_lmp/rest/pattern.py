@@ -8,8 +8,8 @@ from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattice import Lattice
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.schema import shown
-from granular_lmp.scene.sections import AUTO, Packing
+from granular_lmp.scene.schema import AUTO, shown
+from granular_lmp.scene.sections import Packing
 
 LONGEST = 6  # rows of a pattern: more would be a cell of 18 branches and above
 _ALLOWED = ("rows", "every", "density")
@@ -46,10 +46,15 @@ def patterned(
         if other:
             raise SceneError(
                 f"wave.mode = {mode!r}: {_NEEDS}, and inclusion {number} has {other[0]} = "
-                f"{shown(getattr(each, other[0]))}; must be L, TR or RT, or inclusions of rows, every and density alone"
+                f"{shown(getattr(each, other[0]))}; must be L, TR or RT, or inclusions of rows, every and density "
+                "alone",
+                because="not built",
             )
     if packing.rows == AUTO:
-        raise SceneError(f"packing.rows = {packing.rows!r}: must be a number with [[inclusion]], which counts rows")
+        raise SceneError(
+            f"packing.rows = {packing.rows!r}: must be a number with [[inclusion]], which counts rows",
+            because="not built",
+        )
     rows, named = np.tile([density, 0.0], (int(packing.rows), 1)), {kind for pair in pairs for kind in pair.of}
     for number, each in enumerate(inclusions, 1):
         chosen = slice(each.rows[0], each.rows[1] + 1, each.every)
@@ -60,7 +65,8 @@ def patterned(
     if not length:
         raise SceneError(
             f"wave.mode = {mode!r}: {_NEEDS}, and those of {len(rows)} rows do not repeat after {LONGEST} rows or fewer"
-            f"{', all around the periodic cell' if packing.ends == 'periodic' else ''}; must be L, TR or RT"
+            f"{', all around the periodic cell' if packing.ends == 'periodic' else ''}; must be L, TR or RT",
+            because="not built",
         )
     densities, kinds = np.roll(rows, -((len(rows) - 1) // 2), axis=0)[:length].T
     return lattice.patterned(densities.tolist(), kinds.astype(int).tolist(), pairs)

@@ -1,67 +1,33 @@
-"""Refusals of a scene without ``[wave]``: one list of what does not go together, each physics or not built.
+"""The table of refusals: what does not go together in a scene, each line physics or not built.
 
-Each line is a function that returns what is wrong, "" if nothing is. `refuse` raises the first.
+A line is a function that returns what is wrong with a scene, "" if nothing is. `refuse` raises the first, and its error
+knows why (`granular_lmp.errors.SceneError.because`): the matrix of features and its page read it there.
 """
 
-from collections.abc import Callable
-from math import sqrt
-from typing import Literal
-
-from granular_lmp.crystal.adhesion_laws import LATER, SKIN
-from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, PERIODIC, WALL
-from granular_lmp.crystal.scale import DEEPEST, LARGEST_OVERLAP_RATIO
 from granular_lmp.errors import SceneError
-from granular_lmp.frozen import dataclass
+from granular_lmp.rest import (
+    refusals_at_rest,
+    refusals_of_members,
+    refusals_of_values,
+    refusals_of_waves,
+    refusals_without_wave,
+)
 from granular_lmp.rest.derived import Derived
-from granular_lmp.rest.validation import EPSILON, MOST_SPHERES
-from granular_lmp.scene.places import Rows, Spheres, place_troubles
-from granular_lmp.scene.sections import DISTANCE, RESCALED
-from granular_lmp.scene.strikers import leads, striker_troubles
-from granular_lmp.scene.without_wave import AT_REST
 
-Because = Literal["physics", "not built"]
-# ℓ is at least as many roundings of the farthest position; velocities then err by 1e-4 of a striker's
-ROUNDINGS_IN_OVERLAP = 1e4
-LARGEST_RATIO = 10.0  # Radii of a chain differ by this factor at most
-LOOSEST = 0.04  # disorder.radius of a sheet: gaps of neighbours are then below a quarter of the radius
+REFUSALS = (
+    *refusals_of_values.LINES,
+    *refusals_without_wave.LINES,
+    *refusals_of_members.LINES,
+    *refusals_at_rest.LINES,
+    *refusals_of_waves.LINES,
+)
 
 
-@dataclass(frozen=True)
-class Refusal:
-    """A line of the list.
-
-    Attributes
-    ----------
-    because : "physics" or "not built"
-    says : callable
-        Scene → what is wrong with it, "" if nothing is.
-    loose : bool
-        True if it is a line of loose spheres alone (`Scene.loose`).
-    """
-
-    because: Because
-    says: Callable[[Derived], str]
-    loose: bool = True
-
-
-REFUSALS: list[Refusal] = []
-
-
-def _line(because: Because, *, loose: bool = True) -> Callable[[Callable[[Derived], str]], Callable[[Derived], str]]:
-    """Return what joins a function to the list."""
-
-    def joined(says: Callable[[Derived], str]) -> Callable[[Derived], str]:
-        REFUSALS.append(Refusal(because, says, loose))
-        return says
-
-    return joined
-
-
-def refuse(scene: Derived) -> None:
-    """Raise a SceneError for the first line that refuses a scene without a wave."""
+def refuse(scene: Derived, variant: str) -> None:
+    """Raise a SceneError for the first line that refuses a scene of this kind."""
     for line in REFUSALS:
-        if (scene.loose or not line.loose) and (sentence := line.says(scene)):
-            raise SceneError(sentence)
+        if variant in line.of and (sentence := line.says(scene)):
+            raise SceneError(sentence, because=line.because)
 
 
 def require_wave(scene: Derived) -> None:
@@ -71,277 +37,3 @@ def require_wave(scene: Derived) -> None:
             "wave: missing table; this scene has sources, strikers or a [start] alone, which kick and scatter do not "
             "take"
         )
-
-
-@_line("physics", loose=False)
-def nothing_moves(scene: Derived) -> str:
-    if scene.striker or scene.start.moves or scene.source:
-        return ""
-    return "striker: missing; an impact has a table [[striker]], or a [start] in which a sphere moves"
-
-
-@_line("not built")
-def held_sides(scene: Derived) -> str:
-    if scene.packing.sides != HELD:
-        return ""
-    return f'packing.sides = "held": must be "free", "periodic" or "wall"; held sides need {AT_REST}'
-
-
-@_line("physics", loose=False)
-def striker_is_nowhere(scene: Derived) -> str:
-    return next(striker_troubles(scene.striker, scene.shape, scene.space), "")
-
-
-@_line("physics")
-def touching_without_adhesion(scene: Derived) -> str:
-    if not scene.start.touching or scene.material.work_of_adhesion and not scene.packing.contact_force:
-        return ""
-    return (
-        "start.touching = true: needs sphere.work_of_adhesion above 0 and packing.contact_force = 0; spheres without "
-        "adhesion just touch anyway, and those that are pressed together do not"
-    )
-
-
-@_line("physics")
-def two_models_of_damping(scene: Derived) -> str:
-    return scene.effects.damped_twice
-
-
-@_line("physics")
-def restitution_of_adhesion(scene: Derived) -> str:
-    restitution = scene.effects.restitution
-    if restitution == 1 or not scene.material.work_of_adhesion:
-        return ""
-    return (
-        f"effects.restitution = {restitution!r}: must be 1 with sphere.work_of_adhesion above 0; LAMMPS has it for "
-        "contacts without adhesion only"
-    )
-
-
-@_line("physics")
-def adhesion_beyond_the_list(scene: Derived) -> str:
-    further = LATER if scene.effects.parting == DISTANCE else 1.0
-    reach = further * scene.material.pull_off_distance / scene.material.radius
-    if reach <= SKIN:
-        return ""
-    return (
-        f"sphere.work_of_adhesion = {scene.material.work_of_adhesion!r}: the contact would hold until {reach:.3g} "
-        f"radii beyond overlap 0; at most {SKIN} is allowed, where the neighbour list of LAMMPS ends"
-    )
-
-
-@_line("not built")
-def late_parting_beside_walls(scene: Derived) -> str:
-    if scene.effects.parting != DISTANCE or WALL not in (scene.packing.first, scene.packing.last, scene.packing.sides):
-        return ""
-    return f'effects.parting = "{DISTANCE}": must be "load" beside walls, whose contacts LAMMPS has'
-
-
-@_line("not built")
-def late_parting_of_a_law_that_the_kernel_lacks(scene: Derived) -> str:
-    if scene.effects.parting != DISTANCE or scene.effects.shear_law != RESCALED:
-        return ""
-    return (
-        f'effects.shear_law = "{RESCALED}": must be another with effects.parting = "{DISTANCE}", as the kernel lacks it'
-    )
-
-
-@_line("physics")
-def friction_in_a_chain(scene: Derived) -> str:
-    if scene.lattice != CHAIN or not scene.effects.friction:
-        return ""
-    return f"effects.friction = {scene.effects.friction!r}: must be 0 in a chain, where nothing is sheared"
-
-
-@_line("not built")
-def inclusion_that_adheres(scene: Derived) -> str:
-    if scene.start.touching:
-        return ""
-    found = (
-        f"inclusion {number}: work_of_adhesion = {each.work_of_adhesion!r}: must be left out"
-        for number, each in enumerate(scene.inclusion, 1)
-        if each.work_of_adhesion
-    )
-    return next(found, "")
-
-
-@_line("not built")
-def another_radius_in_a_sheet(scene: Derived) -> str:
-    found = (
-        f"inclusion {number}: radius = {each.radius!r}: must be that of all spheres in a sheet, whose contacts would "
-        "open or be pressed together; density and moduli may differ"
-        for number, each in enumerate(scene.inclusion, 1)
-        if each.radius not in (None, scene.sphere.radius)
-    )
-    return next(found, "") if scene.lattice != CHAIN else ""
-
-
-@_line("physics")
-def spheres_of_other_sizes(scene: Derived) -> str:
-    radius = scene.sphere.radius
-    found = (
-        f"inclusion {number}: radius = {each.radius!r}: must be from {1 / LARGEST_RATIO:g} to {LARGEST_RATIO:g} times "
-        f"sphere.radius = {radius!r}"
-        for number, each in enumerate(scene.inclusion, 1)
-        if each.radius and not 1 / LARGEST_RATIO <= each.radius / radius <= LARGEST_RATIO
-    )
-    return next(found, "")
-
-
-@_line("physics")
-def vacancy_in_a_chain(scene: Derived) -> str:
-    if scene.lattice != CHAIN:
-        return ""
-    for number, each in enumerate(scene.inclusion, 1):
-        if each.vacancy:
-            return f"inclusion {number}: vacancy = true: must be false in a chain, which it would part"
-    share = scene.disorder.vacancies
-    return f"disorder.vacancies = {share!r}: must be 0 in a chain, which they would part" if share else ""
-
-
-@_line("not built")
-def gaps_too_wide(scene: Derived) -> str:
-    spread = scene.disorder.radius
-    if scene.lattice == CHAIN or spread <= LOOSEST:
-        return ""
-    return (
-        f"disorder.radius = {spread!r}: must be at most {LOOSEST} in a sheet, whose neighbours have gaps of up to six "
-        "times as many radii; good values are of the order of overlap / radius, "
-        f"{scene.scale.length / scene.sphere.radius:.2g}"
-    )
-
-
-@_line("physics")
-def chain_with_sides(scene: Derived) -> str:
-    packing = scene.packing
-    if scene.lattice != CHAIN or packing.columns == 1 and packing.sides == FREE:
-        return ""
-    return (
-        f'packing.columns = {packing.columns} and packing.sides = "{packing.sides}": must be 1 and "{FREE}" in a '
-        f'chain, the default without [wave]; a sheet needs packing.lattice = "{HEXAGONAL.name}"'
-    )
-
-
-@_line("physics")
-def restitution_of_pressed_spheres(scene: Derived) -> str:
-    if not scene.packing.contact_force or scene.effects.restitution == 1:
-        return ""
-    return (
-        f"effects.restitution = {scene.effects.restitution!r}: must be 1 beside packing.contact_force, as it is "
-        "that of a collision of spheres that part again"
-    )
-
-
-@_line("physics")
-def sphere_that_meets_nothing(scene: Derived) -> str:
-    packing = scene.packing
-    if scene.shape.spheres > 1 or WALL in (packing.first, packing.last):
-        return ""
-    return (
-        f'packing.first = "{packing.first}": must be "wall", or packing.last, where packing.rows = 1: a single sphere '
-        "meets nothing else"
-    )
-
-
-@_line("physics")
-def parts_of_cells(scene: Derived) -> str:
-    columns, cell = scene.shape.columns, scene.lattice.column_period
-    if scene.packing.sides != PERIODIC or columns % cell == 0:
-        return ""
-    return (
-        f"packing.columns = {columns}: must be a multiple of {cell}, the spheres of a cell, with packing.lattice = "
-        f'"{scene.lattice.name}" and packing.sides = "{PERIODIC}"'
-    )
-
-
-@_line("physics")
-def too_few_columns(scene: Derived) -> str:
-    columns, fewest = scene.shape.columns, scene.lattice.fewest_columns
-    if scene.packing.sides != PERIODIC or columns >= fewest:
-        return ""
-    return (
-        f"packing.columns = {columns}: must be at least {fewest} between periodic sides, where a sphere would touch "
-        "two images of one neighbour"
-    )
-
-
-@_line("physics", loose=False)
-def too_many_spheres(scene: Derived) -> str:
-    shape = scene.shape
-    if shape.spheres <= MOST_SPHERES:
-        return ""
-    return (
-        f"packing.rows x packing.columns = {shape.rows} x {shape.columns}: must be at most {MOST_SPHERES} "
-        "spheres (LAMMPS takes 690 MB for each million)"
-    )
-
-
-@_line("physics", loose=False)
-def places_outside(scene: Derived) -> str:
-    output = scene.output
-    places: dict[str, tuple[Rows, Spheres, Rows | None]] = (
-        {} if output.everyone else {"output": (output.rows, output.spheres, output.layers)}
-    )
-    places |= {"start.state": ((), scene.start.places, None)} if scene.start.state else {}
-    troubles = (
-        f"{name}: {trouble}"
-        for name, (rows, spheres, layers) in places.items()
-        for trouble in place_troubles(rows, spheres, scene.shape, layers)
-    )
-    return next(troubles, "")
-
-
-def _fastest(scene: Derived) -> str:
-    """Return where the scene says which sphere is the fastest at the beginning, and its velocity."""
-    strikes = leads(scene.striker, scene.start, scene.sphere.radius)
-    begins = "start.state" if scene.start.state else "start.noise"
-    return f"{'striker' if strikes else begins}: velocity = {scene.scale.velocity:.6g}"
-
-
-def _closing(scene: Derived) -> float:
-    """Return the velocity with which spheres may meet over that of the fastest; of two bodies it is along y."""
-    if scene.shape.spheres > 2 or scene.start.noise:
-        return 1.0
-    along = [each.components[1] for each in scene.striker] + list(scene.start.motion[:, 4])
-    bodies = [*along, 0.0] if len(along) < 2 else along
-    closing = (max(bodies) - min(bodies)) / min(len(along), 2)
-    return float(closing) / scene.scale.velocity
-
-
-@_line("physics")
-def too_deep(scene: Derived) -> str:
-    rest, length = max(scene.sphere.static_overlap, scene.material.unpressed_overlap), scene.scale.length
-    meets = DEEPEST * length * _closing(scene) ** 0.8
-    deepest = (rest + meets) / (2 * scene.sphere.radius)  # the force of both is that of one at most
-    if deepest <= LARGEST_OVERLAP_RATIO:
-        return ""
-    pressed = f"packing.contact_force = {scene.packing.contact_force!r}"
-    if scene.start.touching:
-        pressed = f"sphere.work_of_adhesion = {scene.material.work_of_adhesion!r}"
-    return (
-        f"{_fastest(scene) if rest < meets else pressed}: two spheres would overlap by {deepest:.3g} of the "
-        f"diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
-    )
-
-
-@_line("physics")
-def lost_in_rounding(scene: Derived) -> str:
-    shape, farthest = scene.shape, scene.start.farthest
-    rounding = EPSILON / 2 * (max(shape.rows, shape.columns) * scene.sphere.radius + farthest)
-    rate = sqrt(1.5 * sqrt(scene.sphere.static_overlap / scene.scale.length))  # frequency of spheres at rest, 1/t0
-    motion = scene.scale.length / max(1.0, rate)  # ℓ, or v/ω of spheres that are pressed together
-    if motion >= ROUNDINGS_IN_OVERLAP * rounding:
-        return ""
-    return (
-        f"{_fastest(scene)}: its overlap of {motion:.3g} m is less than {ROUNDINGS_IN_OVERLAP:g} roundings of a "
-        f"position in {shape.rows} rows x {shape.columns} columns, displaced by {farthest:.4g} m; must be faster, or "
-        "these smaller"
-    )
-
-
-@_line("physics", loose=False)
-def no_sample_in_the_run(scene: Derived) -> str:
-    time = scene.time
-    if time.sample <= time.duration:
-        return ""
-    return f"time.sample = {time.sample!r}: must be at most time.duration = {time.duration!r}"

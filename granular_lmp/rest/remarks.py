@@ -44,8 +44,8 @@ def used_vector(declared: WaveVector, used: WaveVector, hertz: Callable[[], floa
 
 def used_step(time: Sampled) -> dict[str, Any]:
     """Return the time step that runs in place of one that does not fit a sample, by its dotted key; else nothing."""
-    rounded = time.tolerance is None and time.step < time.timestep * (1 - 1e-9)
-    return {"time.timestep": time.step} if rounded else {}
+    used = time.clock.as_run.items()
+    return {f"time.{key}": value for key, value in used if value < getattr(time, key) * (1 - 1e-9)}
 
 
 def _moved(declared: WaveVector, used: WaveVector) -> bool:
@@ -107,9 +107,9 @@ def on_law(material: Sphere, effects: Effects) -> list[str]:
 def on_disorder(disorder: Disorder, sphere: Sphere, packing: Packing, wave: Wave | None) -> list[str]:
     """Return how unequal spheres are for their contacts, s = σ 2R/Δ0, and what that leaves of the second harmonic.
 
-    Beyond what was measured the last value stands.
+    Beyond what was measured the last value stands. Contacts without an overlap at rest have no s.
     """
-    if not disorder.radius or packing.lattice not in _CONTACTS:
+    if not disorder.radius or packing.lattice not in _CONTACTS or not sphere.static_overlap:
         return []
     spread, (spreads, contacts) = disorder.radius / sphere.overlap_ratio, _CONTACTS[packing.lattice]
     parted = 1 - np.interp(np.log(spread), np.log(spreads), contacts) / contacts[0]

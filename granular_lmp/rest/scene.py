@@ -11,35 +11,33 @@ in `granular_lmp.effects`.
 
 A scene without ``[wave]`` has strikers, a state or sources. Where spheres adhere, or a sheet is pressed together, they
 are at rest as beside a wave, and the units are those of a wave. Spheres that just touch, a sheet of spheres with gaps
-and a compressed chain are loose (`Scene.loose`): times are in t0 of the impact (`granular_lmp.crystal.scale`).
+and a compressed chain are not (`Scene.held_at_rest`): times are in t0 of the impact (`granular_lmp.crystal.scale`).
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
 from granular_lmp.card import HasCard
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import FREE
+from granular_lmp.crystal.lattices import QUIET
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.rest import validation, words
 from granular_lmp.rest.derived import Derived, at_rest, physics_of, wave_lattice_of, wavenumbers_of
 from granular_lmp.rest.frequency import with_placeholder, without_wavevector
 from granular_lmp.rest.refusals import refuse
-from granular_lmp.rest.relaxation import check_arrangement, check_walls
-from granular_lmp.rest.space import check_space, lattice_of, space_of, wall_of
-from granular_lmp.rest.stiffnesses import check_stiffnesses
+from granular_lmp.rest.refusals_of_values import adhesion_law_trouble, sphere_trouble
+from granular_lmp.rest.space import lattice_of, space_of, wall_of
 from granular_lmp.scene.bodies import (
     Contact,
     Substrate,
 )
 from granular_lmp.scene.files import assignment as assignment
 from granular_lmp.scene.files import first_file
-from granular_lmp.scene.monitors import Monitor, check_monitors
+from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.records import said
 from granular_lmp.scene.samples import located
 from granular_lmp.scene.schema import AUTO, allowed_names, default_name
@@ -54,11 +52,11 @@ from granular_lmp.scene.sections import (
     refuse_step_beside_tolerance,
 )
 from granular_lmp.scene.shipped import SHIPPED
-from granular_lmp.scene.sources import Source, check_quiet, check_sources
+from granular_lmp.scene.sources import Source
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.start import located as located_state
-from granular_lmp.scene.strikers import Striker, check_strikes
-from granular_lmp.scene.without_wave import NEEDS_REST, NEEDS_WAVE, UNWAVED, is_loose, refuse_tables
+from granular_lmp.scene.strikers import Striker
+from granular_lmp.scene.without_wave import HELD, NOT_HELD, WAVE
 
 __all__ = ["Scene"]
 
@@ -203,20 +201,11 @@ class Scene(HasCard, Derived):
     def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the tables with a wave vector as wave number and direction; refuse a step beside a tolerance."""
         refuse_step_beside_tolerance(tables)
-        tables = validation.with_quiet_rows(tables)
-        if cls._is_bare(tables):
-            refuse_tables(tables, loose=is_loose(tables))
-        return with_placeholder(without_wavevector(tables))
+        return with_placeholder(without_wavevector(super()._completed(_with_quiet_rows(tables))))
 
-    @classmethod
-    def _bare_tables(cls, tables: Mapping[str, Any]) -> Collection[str]:
-        """Return the tables whose keys are declared otherwise without a wave: all of loose spheres, else `UNWAVED`."""
-        every = super()._bare_tables(tables)
-        return every if is_loose(tables) else [key for key in every if key in UNWAVED]
-
-    def _bare_in(self, table: str) -> bool:
-        """Return whether the keys of a table are declared otherwise than beside a wave; see `_bare_tables`."""
-        return self._bare and (self.loose or table in UNWAVED)
+    @property
+    def _variant(self) -> str:
+        return WAVE if self.wave is not None else HELD if self.held_at_rest else NOT_HELD
 
     @classmethod
     def _solved(cls, records: dict[str, Any]) -> dict[str, Any]:
@@ -224,10 +213,10 @@ class Scene(HasCard, Derived):
         wave, material, effects = records.get("wave"), records["material"], records["effects"]
         if wave is None or wave.frequency is None:
             return records
-        validation.check_adhesion_law(material, effects)
+        _raise(adhesion_law_trouble(material, effects))
         packing, substrate = records["packing"], records.get("substrate")
         sphere, lattice = at_rest(material, packing, effects, records["contact"]), lattice_of(packing, substrate)
-        validation.check_sphere(material, sphere, effects, wave.amplitude)
+        _raise(sphere_trouble(material, sphere, effects, wave.amplitude))
         space, kinds = space_of(packing, lattice, substrate), (records.get("inclusion", ()), records.get("pair", ()))
         kind = wave_lattice_of(wave, lattice, packing, space, material.density, *kinds)
         wall = wall_of(material, substrate, effects)
@@ -244,16 +233,19 @@ class Scene(HasCard, Derived):
         if self.material.adhesion_law == Sphere.adhesion_law:
             tables["sphere"].pop("adhesion_law", None)
         tables["time"] = _without_replaced(tables["time"])
-        if self._bare:
+        if self.wave is None:
             output = {key: value for key, value in tables.pop("output").items() if value != getattr(Output(), key)}
-            tables |= {"output": output} if output else {}
-            return _without_keys(tables, NEEDS_WAVE | (NEEDS_REST if self.loose else {}))
+            return tables | ({"output": output} if output else {})
         return tables | {"wave": _without_replaced(tables["wave"])}
 
     @classmethod
     def _told(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
         """Return tables of records as nested plain values; a tolerance or a frequency is told alone, as in a file."""
-        pairs = {key: _without_replaced(said(tables[key])) for key in ("time", "wave") if is_dataclass(tables.get(key))}
+        pairs = {
+            key: _without_replaced(said(tables[key], cls.layout.differing(key)))
+            for key in ("time", "wave")
+            if is_dataclass(tables.get(key))
+        }
         return super()._told({**tables, **pairs})
 
     def departures(self) -> dict[str, Any]:
@@ -274,7 +266,7 @@ class Scene(HasCard, Derived):
         return found
 
     def __repr__(self) -> str:
-        if self._bare:
+        if self.wave is None:
             return f"<Scene {self.name}: {self.words}, t0 = {self.scale.time:.3g} s>"
         shape = self.shape
         return (
@@ -283,43 +275,20 @@ class Scene(HasCard, Derived):
         )
 
     def __post_init__(self) -> None:
-        validation.check_adhesion_law(self.material, self.effects, self.inclusion)
-        if self.wave is None:
-            refuse(self)
-        if self.loose:
-            check_monitors(self.monitor, self.packing, self.shape)
-            return
-        check_space(self.packing, self.substrate, self.effects, self.absorb, self.lattice, self.space)
-        if self.rigid:
-            check_walls(self.packing, self.contact, self.effects)
-        check_stiffnesses(self.packing, self.lattice, self.disorder, self.inclusion, self.pair)
-        wave, shape, _ = self.wave, self.shape, self.wall
-        validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude if wave else 0.0)
-        check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike, self.space)
-        of_time = self.time, self.struck, self.space
-        check_sources(self.drives, wave, self.envelope, self.packing, shape, self.sphere, *of_time)
-        check_quiet(self.source, self.absorb)
-        check_monitors(self.monitor, self.packing, shape)
-        validation.check_faces(self.packing, shape, FREE if wave is None else AUTO)
-        validation.check_lattice(shape, self.packing, self.effects, self.sphere, bare=self._bare)
-        validation.check_straight(self.lattice, self.packing, words.across(wave, self.source, self.start))
-        validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
-        bodies = self.material, self.contact, self.substrate
-        check_arrangement(self.lattice, self.space, self.packing, bodies, self.disorder, self.inclusion)
-        validation.check_absorb(self.absorb, self.packing, self.quiet, self.form, self.envelope, shape)
-        if wave is None:
-            validation.check_motion(self.sphere, shape, self._moved)
-        else:
-            self._check_wave()
+        refuse(self, self._variant)
 
-    def _check_wave(self) -> None:
-        """Check the wave, its room and its time."""
-        wave, shape, _ = self.wave, self.shape, self.wave_lattice
-        validation.check_line(shape.lattice, wave, self.envelope)
-        validation.check_wave(wave, self.envelope, self.packing, shape)
-        validation.check_packing(self.packing, wave, self.envelope, shape, self.vector)
-        validation.check_size(self.sphere, shape, wave.amplitude)
-        validation.check_time(self.time, self.output, shape, self.echo_time)
+
+def _with_quiet_rows(tables: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return tables of a scene whose quiet ends have as many rows as they need, where these are not declared."""
+    packing, absorb = tables.get("packing"), tables.get("absorb", {})
+    if not isinstance(packing, Mapping) or QUIET not in (packing.get("first"), packing.get("last")):
+        return tables
+    return {**tables, "absorb": {"rows": AUTO, **absorb}} if isinstance(absorb, Mapping) else tables
+
+
+def _raise(trouble: str) -> None:
+    if trouble:
+        raise SceneError(trouble, because="physics")
 
 
 def _without_replaced(table: Mapping[str, Any]) -> dict[str, Any]:
@@ -327,15 +296,6 @@ def _without_replaced(table: Mapping[str, Any]) -> dict[str, Any]:
     kept = dict(table)
     for key, other in (("tolerance", "timestep"), ("frequency", "wavenumber")):
         kept.pop(key if kept.get(key) is None else other, None)
-    return kept
-
-
-def _without_keys(tables: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
-    """Return tables without some of them, and without some keys of others, which are dotted."""
-    kept = {name: table for name, table in tables.items() if name not in keys}
-    for table, _, name in (key.partition(".") for key in keys if "." in key):
-        if table in kept:
-            kept[table] = {key: value for key, value in kept[table].items() if key != name}
     return kept
 
 

@@ -5,11 +5,12 @@ from dataclasses import replace
 from granular_lmp.crystal.lattice import LATTICES, Lattice, orientations_of
 from granular_lmp.crystal.lattices import FREE, PERIODIC
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.walls import BOTH, Wall
+from granular_lmp.crystal.stiffnesses import measured_factors
+from granular_lmp.crystal.walls import Wall
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.bodies import Substrate
 from granular_lmp.scene.schema import AUTO, shown
-from granular_lmp.scene.sections import Absorb, Effects, Packing
+from granular_lmp.scene.sections import Effects, Packing
 
 
 def lattice_of(packing: Packing, substrate: Substrate | None) -> Lattice:
@@ -26,11 +27,13 @@ def lattice_of(packing: Packing, substrate: Substrate | None) -> Lattice:
     if packing.orientation not in (*known, AUTO):
         raise SceneError(
             f'packing.orientation = "{packing.orientation}": must be one of {", ".join(known)} with packing.lattice = '
-            f'"{packing.lattice}"'
+            f'"{packing.lattice}"',
+            because="physics",
         )
     if substrate and packing.depth == PERIODIC:
         raise SceneError(
-            'packing.depth = "periodic": must be "free" or "auto" on a [substrate], which ends the crystal'
+            'packing.depth = "periodic": must be "free" or "auto" on a [substrate], which ends the crystal',
+            because="physics",
         )
     lattice = LATTICES[f"{packing.lattice} {known[0] if packing.orientation == AUTO else packing.orientation}"]
     if substrate or packing.depth == FREE:
@@ -39,7 +42,8 @@ def lattice_of(packing: Packing, substrate: Substrate | None) -> Lattice:
     if layers < lattice.fewest_layers or layers % lattice.layer_period:
         raise SceneError(
             f"packing.layers = {layers}: must be a multiple of {lattice.layer_period}, at least "
-            f'{lattice.fewest_layers}, in a crystal that is periodic along z; packing.depth = "free" has any number'
+            f'{lattice.fewest_layers}, in a crystal that is periodic along z; packing.depth = "free" has any number',
+            because="physics",
         )
     return lattice
 
@@ -50,7 +54,8 @@ def _of_one_layer(packing: Packing) -> Lattice:
         if (value := getattr(packing, key)) not in allowed:
             raise SceneError(
                 f'packing.{key} = {shown(value)}: must be left out with packing.lattice = "{packing.lattice}", which '
-                "is one layer; cubic, fcc and hcp have layers"
+                "is one layer; cubic, fcc and hcp have layers",
+                because="physics",
             )
     return LATTICES[packing.lattice]
 
@@ -65,7 +70,9 @@ def space_of(packing: Packing, lattice: Lattice, substrate: Substrate | None) ->
     """
     out_of_plane = "[substrate]" if substrate else f'packing.lattice = "{packing.lattice}"' if lattice.solid else ""
     if packing.space == 2 and out_of_plane:
-        raise SceneError(f"packing.space = 2: must be 3 or left out with {out_of_plane}, which leaves the plane")
+        raise SceneError(
+            f"packing.space = 2: must be 3 or left out with {out_of_plane}, which leaves the plane", because="physics"
+        )
     return int(packing.space) if packing.space != AUTO else 3 if out_of_plane else 2
 
 
@@ -86,42 +93,23 @@ def wall_of(material: Sphere, substrate: Substrate | None, effects: Effects) -> 
     """
     if substrate is None:
         return None
-    if not material.work_of_adhesion or effects.adhesion is False:
-        raise SceneError(
-            f"substrate.work_of_adhesion = {substrate.work_of_adhesion!r}: needs sphere.work_of_adhesion above 0 and "
-            "effects.adhesion not false, as adhesion alone holds spheres on the substrate"
-        )
+    if trouble := substrate_trouble(material, substrate, effects):
+        raise SceneError(trouble, because="physics")
     half_space = replace(
         material,
         youngs_modulus=substrate.youngs_modulus,
         poisson_ratio=substrate.poisson_ratio,
         work_of_adhesion=substrate.work_of_adhesion,
     )
-    return Wall(material, half_space, substrate.normal_stiffness, substrate.shear_stiffness, substrate.sides)
+    wall = Wall(material, half_space, sides=substrate.sides)
+    return replace(wall, factors=measured_factors(substrate, wall.law(material.radius), load=0.0))
 
 
-def check_space(
-    packing: Packing, substrate: Substrate | None, effects: Effects, absorb: Absorb, lattice: Lattice, space: int
-) -> None:
-    """Check what is asked of a crystal in space."""
-    if space == 2:
-        return
-    if effects.rolling_stiffness or effects.rolling is True or effects.twisting is True:
-        raise SceneError(
-            "effects.rolling and effects.twisting: must be off where packing.space is 3; the modes of a crystal in "
-            "space do not know them"
-        )
-    if absorb.rows and (substrate is not None or lattice.film):
-        raise SceneError(
-            f"absorb.rows = {shown(absorb.rows)}: must be 0 on a [substrate] and in a film, where it is not known what "
-            "quiet ends reflect"
-        )
-    if packing.contact_force and (substrate is not None and substrate.sides == BOTH or lattice.film):
-        raise SceneError(
-            f"packing.contact_force = {packing.contact_force!r}: must be 0 in a film, on whose faces nothing presses"
-        )
-    if packing.relax_friction:
-        raise SceneError(
-            f"packing.relax_friction = {packing.relax_friction!r}: must be 0 where packing.space is 3; spheres that "
-            "rub as they come to rest stay in the plane"
-        )
+def substrate_trouble(material: Sphere, substrate: Substrate | None, effects: Effects) -> str:
+    """Return what is wrong if nothing holds the spheres on a substrate; "" if there is none, or they adhere."""
+    if substrate is None or material.work_of_adhesion and effects.adhesion is not False:
+        return ""
+    return (
+        f"substrate.work_of_adhesion = {substrate.work_of_adhesion!r}: needs sphere.work_of_adhesion above 0 and "
+        "effects.adhesion not false, as adhesion alone holds spheres on the substrate"
+    )

@@ -35,8 +35,9 @@ class StepRule:
 
 def refuse_step(time: Sampled, rules: Iterable[StepRule]) -> None:
     """Raise a SceneError if a declared time step breaks a rule."""
+    step = time.clock.of_answer
     for rule in rules:
-        if time.step > rule.longest:
+        if step > rule.longest:
             raise SceneError(f"time.timestep = {time.timestep!r}: {rule.sentence}")
 
 

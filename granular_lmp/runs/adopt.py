@@ -17,7 +17,7 @@ import numpy as np
 
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects.case import Case
-from granular_lmp.errors import RunFolderError, SceneError, one_line
+from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.lammps.datafile import differences, read
 from granular_lmp.lammps.deck import Deck, data_of, deck_of, written_text
 from granular_lmp.lammps.guard_results import seen_every
@@ -101,8 +101,7 @@ def adopt(
             f"{source / LOG}: does not say its variables, as decks of waves do; give what differs from the scene by "
             f"changes={{KEY: VALUE}}, or one value as it is, {one}"
         )
-    if declared.time.tolerance is not None:
-        raise SceneError(f"time.tolerance = {declared.time.tolerance!r}: a deck has one time step; give time.timestep")
+    declared.time.clock.refuse_ladder("a deck has one time step; give time.timestep")
     values = said or {}
     problem = prepare(declared.with_values({**_overrides(declared, values), **(changes or {})}))
     other = {key: value for key, value in (changes or {}).items() if key not in (*_KEYS.values(), _FRICTION)}

@@ -21,7 +21,7 @@ _AMONG_NEIGHBOURS = 0.4  # radii: two spheres that move less meet no others, whi
 
 def kinetic_energy(record: Any) -> Floats:
     """Return the kinetic energy of each recorded sphere, in m v², (T, n)."""
-    return np.asarray(record.problem.collisions.kinetic_energy(record.velocity, record.spin, record.spheres))
+    return np.asarray(record.problem.rest.kinetic_energy(record.velocity, record.spin, record.spheres))
 
 
 def energies(record: Any) -> Floats:
@@ -53,15 +53,13 @@ def energies(record: Any) -> Floats:
     unit = record.scale.length / scene.sphere.radius
     displacement = record.displacement
     distance = np.linalg.norm(vector + (displacement[:, j] - displacement[:, i]) * unit, axis=-1)
-    stored = _stored(
-        problem.collisions.coefficients, (radius[i] + radius[j] - distance) / unit, problem.collisions.rest_overlap
-    )
+    stored = _stored(problem.rest.coefficients, (radius[i] + radius[j] - distance) / unit, problem.rest.rest_overlap)
     moves = ~problem.crystal.arrays["fixed"]
     shares = stored / np.maximum(1 * moves[i] + moves[j], 1)
     each = kinetic_energy(record).T.copy()
     for contact_end in (i, j):
         np.add.at(each, contact_end, (shares * moves[contact_end]).T)
-    for end, (coefficient, rest) in problem.collisions.on_walls.items():
+    for end, (coefficient, rest) in problem.rest.on_walls.items():
         inward = displacement[:, end, 1] * (1 if end else -1)
         each[end] += _stored(coefficient, rest + inward, rest)
     return np.asarray(each.T)

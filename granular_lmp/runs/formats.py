@@ -54,7 +54,7 @@ def scene_of(folder: Path) -> Scene:
         If there is no such scene, or this release does not allow it.
     """
     scene = Scene.load(folder / SCENE)
-    if scene.loose:
+    if not scene.held_at_rest:
         return scene
     off = {effect.key: False for effect in EFFECTS if effect.wanted(scene) == AUTO}
     return scene.with_values(off) if off else scene

@@ -18,6 +18,7 @@ from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.phases import collected, phase
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.simulation import Judge, Simulation, nothing_more
+from granular_lmp.runs.status import read_status
 
 
 def launch(what: Scene | Problem | Deck, folder: str | Path, options: Options, judge: Judge = nothing_more) -> Record:
@@ -58,6 +59,8 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
     """
 
     def of(place: Path, kernel: bool) -> Simulation:
-        return Simulation(deck_of(prepare(scene_of(place))), judge=judge, kernel=kernel)
+        problem = prepare(scene_of(place))
+        looked = read_status(place).get("looks") != {}
+        return Simulation(deck_of(problem if looked else problem.without_looks()), judge=judge, kernel=kernel)
 
     return proceed(of, absolute(folder), progress)

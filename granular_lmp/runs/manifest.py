@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp import __version__
-from granular_lmp.crystal.lattices import HEXAGONAL, centre
-from granular_lmp.effects.looks import fastest
+from granular_lmp.crystal.lattices import HEXAGONAL
 from granular_lmp.lammps.guard_results import measured, seen_every
 from granular_lmp.lammps.guards import GUARDS, line_interval
 from granular_lmp.lammps.outputs import LOG, LOOP_SECTIONS, RunLog
 from granular_lmp.problem import Problem
 from granular_lmp.rest.absorption import quiet_end_of, quiet_side
-from granular_lmp.rest.at_rest import CrystalAtRest
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.seal import scene_digest
@@ -39,6 +37,7 @@ def description(problem: Problem, edits: list[str], launcher: str, ranks: int) -
         "effects": effects_of(problem),
         "remarks": problem.warnings(),
         **_quiet_ends(scene),
+        **({} if problem.looks else {"looks": {}}),
         **({"edited": edits} if edits else {}),
     }
 
@@ -54,10 +53,8 @@ def _quiet_ends(scene: Scene) -> dict[str, Any]:
 
 def _of_start(problem: Problem) -> dict[str, Any]:
     """Return how a run starts, and what it starts in."""
-    if problem.scene.loose:
-        return _of_strikes(problem)
     if problem.mode is None:
-        return {"recorded": len(problem.recorded), **_at_rest(problem)}
+        return {"recorded": len(problem.recorded), **problem.rest.entries}
     return _of_wave(problem)
 
 
@@ -70,45 +67,9 @@ def _of_wave(problem: Problem) -> dict[str, Any]:
         "direction_used": scene.direction,
         "frequency": problem.mode.frequency,
         "amplitude": scene.wave.amplitude,
-        **_at_rest(problem),
+        **problem.rest.entries,
         **epsilon,
     }
-
-
-def _at_rest(problem: Problem) -> dict[str, Any]:
-    """Return the crystal at rest, its units, and how often its guards look."""
-    scene = problem.scene
-    return {
-        **crystal_at_rest(problem.at_rest),
-        "Delta0_m": scene.scale.length,
-        "t0_s": scene.scale.time,
-        "overlap_ratio": scene.sphere.overlap_ratio,
-        "looks": {"every_tau": line_interval(problem) * scene.time.step, "fastest": fastest(scene, problem.mode)},
-    }
-
-
-def _of_strikes(problem: Problem) -> dict[str, Any]:
-    """Return the units of an impact, its shortest collision and the chain at rest."""
-    scale = problem.scale
-    return {
-        "recorded": len(problem.recorded),
-        "velocity_m_s": scale.velocity,
-        "length_m": scale.length,
-        "t0_s": scale.time,
-        "mass_kg": scale.mass,
-        "shortest_collision": problem.collisions.shortest_collision,
-        "at_rest": problem.collisions.at_rest,
-    }
-
-
-def crystal_at_rest(crystal: CrystalAtRest) -> dict[str, Any]:
-    """Return the way of a crystal that is not perfect to rest, and what it led to; nothing for a perfect lattice."""
-    rest = crystal.equilibrium
-    if rest is None:
-        return {}
-    overlaps = crystal.contacts.overlap / crystal.materials[0].static_overlap
-    found = rest.summary() | {"smallest_overlap": float(overlaps.min()), "largest_overlap": float(overlaps.max())}
-    return {"crystal": found, "centre": centre(crystal.atoms) + 1}
 
 
 Signals = dict[str, NDArray[np.float64]]
@@ -142,7 +103,7 @@ def outcome(folder: Path, problem: Problem, samples: int, table: Signals, before
     """Return the entries of ``run.json`` after the run from the number of its records and its thermo table."""
     return {
         "samples": samples,
-        **({} if problem.scene.loose else _extremes(table)),
+        **(_extremes(table) if _has_extremes(problem) else {}),
         "guards": {
             effect["guard"]: _outcome_of(name, effect, table, problem, folder)
             for name, effect in before["effects"].items()
@@ -152,8 +113,13 @@ def outcome(folder: Path, problem: Problem, samples: int, table: Signals, before
     }
 
 
+def _has_extremes(problem: Problem) -> bool:
+    """Return whether the table has the smallest overlap beside the guards, and not as one of them."""
+    return problem.looks and "v_overlap" not in (GUARDS[name].column for name in problem.guards)
+
+
 def _extremes(table: Signals) -> dict[str, Any]:
-    """Return the smallest overlap."""
+    """Return the smallest overlap; a guard that measures overlaps says the largest by itself."""
     smallest = np.min(table.get("v_overlap", np.empty(0)), initial=np.inf)  # Δ0, while touching
     return {"smallest_overlap": _finite(smallest)}
 

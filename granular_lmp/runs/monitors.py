@@ -40,7 +40,7 @@ from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.prescribed_motion import at_the_instant, moved_spheres
 from granular_lmp.runs.scales import force_of, length_of
 from granular_lmp.runs.seal import refuse_changed_record
-from granular_lmp.runs.snapshots import dimensionless, finest, step_of
+from granular_lmp.runs.snapshots import dimensionless, finest
 from granular_lmp.runs.tables import HasTables, Many, places_of
 from granular_lmp.scene.monitors import Monitor, row_step
 from granular_lmp.scene.places import spheres_at
@@ -144,8 +144,8 @@ class MonitorRecord(HasTables):
     @property
     def tau(self) -> Floats:
         """Times, (T,), in t0."""
-        steps = self._motion[0]
-        return steps.astype(float) * step_of(self.scene, steps.tolist(), self.scene.time.sample)
+        steps, time = self._motion[0], self.scene.time
+        return steps.astype(float) * time.clock.between(steps.tolist(), time.sample)
 
     @property
     def displacement(self) -> Floats:

@@ -22,7 +22,7 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.outputs import DUMP, FOR_VIEWERS, SNAPSHOTS, read_centre, read_dump, writable
 from granular_lmp.problem import Problem, prepare
-from granular_lmp.rest.scene import Scene
+from granular_lmp.rest.scene import Scene as Scene
 from granular_lmp.runs import energy, tables
 from granular_lmp.runs.formats import is_one_column, scene_of
 from granular_lmp.runs.seal import refuse_changed, refuse_other_extrapolation, refuse_other_scene
@@ -178,13 +178,11 @@ class Record(HasCard):
         folder = Path(folder)
         if scene.wave is None:
             from granular_lmp.runs.prescribed_motion import at_the_instant, moved_spheres  # kept out of start-up
-            from granular_lmp.runs.snapshots import dimensionless, force_on, step_of
+            from granular_lmp.runs.snapshots import dimensionless, force_on
 
             table = read_dump(folder / (dump or SNAPSHOTS), None, *_sphere_columns(scene.space), but=FOR_VIEWERS)
             steps = table["step"].tolist()
-            if len(steps) < 2 and scene.time.tolerance is not None:
-                raise RunFolderError(f"{folder / SNAPSHOTS}: lacks records")
-            tau = table["step"] * step_of(scene, steps, scene.time.sample)
+            tau = table["step"] * scene.time.clock.between(steps, scene.time.sample)
             moved = moved_spheres(scene, table["id"][0].astype(int) - 1) if len(tau) else []
             displacement, velocity, _, spin = at_the_instant(moved, tau, dimensionless(table, scene))
             spins = {"spin": spin} if "omegaz" in table else {}

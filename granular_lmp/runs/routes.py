@@ -61,7 +61,7 @@ class Job:
         process.
     report_step : callable
         Callback for progress, called with the time step.
-    looks : "table", "kernel" or ""
+    looks : "table", "kernel", "none" or ""
         Where the guards of the input have their looks; "" for an input that a stop leaves without a checkpoint.
     variables : tuple of str
         Words that override variables of the deck: ``-var``, name, value.
@@ -131,7 +131,7 @@ def _run_module(module: Any, kernel: Path | None, job: Job) -> None:
             # Before its first step a run may not hold the wave yet, and a checkpoint would save no time
             if job.looks and instance.extract_global("ntimestep") > 0:
                 with _uninterrupted():
-                    for command in _checkpoint(instance, watched=job.looks == "kernel"):
+                    for command in _checkpoint(instance, job.looks):
                         pool.submit(instance.command, command).result()
             raise
         finally:
@@ -151,15 +151,16 @@ def _uninterrupted() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _checkpoint(instance: Any, *, watched: bool) -> list[str]:
+def _checkpoint(instance: Any, looks: str) -> list[str]:
     """Return the commands that write the checkpoint of a stopped run.
 
     The run continues to a step at which guards look, as some fixes have numbers only there. What the kernel saw since
     the last line of the table becomes one more line. LAMMPS sets its fixes up again before it writes, which the one for
     the last lines of the deck does not bear.
     """
-    now, end = instance.extract_global("ntimestep"), int(instance.extract_variable("steps"))
-    steps = min(-now % int(instance.extract_variable("look")), end - now)
+    now, end, watched = instance.extract_global("ntimestep"), int(instance.extract_variable("steps")), looks == "kernel"
+    look = 1 if looks == "none" else int(instance.extract_variable("look"))
+    steps = min(-now % look, end - now)
     on = ["timer timeout off", f"run {steps} pre no post no"] if steps or watched else []
     no_table, judged = ["thermo_style custom step"], ["unfix judged"] * instance.has_id("fix", "judged")
     return [*(no_table if on and not watched else []), *on, *no_table, *judged, f"write_restart {CHECKPOINTS[0]}"]

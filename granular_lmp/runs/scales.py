@@ -13,6 +13,4 @@ def length_of(scene: Scene) -> float:
 
 def force_of(scene: Scene) -> float:
     """Return the unit of forces, N: k1 D0 in a crystal at rest, else m ℓ/t0²."""
-    if scene.loose:
-        return scene.scale.mass * scene.scale.length / scene.scale.time**2
-    return scene.sphere.normal_stiffness * scene.displacement_amplitude
+    return scene.scale.force(length_of(scene), scene.sphere.normal_stiffness)

@@ -15,6 +15,7 @@ from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.binary_dump import mend_binary
 from granular_lmp.lammps.checkpoints import checkpoint_steps
 from granular_lmp.lammps.deck import Deck, resume_text
+from granular_lmp.lammps.guards import has_looks
 from granular_lmp.lammps.kernel_guards import watched_text
 from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import DUMP, SCENE, SNAPSHOTS, RunLog, mend_dump
@@ -87,8 +88,10 @@ class Simulation:
     @property
     def looks(self) -> str:
         """Where the guards have their looks, as `Job` needs it: the table, the kernel, or "" of spheres that meet."""
-        if self.scene.loose:
+        if not has_looks(self.deck.problem):
             return ""
+        if not self.deck.problem.looks:
+            return "none"
         return "table" if self.begun_name == self.input_name else "kernel"
 
     def files(self) -> dict[str, Iterable[str]]:

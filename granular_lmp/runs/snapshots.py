@@ -6,7 +6,6 @@ Velocity); the angle is the scalar ``v_theta``. ASE reads it as ``lammps-dump-te
 types and ``v_theta``. Here a snapshot is read when it is used, and is dimensionless like `granular_lmp.runs.record`.
 """
 
-from collections.abc import Sequence
 from math import ceil
 from pathlib import Path
 from typing import Self
@@ -117,23 +116,6 @@ def rotation_vector(quaternion: Floats) -> Floats:
     return np.asarray(axis * np.divide(angle, size, out=np.full_like(size, 2.0), where=size > 0)[..., None])
 
 
-def step_of(scene: Scene, steps: Sequence[int], apart: float) -> float:
-    """Return the time step of a dump, τ: of an answer that several runs gave, from the steps of its records.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene of the folder that holds the dump; with a tolerance it has no step of its own.
-    steps : sequence of int
-        Steps of the records, from 0.
-    apart : float
-        Time between two records, τ.
-    """
-    if scene.time.tolerance is None:
-        return scene.time.step
-    return apart / steps[1] if len(steps) > 1 else apart
-
-
 def finest(folder: Path, name: str) -> Path | None:
     """Return a file of a run folder, or that of the finest step of a run with a tolerance; None without it."""
     finer = sorted(folder.glob(f"*{PER_SAMPLE}/{name}"), key=lambda path: int(path.parent.name.split("_")[0]))
@@ -222,7 +204,7 @@ class Snapshots(HasCard, HasTables):
     @property
     def step(self) -> float:
         """Time step of the motion, τ; 0 of a run with a tolerance, which is extrapolated to that."""
-        return 0.0 if self.scene.time.tolerance is not None else self.scene.time.step
+        return self.scene.time.clock.of_answer
 
     @property
     def _step(self) -> float:
@@ -230,7 +212,7 @@ class Snapshots(HasCard, HasTables):
         time = self.scene.time
         every = time.sample if self.scene.wave is None else self.scene.output.particles
         apart = time.sample * ceil(every / time.sample - 1e-9)  # as the deck has it
-        return step_of(self.scene, [each.step for each in self.index[:2]], apart)
+        return time.clock.between([each.step for each in self.index[:2]], apart)
 
     def stack(self, name: str) -> NDArray[np.float64]:
         """Return one attribute of `Spheres` over all snapshots: ``stack("displacement")`` is (T, N, 2)."""

@@ -220,7 +220,7 @@ def to_xarray(record: Any) -> Any:
     """Return an ``xarray.Dataset`` of the signals over tau, each with its unit and meaning.
 
     Its attributes are the scales that turn it into SI units, how the run ended, and the scene as TOML: ``D0_m``,
-    ``t0_s``, ``R_m`` of the centre sphere; ``l_m`` of loose recorded spheres or ``Delta0_m`` of those at rest under
+    ``t0_s``, ``R_m`` of the centre sphere; ``l_m`` of recorded spheres that meet or ``Delta0_m`` of those at rest under
     load, ``t0_s``, ``R_m``, and the coordinates ``row`` and ``column``, of several layers ``layer``.
     """
     scene, signals = record.scene, record.signals
@@ -237,15 +237,16 @@ def to_xarray(record: Any) -> Any:
 
 def _length(scene: Scene) -> str:
     """Return the name of the unit of displacements."""
-    return "l" if scene.loose else "Delta0" if scene.wave is None else "D0"
+    return scene.scale.name if scene.wave is None else "D0"
 
 
 def _told(scene: Scene, unit: str, meaning: str) -> dict[str, str]:
     """Return the attributes of a variable."""
     length = _length(scene)
-    names = {"overlap": "Delta0", "force": f"k1 {length}", "power": f"k1 {length}^2/t0"}
-    if scene.loose:
-        names = {"overlap": "l", "force": "m l/t0^2", "power": "m l^2/t0^3"}
+    names = {"force": f"k1 {length}", "power": f"k1 {length}^2/t0"}
+    if scene.scale.of_impact:
+        names = {"force": "m l/t0^2", "power": "m l^2/t0^3"}
+    names["overlap"] = scene.scale.name
     return {"units": unit.format(length=length, **names), "long_name": meaning}
 
 

@@ -3,13 +3,11 @@
 The records of spheres and imperfections belong to other rooms, so that their rules stand here.
 """
 
-from dataclasses import replace
-
-from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, words_of_laws
 from granular_lmp.crystal.walls import BELOW, BOTH
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.places import rows_rule, spheres_rule
-from granular_lmp.scene.schema import ArrayRule, Bare, Interval, Rule, Rules, choice, number
+from granular_lmp.scene.schema import ArrayRule, Interval, Rule, Rules, choice, number
 
 _MEASURED, _STIFFEST = "measured, at rest; left out: what the moduli give", (1e-6, 1e12)
 _STIFFNESS = ("N/m", _MEASURED, *_STIFFEST)
@@ -56,12 +54,12 @@ SPHERE_RULES = Rules(
     radius=Rule(float, "m", "", Interval(1e-9, 1)),
     youngs_modulus=Rule(float, "Pa", "", Interval(1e3, 1e13)),
     poisson_ratio=Rule(float, "", "", Interval(-1, 0.5, open_low=True)),
-    work_of_adhesion=replace(_ADHESION, bare=Bare(_ADHESION, 0.0)),
+    work_of_adhesion=_ADHESION,
     density=Rule(float, "kg/m3", "", Interval(1, 1e5)),
 )
 LATTICE_SPHERE_RULES = Rules(
     **SPHERE_RULES,
-    adhesion_law=Rule(str, "", "jkr: also beyond contact", words=tuple(ADHESION_LAWS)),
+    adhesion_law=Rule(str, "", words_of_laws(), words=tuple(ADHESION_LAWS)),
 )
 PAIR_RULES = Rules(
     of=ArrayRule(
@@ -103,6 +101,6 @@ INCLUSION_RULES = Rules(
     ),
     share=Rule(float, "", "of the free spheres, at random by disorder.seed", Interval(0, 1)),
     layers=rows_rule("first and last layer along z, counted from 0"),
-    **SPHERE_RULES | {"work_of_adhesion": _ADHESION},
+    **SPHERE_RULES,
     vacancy=Rule(bool, "", "the places are empty"),
 )

@@ -13,7 +13,7 @@ from math import ceil, gamma, pi, sqrt
 from pathlib import Path
 from typing import Any, Self
 
-from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, LATER, SKIN, AdhesionLaw
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, HERTZ, NORMAL_LAWS, SKIN, AdhesionLaw, Dmt, words_of_laws
 from granular_lmp.crystal.lattices import FREE, SQUARE, WALL
 from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.crystal.sphere import Sphere
@@ -31,7 +31,6 @@ from granular_lmp.scene.strikers import scale_of
 
 __all__ = ["Collision"]
 
-NORMAL_LAWS = ("dmt", "hertz", "jkr")
 TANGENTIAL_LAWS = (*SHEAR_LAWS, RESCALED, "none")
 RECORDS = 500  # fewest records in a contact time
 LONGEST_PATH = 100.0  # radii; LAMMPS cuts the box into bins of a radius, 8e6 of them for this one
@@ -39,15 +38,13 @@ _SLACK = 1e-12  # a step that is longer by less than the slack of a sample, so t
 _SHIPPED_COLLISIONS = SHIPPED / "collisions"
 # ∫₀¹ dx/√(1 − x^{5/2}) = √π Γ(7/5)/Γ(9/10): half of a Hertz contact time, in units of depth over speed
 _HALF_CONTACT = sqrt(pi) * gamma(7 / 5) / gamma(9 / 10)
-# Work of adhesion from first touch to the overlap at rest Δ0, over F Δ0
-_WORK = {"dmt": 3 / 5, "hertz": 0.0, "jkr": 6 / 5 * (1 - (2 / 3) ** (4 / 3))}
 
 
 @dataclass(frozen=True)
 class Contact:
     """Contact law."""
 
-    normal: str = choice("with adhesion, without, with adhesion beyond contact", NORMAL_LAWS, default="dmt")
+    normal: str = choice(f"hertz: without adhesion; {words_of_laws()}", NORMAL_LAWS, default="dmt")
     shear: str = choice("what the shear force follows", TANGENTIAL_LAWS, default="secant")
     parting: str = choice("where jkr ends: largest pull, or distance (by the kernel)", (LOAD, DISTANCE), default=LOAD)
     friction: float = number("", "mu", 0.0, 1e4, default=0.0)
@@ -89,15 +86,15 @@ class Collision(Document):
     collision: Impact
 
     def __post_init__(self) -> None:
-        if self.contact.normal != "hertz" and self.contact.restitution < 1:
+        if self.contact.normal != HERTZ and self.contact.restitution < 1:
             raise SceneError(
                 f"contact.restitution = {self.contact.restitution!r}: must be 1 with contact.normal = "
                 f'"{self.contact.normal}"; LAMMPS has no law of restitution with adhesion, take "hertz"'
             )
-        if self.contact.normal == "jkr" and not self.sphere.work_of_adhesion:
+        if self._law.beyond and not self.sphere.work_of_adhesion:
             raise SceneError(
                 f"sphere.work_of_adhesion = {self.sphere.work_of_adhesion!r}: must be above 0 with contact.normal = "
-                '"jkr"; without adhesion take "hertz"'
+                f'"{self.contact.normal}"; without adhesion take "hertz"'
             )
         if self.collision.partner == "plane" and self.collision.partner_spin:
             raise SceneError(
@@ -156,7 +153,7 @@ class Collision(Document):
         state = [(0, 0, 0.0, 0.0, -impact.tangential_velocity, impact.normal_velocity, turns[0])]
         state += [] if self.on_plane else [(1, 0, 0.0, 0.0, 0.0, -impact.normal_velocity, turns[1])]
         declared = {key: getattr(sphere, key) for key in ("radius", "youngs_modulus", "poisson_ratio", "density")}
-        if adhesive := law.normal != "hertz" and sphere.work_of_adhesion > 0:
+        if adhesive := law.normal != HERTZ and sphere.work_of_adhesion > 0:
             declared |= {"work_of_adhesion": sphere.work_of_adhesion, "adhesion_law": law.normal}
         every = max(impact.steps // RECORDS, 1)
         unit = scale_of((), Start(state), sphere).time
@@ -212,12 +209,15 @@ class Collision(Document):
         return self.sphere.radius * (1.0 if self.on_plane else 0.5)
 
     @property
+    def _law(self) -> type[AdhesionLaw]:
+        return ADHESION_LAWS.get(self.contact.normal, Dmt)
+
+    @property
     def law(self) -> AdhesionLaw:
         """Law of the contact; a rigid plane doubles E* and G* of two spheres."""
         sphere, bodies = self.sphere, 2 if self.on_plane else 1
-        adhesion = 0.0 if self.contact.normal == "hertz" else sphere.work_of_adhesion
-        kind = ADHESION_LAWS["dmt" if self.contact.normal == "hertz" else self.contact.normal]
-        return kind.between(
+        adhesion = 0.0 if self.contact.normal == HERTZ else sphere.work_of_adhesion
+        return self._law.between(
             bodies * sphere.effective_modulus, bodies * sphere.effective_shear_modulus, self.effective_radius, adhesion
         )
 
@@ -244,7 +244,7 @@ class Collision(Document):
         part the bodies. The published loss of a collision takes the contact to 6^{−4/3} 9 Δ0, twice as far, where it
         ends if the distance is prescribed, ``contact.parting = "distance"`` (`cases.pull_off.jkr`).
         """
-        return -float(self.law.pull_off_overlap) * (LATER if self.contact.parting == DISTANCE else 1.0)
+        return -float(self.law.pull_off_overlap) * (self.law.later if self.contact.parting == DISTANCE else 1.0)
 
     @property
     def elastic_overlap(self) -> float:
@@ -259,5 +259,5 @@ class Collision(Document):
     @property
     def _speed(self) -> float:
         """Speed v, m/s, at the overlap at rest: m* (v² − v_closing²)/2 is the work of adhesion up to there."""
-        work = _WORK[self.contact.normal] * self.pull_off_force * self.static_overlap
+        work = self.law.closing_work * self.pull_off_force * self.static_overlap
         return sqrt(self.closing_speed**2 + 2 * work / self.effective_mass)

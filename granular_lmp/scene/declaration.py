@@ -1,8 +1,12 @@
 """The tables of a scene file in their order; `granular_lmp.rest.scene` checks what they say together."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import Pair
+from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.bodies import (
     DISORDER_RULES,
@@ -27,6 +31,7 @@ from granular_lmp.scene.sections import (
 from granular_lmp.scene.sources import Source
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.strikers import Striker
+from granular_lmp.scene.without_wave import VARIANTS, WAVE, refuse_tables, variant_of
 
 
 @dataclass(frozen=True, repr=False, init=False)
@@ -50,9 +55,8 @@ class Declaration(Document):
         },
         repeated={"inclusion": Inclusion, "pair": Pair, "source": Source, "monitor": Monitor, "striker": Striker},
         optional=("contact", "disorder", "absorb", "start"),
-        absent=("substrate",),
-        lacking="wave",
-        marks=("striker", "start", "source"),
+        none_if_left_out=("substrate",),
+        variants=VARIANTS,
         rules={
             "sphere": LATTICE_SPHERE_RULES,
             "disorder": DISORDER_RULES,
@@ -85,3 +89,23 @@ class Declaration(Document):
     monitor: tuple[Monitor, ...] = ()
     start: Start = Start()
     striker: tuple[Striker, ...] = ()
+
+    @classmethod
+    def _variant_of(cls, tables: Mapping[str, Any]) -> str:
+        return variant_of(tables)
+
+    @classmethod
+    def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the tables, after those and keys are refused that such a scene cannot have."""
+        refuse_tables(tables)
+        return tables
+
+    @classmethod
+    def _refuse_part(cls, tables: Mapping[str, Any], changes: Mapping[str, Any]) -> None:
+        own = [key for key in changes if key.partition(".")[0] == "wave"]
+        if not own or variant_of(tables) == WAVE:
+            return
+        replaced = {other for key in own for other in cls.layout.exclusive.get(key, ())}
+        needed = (f"wave.{each.name}" for each in cls.layout.keys_of("wave", WAVE) if each.required)
+        if missing := [key for key in needed if key not in (*own, *replaced)]:
+            raise SceneError(f"{own[0]}: the scene has no [wave]; {', '.join(missing)} must be given with it")

@@ -1,6 +1,6 @@
 """A declared document, a scene or a collision: a name and sections of keys, read from TOML and written back."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import field
 from pathlib import Path
@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.scene.files import file_text, toml_tables
-from granular_lmp.scene.records import DeclaredKey, declared_keys, plain, record, said, toml_lines
+from granular_lmp.scene.records import DeclaredKey, Variant, declared_keys, plain, record, said, toml_lines
 from granular_lmp.scene.schema import (
     Rule,
     Rules,
@@ -41,14 +41,12 @@ class Layout:
         Array of tables → the type of each of its records. Only what differs from a default is written.
     optional : tuple of str
         Sections that are written only if they differ from their defaults.
-    absent : tuple of str
+    none_if_left_out : tuple of str
         Sections whose record is None where the document does not have them.
     exclusive : mapping
         Dotted key → keys that it replaces: a document never holds both, and `with_values` of the key removes them.
-    lacking : str
-        Section without which the document is bare: keys may then have other rules and defaults, or not be there.
-    marks : tuple of str
-        Tables of which a bare document has at least one.
+    variants : mapping of str to Variant
+        Kinds of the document by name: keys may have other defaults in them, or not be there.
     """
 
     sections: Mapping[str, type]
@@ -56,10 +54,23 @@ class Layout:
     attributes: Mapping[str, str] = field(default_factory=dict)
     repeated: Mapping[str, type] = field(default_factory=dict)
     optional: tuple[str, ...] = ()
-    absent: tuple[str, ...] = ()
+    none_if_left_out: tuple[str, ...] = ()
     exclusive: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    lacking: str = ""
-    marks: tuple[str, ...] = ()
+    variants: Mapping[str, Variant] = field(default_factory=lambda: {"": Variant()})
+
+    @property
+    def tables(self) -> dict[str, type]:
+        """Tables and arrays of tables → the type of a record."""
+        return {**self.sections, **self.repeated}
+
+    def keys_of(self, table: str, variant: str) -> Sequence[DeclaredKey]:
+        """Return the keys of a table in a kind of document, with their defaults."""
+        return declared_keys(self.tables[table], self.rules.get(table), table, self.variants[variant])
+
+    def differing(self, table: str) -> set[str]:
+        """Return the names of the keys of a table whose default depends on the kind of the document."""
+        dotted = (key.partition(".") for variant in self.variants.values() for key in variant.defaults)
+        return {name for held, _, name in dotted if held == table}
 
 
 @dataclass(frozen=True)
@@ -90,7 +101,7 @@ class Document:
             if not changes:
                 return cls.from_dict(tables, default_name(file))
         except SceneError as error:
-            raise SceneError(f"{file}: {error}") from error
+            raise SceneError(f"{file}: {error}", because=error.because) from error
         return cls.from_dict(cls.changed(tables, changes), default_name(file))
 
     @classmethod
@@ -110,13 +121,13 @@ class Document:
         refuse_unknown(tables, ("name", "description", *layout.sections, *layout.repeated), "")
         name = checked_name(tables, default or cls.__name__.lower(), "the files of the run")
         tables = cls._completed(tables)
-        bare = cls._bare_tables(tables)
+        variant = cls._variant_of(tables)
         records: dict[str, Any] = {
-            layout.attributes.get(key, key): record(kind, tables.get(key), key, layout.rules.get(key), bare=key in bare)
+            layout.attributes.get(key, key): record(kind, tables.get(key), key, layout.keys_of(key, variant))
             for key, kind in layout.sections.items()
-            if not (bare and key == layout.lacking) and not (key in layout.absent and key not in tables)
+            if key in tables or key not in (*layout.none_if_left_out, *layout.variants[variant].absent)
         }
-        records |= {key: cls._records(key, tables.get(key, ()), key in bare) for key in layout.repeated}
+        records |= {key: cls._records(key, tables.get(key, ()), variant) for key in layout.repeated}
         return cls._made({"name": name, "description": checked_description(tables)} | cls._solved(records))
 
     @classmethod
@@ -125,34 +136,22 @@ class Document:
         return cls(**values)
 
     @classmethod
-    def _is_bare(cls, tables: Mapping[str, Any]) -> bool:
-        """Return whether tables are those of a bare document."""
-        lacking, marks = cls.layout.lacking, cls.layout.marks
-        return bool(lacking) and lacking not in tables and not tables.keys().isdisjoint(marks)
-
-    @classmethod
-    def _bare_tables(cls, tables: Mapping[str, Any]) -> Collection[str]:
-        """Return the names of the tables whose keys are declared as in a bare document; all of them in one."""
-        return (*cls.layout.sections, *cls.layout.repeated) if cls._is_bare(tables) else ()
+    def _variant_of(cls, tables: Mapping[str, Any]) -> str:
+        """Return the name of the kind of document that tables are of."""
+        return ""
 
     @property
-    def _bare(self) -> bool:
-        """True if the document lacks the section without which it is bare."""
-        return bool(self.layout.lacking) and getattr(self, self.layout.lacking) is None
-
-    def _bare_in(self, table: str) -> bool:
-        """Return whether the keys of a table are declared as in a bare document; see `_bare_tables`."""
-        return self._bare
+    def _variant(self) -> str:
+        """Name of the kind of this document."""
+        return ""
 
     @classmethod
-    def _records(cls, key: str, tables: Any, bare: bool) -> tuple[Any, ...]:
+    def _records(cls, key: str, tables: Any, variant: str) -> tuple[Any, ...]:
         """Return the records of an array of tables; errors count them from 1."""
         if not isinstance(tables, list | tuple):
             raise SceneError(f"{key} = {shown(tables)}: must be tables, each under a line [[{key}]]")
-        kind, rules = cls.layout.repeated[key], cls.layout.rules.get(key)
-        return tuple(
-            record(kind, table, f"{key}.{number}", rules, bare=bare) for number, table in enumerate(tables, start=1)
-        )
+        kind, keys = cls.layout.repeated[key], cls.layout.keys_of(key, variant)
+        return tuple(record(kind, table, f"{key}.{number}", keys) for number, table in enumerate(tables, start=1))
 
     @classmethod
     def _completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -168,23 +167,27 @@ class Document:
         """Return nested plain values with every default."""
         held = {key: getattr(self, self.layout.attributes.get(key, key)) for key in self.layout.sections}
         tables: dict[str, Any] = {
-            key: plain(value, self.layout.rules.get(key), bare=self._bare_in(key))
+            key: plain(value, self.keys_of(key))
             for key, value in held.items()
-            if value is not None and (key not in self.layout.optional or value != type(value)())
+            if value is not None and self.has_table(key) and (key not in self.layout.optional or value != type(value)())
         }
         tables |= {key: self._written(key) for key in self.layout.repeated if getattr(self, key)}
         return {"name": self.name, "description": self.description} | tables
 
     def _written(self, key: str) -> list[dict[str, Any]]:
         """Return the values of an array of tables that differ from their defaults."""
-        bare = self._bare_in(key)
-        default = plain(self.layout.repeated[key](), self.layout.rules.get(key), bare=bare)
-        tables = (plain(each, self.layout.rules.get(key), bare=bare) for each in getattr(self, key))
+        keys = self.keys_of(key)
+        default = plain(self.layout.repeated[key](), keys)
+        tables = (plain(each, keys) for each in getattr(self, key))
         return [{name: value for name, value in table.items() if value != default[name]} for table in tables]
 
-    def keys_of(self, section: str) -> Sequence[DeclaredKey]:
-        """Return the keys of a section, with their defaults in this document."""
-        return declared_keys(self.layout.sections[section], self.layout.rules.get(section), bare=self._bare_in(section))
+    def keys_of(self, table: str) -> Sequence[DeclaredKey]:
+        """Return the keys of a table, with their defaults in this document."""
+        return self.layout.keys_of(table, self._variant)
+
+    def has_table(self, table: str) -> bool:
+        """Return whether a document of this kind can have a table."""
+        return table not in self.layout.variants[self._variant].absent
 
     def given(self) -> dict[str, Any]:
         """Return nested plain values without the defaults, which never change: what a file has to say."""
@@ -209,16 +212,12 @@ class Document:
 
     def _text(self, tables: Mapping[str, Any]) -> str:
         lines, layout = head_lines(self.name, self.description), self.layout
-        for key, kind in layout.sections.items():
+        for key in layout.sections:
             if key in tables:
-                lines += [
-                    "",
-                    f"[{key}]",
-                    *toml_lines(kind, tables[key], layout.rules.get(key), bare=self._bare_in(key)),
-                ]
-        for key, kind in layout.repeated.items():
+                lines += ["", f"[{key}]", *toml_lines(tables[key], self.keys_of(key))]
+        for key in layout.repeated:
             for table in tables.get(key, ()):
-                lines += ["", f"[[{key}]]", *toml_lines(kind, table, layout.rules.get(key), bare=self._bare_in(key))]
+                lines += ["", f"[[{key}]]", *toml_lines(table, self.keys_of(key))]
         return "\n".join(lines) + "\n"
 
     def with_values(self, changes: Mapping[str, Any]) -> Self:
@@ -248,15 +247,7 @@ class Document:
 
     @classmethod
     def _refuse_part(cls, tables: Mapping[str, Any], changes: Mapping[str, Any]) -> None:
-        """Raise SceneError if changes of a bare document make a part of the section that it lacks."""
-        lacking = cls.layout.lacking
-        own = [key for key in changes if key.partition(".")[0] == lacking]
-        if not own or not cls._is_bare(tables):
-            return
-        replaced = {other for key in own for other in cls.layout.exclusive.get(key, ())}
-        needed = (f"{lacking}.{each.name}" for each in declared_keys(cls.layout.sections[lacking]) if each.required)
-        if absent := [key for key in needed if key not in (*own, *replaced)]:
-            raise SceneError(f"{own[0]}: the scene has no [{lacking}]; {', '.join(absent)} must be given with it")
+        """Raise SceneError if changes make only a part of a table that the document does not have."""
 
     def replace(self, **tables: Any) -> Self:
         """Return a copy with other tables, each a record, or a sequence of records: ``scene.replace(striker=())``.
@@ -274,7 +265,7 @@ class Document:
     @classmethod
     def _told(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
         """Return tables of records as nested plain values, without those that say nothing."""
-        plain_tables = {key: said(table) for key, table in tables.items()}
+        plain_tables = {key: said(table, cls.layout.differing(key)) for key, table in tables.items()}
         return {key: table for key, table in plain_tables.items() if table not in (None, {}, [])}
 
     def value(self, key: str) -> Any:
@@ -316,6 +307,5 @@ def rule_of(key: str, document: Document | type[Document]) -> Rule:
     if key == "wave.wavevector":
         return Rule(float, "rad per lattice constant", "[kx, ky], in place of wavenumber and direction")
     table, *_, name = key.split(".")  # "source.1.frequency" is that of the first [[source]]
-    layout, bare = document.layout, isinstance(document, Document) and document._bare_in(table)
-    kind = {**layout.sections, **layout.repeated}[table]
-    return {each.name: each.rule for each in declared_keys(kind, layout.rules.get(table), bare=bare)}[name]
+    keys = declared_keys(document.layout.tables[table], document.layout.rules.get(table))
+    return {each.name: each.rule for each in keys}[name]

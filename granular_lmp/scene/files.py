@@ -14,6 +14,7 @@ from granular_lmp.scene.schema import shown
 
 LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 LARGEST_TABLE = 4_000_000  # bytes of a CSV file; the largest that a scene can hold has 0.8 MB at full precision
+_POINTED = re.compile(r"[+-]?(\d+\.|\.\d+)([eE][+-]?\d+)?")
 MOST_PARTS = 100  # A dotted key takes tomllib a time that grows as the square of its parts; ours have two
 # tomllib raises a plain ValueError for whole numbers of more than 4300 digits, and recurses into nested brackets until
 # Python's stack ends
@@ -70,12 +71,16 @@ def toml_tables(text: str) -> dict[str, Any]:
 
 
 def assignment(text: str) -> tuple[str, Any]:
-    """Return ``("wave.wavenumber", 1.2)`` for ``"wave.wavenumber=1.2"``; a value that is not TOML is a bare word."""
+    """Return ``("wave.wavenumber", 1.2)`` for ``"wave.wavenumber=1.2"``; a value that is not TOML is a bare word.
+
+    Numbers may begin or end with their point, which TOML does not allow: ``.1``, ``1.``, ``1.e-3``.
+    """
     key, equals, value = text.partition("=")
     if not equals or not key.strip() or not value.strip():
         raise SceneError(f"{shown(text)}: must be KEY=VALUE, for instance wave.wavenumber=1.2")
     try:
         (parsed,) = toml_tables(f"value = {value}").values()
     except (SceneError, ValueError):  # ValueError: a second line sets another key
-        return key.strip(), value.strip()
+        word = value.strip()
+        return key.strip(), float(word) if _POINTED.fullmatch(word) else word
     return key.strip(), parsed

@@ -70,7 +70,7 @@ FORMS = {
 }
 *_OTHERS, _LAST = (form.meaning for form in FORMS.values())
 MEANING = f"{', '.join(_OTHERS)}, or {_LAST}"  # of the key
-AT_REST = tuple(name for name, form in FORMS.items() if not form.waves)  # the crystal is shaken or struck
+STILL = tuple(name for name, form in FORMS.items() if not form.waves)  # the crystal is shaken or struck
 DRIVEN = tuple(name for name, form in FORMS.items() if form.driven)
 NO_WAVE = FORMS["none"]  # that of a scene without [wave], too
 

@@ -14,8 +14,7 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.scene import samples
 from granular_lmp.scene.declaration import Declaration
 from granular_lmp.scene.document import note
-from granular_lmp.scene.forms import AT_REST
-from granular_lmp.scene.records import declared_keys
+from granular_lmp.scene.forms import STILL
 from granular_lmp.scene.schema import (
     LONGEST_DESCRIPTION,
     LONGEST_NAME,
@@ -25,7 +24,7 @@ from granular_lmp.scene.schema import (
     Rule,
     toml,
 )
-from granular_lmp.scene.without_wave import NEEDS_REST, NEEDS_WAVE, UNWAVED
+from granular_lmp.scene.without_wave import HELD, MOVING_TABLES, NOT_HELD, WAVE
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _NOTHING = (None, (), "")  # defaults of keys that may be left out, or must be given
@@ -53,17 +52,11 @@ class Key:
     required: bool
 
 
-def keys(*, bare: bool = False, loose: bool = True) -> Iterator[Key]:
-    """Yield every key of a scene file, section by section.
-
-    `bare` is true for a scene without ``[wave]``, and then `loose` for one whose spheres are not at rest under load.
-    """
+def keys(variant: str = WAVE) -> Iterator[Key]:
+    """Yield every key of a scene file of a kind (`granular_lmp.scene.without_wave`), section by section."""
     layout = Declaration.layout
-    absent = (layout.lacking, *NEEDS_WAVE, *(NEEDS_REST if loose else ())) if bare else ()
-    for section, kind in {**layout.sections, **layout.repeated}.items():
-        own = bare and (loose or section in UNWAVED)
-        found = declared_keys(kind, layout.rules.get(section), bare=own) if section not in absent else []
-        for each in (each for each in found if f"{section}.{each.name}" not in absent):
+    for section in layout.tables:
+        for each in layout.keys_of(section, variant):
             required = each.default is MISSING or (
                 each.default not in _NOTHING and not _allowed(each.rule, each.default)
             )
@@ -82,23 +75,21 @@ def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a scene file.
 
     A scene with ``[wave]`` and one without it have other keys: "then" holds the first, "else" the second. There "then"
-    holds those of a crystal at rest under load, "else" those of loose spheres.
+    holds those of a crystal at rest under load, "else" those of spheres that meet.
     """
     head = {"$schema": DIALECT, "title": "A scene of granular-lmp"}
-    at_rest, loose = (_marked(_tables(bare=True, loose=loose)) for loose in (False, True))
-    without = {"if": _AT_REST, "then": at_rest, "else": loose}
+    held, not_held = (_moving(_tables(variant)) for variant in (HELD, NOT_HELD))
+    without = {"if": _AT_REST, "then": held, "else": not_held}
     return head | {
-        "if": {"required": [Declaration.layout.lacking]},
-        "then": _tables(bare=False),
+        "if": {"required": ["wave"]},
+        "then": _tables(WAVE),
         "else": without,
     }
 
 
-def _marked(tables: dict[str, Any]) -> dict[str, Any]:
+def _moving(tables: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a scene without a wave, which has one of the tables that move its spheres."""
-    return tables | {
-        "anyOf": [{"required": [mark]} for mark in Declaration.layout.marks if mark in tables["properties"]]
-    }
+    return tables | {"anyOf": [{"required": [table]} for table in MOVING_TABLES if table in tables["properties"]]}
 
 
 def _having(table: str, **values: dict[str, Any]) -> dict[str, Any]:
@@ -107,7 +98,7 @@ def _having(table: str, **values: dict[str, Any]) -> dict[str, Any]:
     return {"properties": {table: inner}, "required": [table]}
 
 
-# As `granular_lmp.scene.without_wave.is_loose` has it, the other way round
+# As `granular_lmp.scene.without_wave.holds` has it
 _AT_REST = {
     "anyOf": [
         _having("sphere", work_of_adhesion={"exclusiveMinimum": 0}),
@@ -116,7 +107,7 @@ _AT_REST = {
 }
 
 
-def _tables(*, bare: bool, loose: bool = True) -> dict[str, Any]:
+def _tables(variant: str) -> dict[str, Any]:
     layout = Declaration.layout
     properties: dict[str, Any] = {
         "name": {"type": "string", "pattern": f"^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$"},
@@ -124,7 +115,7 @@ def _tables(*, bare: bool, loose: bool = True) -> dict[str, Any]:
     }
     sections: dict[str, dict[str, Any]] = {}
     needed: dict[str, list[str]] = {}
-    for key in keys(bare=bare, loose=loose):
+    for key in keys(variant):
         sections.setdefault(key.section, {})[key.name] = _value(key)
         needed.setdefault(key.section, []).extend([key.name] if key.required else [])
     for section, inner in sections.items():
@@ -134,15 +125,18 @@ def _tables(*, bare: bool, loose: bool = True) -> dict[str, Any]:
             inner["wavevector"] = pair | {"description": note("wave.wavevector", Declaration)}
             needed["wave"].remove("wavenumber")
             which = [{"required": [name]} for name in ("wavenumber", "wavevector", "frequency")]
-            no_wave = {"required": ["form"], "properties": {"form": {"enum": [*AT_REST]}}, "not": {"anyOf": which}}
+            no_wave = {"required": ["form"], "properties": {"form": {"enum": [*STILL]}}, "not": {"anyOf": which}}
             table["oneOf"] = [*which, no_wave]
         table |= {"required": needed[section]} if needed[section] else {}
-        array = {"type": "array", "items": table} | ({"minItems": 1} if bare and section in layout.marks else {})
+        fewest = {"minItems": 1} if variant != WAVE and section in MOVING_TABLES else {}
+        array = {"type": "array", "items": table} | fewest
         properties[section] = array if section in layout.repeated else table
     return {
         "type": "object",
         "properties": properties,
-        "required": [section for section in layout.sections if needed.get(section) and section not in layout.absent],
+        "required": [
+            section for section in layout.sections if needed.get(section) and section not in layout.none_if_left_out
+        ],
         "additionalProperties": False,
     }
 
@@ -179,11 +173,11 @@ def _values(rule: Rule) -> dict[str, Any]:
     return {"anyOf": [numbers, *others]} if others else numbers
 
 
-def reference(*, bare: bool = False) -> str:
+def reference(variant: str = WAVE) -> str:
     """Return tables of all keys in Markdown, one per section: key, unit, default, allowed values, meaning."""
     lines: list[str] = []
     section = ""
-    for key in keys(bare=bare):
+    for key in keys(variant):
         if key.section != section:
             section = key.section
             title = f"[[{section}]]" if section in Declaration.layout.repeated else f"[{section}]"

@@ -9,7 +9,7 @@ A monitor has spheres, and records at every sample of the run
 Recording changes no motion. What a run leaves is read by `granular_lmp.runs.monitors`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import field
 
 import ase
@@ -25,22 +25,16 @@ from granular_lmp.scene.places import (
     Rows,
     Spheres,
     in_words,
-    place_troubles,
     places_field,
     rows_rule,
     spheres_at,
     spheres_rule,
 )
-from granular_lmp.scene.schema import AUTO, NameRule, choice
-from granular_lmp.scene.sections import Packing
+from granular_lmp.scene.schema import NameRule, choice
 
 WHAT = ("motion", "contacts", "flux")
 # LAMMPS has 32 groups. A monitor takes one, two with contacts; a source takes one, and the rest of a deck at most 8
 MOST_GROUPS = 24
-# Effects beside which the record of contacts holds all forces and torques; twisting has none in the plane
-_HELD = frozenset(
-    ("adhesion", "shear", "rotation", "tracking", "damping", "sliding", "contact_opening", "rolling", "twisting")
-) | {"walls", "quiet_ends", "width"}
 _CONTACT_LINE = 110  # bytes
 
 
@@ -117,33 +111,8 @@ class PlacedMonitor:
         return 104 * len(self.spheres) + 3 * _CONTACT_LINE * len(self.around)
 
 
-def check_monitors(monitors: Sequence[Monitor], packing: Packing, shape: Shape) -> None:
-    """Check each monitor by itself, that their names differ, and that the places that they name stay where they are."""
-    if not monitors:
-        return
-    if packing.rows == AUTO:
-        raise SceneError(f"packing.rows = {packing.rows!r}: must be a number with [[monitor]], which counts rows")
-    names: dict[str, int] = {}
-    for number, each in enumerate(monitors, 1):
-        if not each.name:
-            raise SceneError(f"monitor {number}: name: missing key; must be {NameRule(str, '', '').allowed}")
-        if each.name.lower() in names:
-            raise SceneError(
-                f"monitor {number}: name = {each.name!r}: is that of monitor {names[each.name.lower()]} too"
-            )
-        names[each.name.lower()] = number  # some file systems know no capitals
-        if each.spheres and packing.columns == AUTO:
-            raise SceneError(
-                f"packing.columns = {packing.columns!r}: must be a number where a monitor has single spheres"
-            )
-        for trouble in place_troubles(each.rows, each.spheres, shape, each.layers):
-            raise SceneError(f"monitor {each.name}: {trouble}")
-        if each.what == "flux" and not each.rows:
-            raise SceneError(f'monitor {each.name}: {each.places}: must be rows with what = "flux"')
-
-
 def placed_monitors(
-    monitors: Sequence[Monitor], crystal: ase.Atoms, shape: Shape, contacts: Contacts | None, on: Mapping[str, bool]
+    monitors: Sequence[Monitor], crystal: ase.Atoms, shape: Shape, contacts: Contacts | None, unrecorded: Sequence[str]
 ) -> tuple[PlacedMonitor, ...]:
     """Return the monitors of a scene in its crystal at rest.
 
@@ -155,8 +124,8 @@ def placed_monitors(
     shape : Shape
     contacts : Contacts, optional
         Contacts of all spheres; None for a perfect lattice, whose spheres touch those of the next rows only.
-    on : mapping of str to bool
-        Effects that are on.
+    unrecorded : sequence of str
+        Effects that are on and of which the record of contacts may lack forces or torques.
 
     Raises
     ------
@@ -168,18 +137,20 @@ def placed_monitors(
         try:
             chosen = spheres_at(each.rows, each.spheres, crystal, "monitor", each.layers)
         except SceneError as error:
-            raise SceneError(f"monitor {each.name}: {error}") from error
+            raise SceneError(f"monitor {each.name}: {error}", because=error.because) from error
         around = chosen[:0]
         if each.with_contacts:
-            if unknown := [name for name, there in on.items() if there and name not in _HELD]:
+            if unrecorded:
                 raise SceneError(
-                    f'monitor {each.name}: what = "{each.what}": must be "motion" with the effect {unknown[0]}, '
-                    "of which the record of contacts may lack forces or torques"
+                    f'monitor {each.name}: what = "{each.what}": must be "motion" with the effect {unrecorded[0]}, '
+                    "of which the record of contacts may lack forces or torques",
+                    because="not built",
                 )
             if contacts is not None and _far(contacts, crystal, shape):
                 raise SceneError(
                     f'monitor {each.name}: what = "{each.what}": must be "motion" where contacts reach beyond the next '
-                    "row, as they do in this crystal at rest"
+                    "row, as they do in this crystal at rest",
+                    because="not built",
                 )
             around = _around(each, crystal, shape)
         found.append(PlacedMonitor(each, chosen, around))
@@ -222,5 +193,6 @@ def check_groups(monitors: Sequence[PlacedMonitor], sources: int) -> None:
     if monitors and groups > MOST_GROUPS:
         raise SceneError(
             f"monitor: {len(monitors)} monitors beside {sources} sources take {groups} groups of LAMMPS, those with "
-            f"contacts two each; must be at most {MOST_GROUPS}"
+            f"contacts two each; must be at most {MOST_GROUPS}",
+            because="not built",
         )

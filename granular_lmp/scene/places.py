@@ -66,12 +66,13 @@ class AtPlaces:
         return self.rows[0] <= row <= self.rows[1] if self.rows else row in self.rows_of()
 
 
-def check_counted(at: Sequence[AtPlaces], rows: int | str, columns: int | str, table: str) -> None:
-    """Raise a SceneError if the rows, or for single spheres the columns, that a table counts are left to "auto"."""
+def counting_trouble(at: Sequence[AtPlaces], rows: int | str, columns: int | str, table: str) -> str:
+    """Return what is wrong if rows, or for single spheres columns, that a table counts are "auto"; "" if nothing is."""
     if at and isinstance(rows, str):
-        raise SceneError(f"packing.rows = {rows!r}: must be a number with {table}, which counts rows")
+        return f"packing.rows = {rows!r}: must be a number with {table}, which counts rows"
     if isinstance(columns, str) and any(each.spheres for each in at):
-        raise SceneError(f"packing.columns = {columns!r}: must be a number where {table} has single spheres")
+        return f"packing.columns = {columns!r}: must be a number where {table} has single spheres"
+    return ""
 
 
 def in_words(rows: Rows, spheres: Spheres, layers: Rows = ()) -> str:
@@ -137,12 +138,12 @@ def spheres_at(rows: Rows, spheres: Spheres, crystal: ase.Atoms, role: str, laye
     if rows:
         chosen = np.flatnonzero((rows[0] <= row) & (row <= rows[1]) & inside)
         if not len(chosen):
-            raise SceneError(f"{in_words(rows, spheres, layers)}: holds vacancies only")
+            raise SceneError(f"{in_words(rows, spheres, layers)}: holds vacancies only", because="physics")
         return chosen
     index: dict[tuple[int, ...], list[int]] = {}
     for each in np.flatnonzero(inside).tolist():
         index.setdefault((int(row[each]), int(column[each])), []).append(each)
     for place in spheres:
         if tuple(place) not in index:
-            raise SceneError(f"sphere {list(place)}: is a vacancy, and cannot be a {role}")
+            raise SceneError(f"sphere {list(place)}: is a vacancy, and cannot be a {role}", because="physics")
     return np.unique([each for at in spheres for each in index[tuple(at)]])

@@ -3,8 +3,8 @@
 A record that a script makes remembers which values it was given, since a default may depend on the scene.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, fields
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import MISSING, field, fields
 from functools import cache
 from typing import Any, Self
 
@@ -36,7 +36,7 @@ class Remembering:
             object.__setattr__(self, name, value)
 
 
-def said(table: Any) -> Any:
+def said(table: Any, differing: Collection[str] = ()) -> Any:
     """Return what records say, as plain values: what departs from a default.
 
     A value that was given is said too if its default depends on the scene.
@@ -44,6 +44,8 @@ def said(table: Any) -> Any:
     Parameters
     ----------
     table : record, sequence of records, or plain value
+    differing : collection of str
+        Names of the keys whose default depends on the scene.
 
     Returns
     -------
@@ -56,27 +58,20 @@ def said(table: Any) -> Any:
     given = getattr(table, "_given", ())
     values = ((item, getattr(table, item.name)) for item in fields(table))
     return {
-        item.name: value for item, value in values if value != item.default or (item.name in given and _depends(item))
+        item.name: value
+        for item, value in values
+        if value != item.default or (item.name in given and item.name in differing)
     }
 
 
-def _depends(item: "Field[Any]") -> bool:
-    """Return whether a scene without ``[wave]`` has the key of a field with another default."""
-    other = item.metadata["rule"].bare if "rule" in item.metadata else None
-    return other is not None and other.rule is not None and other.default != item.default
-
-
-def record(kind: type, table: Any, name: str, rules: Rules | None = None, *, bare: bool = False) -> Any:
-    """Return the record of type `kind` from the TOML table `name` with every value checked.
-
-    `bare` is true for a scene without ``[wave]``.
+def record(kind: type, table: Any, name: str, keys: Sequence["DeclaredKey"]) -> Any:
+    """Return the record of type `kind` from the TOML table `name`, which holds `keys`, with every value checked.
 
     Raises
     ------
     SceneError
         If the table or a key is missing, a key is unknown, or a value is out of range; the message names it.
     """
-    keys = declared_keys(kind, rules, bare=bare)
     names = [key.name for key in keys]
     if table is None:
         if any(key.default is MISSING for key in keys):
@@ -94,14 +89,14 @@ def record(kind: type, table: Any, name: str, rules: Rules | None = None, *, bar
     return kind(**values)
 
 
-def plain(record: Any, rules: Rules | None = None, *, bare: bool = False) -> dict[str, Any]:
-    """Return the declared values of a record by name."""
-    return {key.name: getattr(record, key.name) for key in declared_keys(record.__class__, rules, bare=bare)}
+def plain(record: Any, keys: Sequence["DeclaredKey"]) -> dict[str, Any]:
+    """Return the values of the keys of a record by name."""
+    return {key.name: getattr(record, key.name) for key in keys}
 
 
-def toml_lines(kind: type, values: Mapping[str, Any], rules: Rules | None = None, *, bare: bool = False) -> list[str]:
-    """Return a line ``key = value  # note`` for each of the values, which belong to a record of type `kind`."""
-    notes = {key.name: key.rule.note for key in declared_keys(kind, rules, bare=bare)}
+def toml_lines(values: Mapping[str, Any], keys: Sequence["DeclaredKey"]) -> list[str]:
+    """Return a line ``key = value  # note`` for each of the values, which are those of some of the keys."""
+    notes = {key.name: key.rule.note for key in keys}
     lines = ((f"{name} = {_in_lines(value)}", notes[name]) for name, value in values.items())
     return [f"{line:30} # {note}" if note else line for line, note in lines]
 
@@ -127,19 +122,31 @@ class DeclaredKey:
         return self.default is MISSING
 
 
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """A kind of scene: which defaults are other ones in it, and which tables and keys it cannot have.
+
+    Attributes
+    ----------
+    defaults : mapping of str to value
+        Dotted key → its default, `MISSING` where the key must be given.
+    absent : mapping of str to str
+        Table or dotted key that such a scene does not have → the message that refuses it.
+    """
+
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    absent: Mapping[str, str] = field(default_factory=dict)
+
+
 @cache  # a scene asks for them dozens of times
-def declared_keys(kind: type, rules: Rules | None = None, *, bare: bool = False) -> Sequence[DeclaredKey]:
-    """Return the keys of a record that a scene file holds; `bare` is true for a scene without ``[wave]``."""
-    own = rules or Rules()
+def declared_keys(
+    kind: type, rules: Rules | None = None, table: str = "", variant: Variant | None = None
+) -> Sequence[DeclaredKey]:
+    """Return the keys of a record that a scene file holds; in a `variant`, the keys of a table there."""
+    own, other = rules or Rules(), variant or Variant()
     known = ((item, own.get(item.name) or item.metadata.get("rule")) for item in fields(kind))
-    found = (_declared(item, rule, bare) for item, rule in known if rule is not None)
-    return tuple(key for key in found if key is not None)
-
-
-def _declared(item: "Field[Any]", rule: Rule, bare: bool) -> DeclaredKey | None:
-    other = rule.bare
-    if other is None or not (bare or other.only):
-        return DeclaredKey(item.name, rule, item.default)
-    if not bare or other.rule is None:
-        return None
-    return DeclaredKey(item.name, other.rule, other.default)
+    return tuple(
+        DeclaredKey(item.name, rule, other.defaults.get(f"{table}.{item.name}", item.default))
+        for item, rule in known
+        if rule is not None and not {table, f"{table}.{item.name}"} & other.absent.keys()
+    )

@@ -7,11 +7,11 @@ writing and the error messages.
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import Field, field, replace
+from dataclasses import field, replace
 from decimal import Decimal
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.unsupported import hint
 
-AUTO = "auto"
+AUTO: Final = "auto"
 Auto = Literal["auto"]
 LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.part takes more of them
 LONGEST_PART = 40  # characters of a name that is a part of file names
@@ -61,8 +61,6 @@ class Rule:
         Allowed range of a number.
     words : tuple of str
         Allowed words, beside numbers and switches or alone.
-    bare : Bare, optional
-        How the key is declared in a scene without ``[wave]``, where that differs.
     """
 
     kind: type
@@ -70,7 +68,6 @@ class Rule:
     meaning: str
     interval: Interval | None = None
     words: tuple[str, ...] = ()
-    bare: "Bare | None" = None
 
     @property
     def note(self) -> str:
@@ -119,18 +116,6 @@ class Rule:
         if not right or (self.interval is not None and value not in self.interval):
             raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}")
         return self.kind(value)  # numpy's floats write themselves into a deck with their type
-
-
-@dataclass(frozen=True)
-class Bare:
-    """A key of a scene without ``[wave]``: its rule, and its default, `MISSING` where the key must be given.
-
-    `rule` is None if the key does not exist without ``[wave]``; `only` is true if it exists only there.
-    """
-
-    rule: Rule | None
-    default: Any
-    only: bool = False
 
 
 @dataclass(frozen=True)
@@ -205,36 +190,31 @@ def number(
     open_low: bool = False,
     or_zero: bool = False,
     words: tuple[str, ...] = (),
-    bare: Any = None,
     **default: Any,
 ) -> Any:
-    """Return a dataclass field for a number in an interval; `bare` is the field of a scene without ``[wave]``."""
+    """Return a dataclass field for a number in an interval."""
     interval = Interval(low, high, open_low, or_zero)
-    return field(metadata={"rule": Rule(float, unit, meaning, interval, words, bare=_bare(bare))}, **default)
+    return field(metadata={"rule": Rule(float, unit, meaning, interval, words)}, **default)
 
 
-def count(meaning: str, low: int, high: int, *, words: tuple[str, ...] = (), bare: Any = None, **default: Any) -> Any:
+def count(meaning: str, low: int, high: int, *, words: tuple[str, ...] = (), **default: Any) -> Any:
     """Return a dataclass field for a whole number."""
-    return field(metadata={"rule": Rule(int, "", meaning, Interval(low, high), words, bare=_bare(bare))}, **default)
+    return field(metadata={"rule": Rule(int, "", meaning, Interval(low, high), words)}, **default)
 
 
-def choice(meaning: str, options: tuple[str, ...], *, bare: Any = None, **default: Any) -> Any:
+def choice(meaning: str, options: tuple[str, ...], **default: Any) -> Any:
     """Return a dataclass field for one of several words."""
-    return field(metadata={"rule": Rule(str, "", meaning, words=options, bare=_bare(bare))}, **default)
+    return field(metadata={"rule": Rule(str, "", meaning, words=options)}, **default)
 
 
-def flag(meaning: str, *, bare: Any = None, **default: Any) -> Any:
+def flag(meaning: str, **default: Any) -> Any:
     """Return a dataclass field that is true or false."""
-    return field(metadata={"rule": Rule(bool, "", meaning, bare=_bare(bare))}, **default)
+    return field(metadata={"rule": Rule(bool, "", meaning)}, **default)
 
 
-def switch(meaning: str, *, bare: Any = None) -> Any:
+def switch(meaning: str) -> Any:
     """Return a dataclass field that is true, false or "auto", the default."""
-    return field(metadata={"rule": Rule(bool, "", meaning, words=(AUTO,), bare=_bare(bare))}, default=AUTO)
-
-
-def _bare(declared: "Field[Any] | Bare | None") -> Bare | None:
-    return Bare(declared.metadata["rule"], declared.default) if isinstance(declared, Field) else declared
+    return field(metadata={"rule": Rule(bool, "", meaning, words=(AUTO,))}, default=AUTO)
 
 
 def plain_value(value: Any) -> Any:

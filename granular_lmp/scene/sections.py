@@ -1,45 +1,45 @@
 """The tables of a scene file: frozen records whose fields carry their own range (`granular_lmp.scene.schema`).
 
 Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0; in a scene
-without ``[wave]`` times are in t0 of the impact (`granular_lmp.crystal.scale`). `bare` says how a key is declared there
-if that differs. `granular_lmp.rest.scene` checks combinations of values.
+without ``[wave]`` times are in t0 of the impact (`granular_lmp.crystal.scale`). Which keys
+have another default there stands in `granular_lmp.scene.without_wave`. `granular_lmp.rest.refusals` checks
+combinations of values.
 """
 
 import re
 from collections.abc import Mapping
-from dataclasses import field, replace
-from math import ceil, floor, hypot, pi, sqrt
+from dataclasses import field
+from math import floor, hypot, pi, sqrt
 from typing import Any
 
 from granular_lmp.crystal.disorder import BOXES, WAYS, WHOLE
 from granular_lmp.crystal.lattices import (
-    CHAIN,
     FREE,
     HELD,
     HEXAGONAL,
     LATTICE_NAMES,
     ORIENTATIONS,
     PERIODIC,
-    PLANE_LATTICES,
     QUIET,
     WALL,
     Lattice,
 )
-from granular_lmp.crystal.modes import MODES, Physics
+from granular_lmp.crystal.mode import Physics
+from granular_lmp.crystal.modes import MODES
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
+from granular_lmp.scene.clock import Ladder, Step
 from granular_lmp.scene.forms import FORMS, MEANING, Form
 from granular_lmp.scene.places import LAYERS_RULE, AtPlaces, Rows, Spheres, rows_rule, spheres_rule
 from granular_lmp.scene.records import Remembering
-from granular_lmp.scene.schema import AUTO, Auto, Bare, Interval, Rule, choice, count, flag, number, shown, switch
+from granular_lmp.scene.schema import AUTO, Auto, Rule, choice, count, flag, number, shown, switch
 
 ENDS = ("fixed", "periodic", AUTO)
 FACES = (HELD, FREE, WALL, QUIET, AUTO)
 SHEAR_LAWS = ("secant", "incremental")
 RESCALED = "rescaled"  # "secant" with a shear displacement that shrinks as the contact does; no theory holds it
-NOT_BARE = Bare(None, None)  # a scene without [wave] does not have the key
-_OR_AUTO: dict[str, Any] = {"words": (AUTO,), "default": AUTO, "bare": NOT_BARE}
+_OR_AUTO: dict[str, Any] = {"words": (AUTO,), "default": AUTO}
 LARGEST_WAVENUMBER = sqrt(2) * pi  # the corner of the Brillouin zone of the square lattice
 _BRANCH = "[SH]?[1-9][0-9]{0,3}"
 NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all others
@@ -62,47 +62,13 @@ class Packing(Remembering):
     spheres bear it; at a free end a constant force pushes the last sphere.
     """
 
-    lattice: str = choice(
-        "chain: one row of spheres along y",
-        LATTICE_NAMES,
-        default=HEXAGONAL.name,
-        bare=choice("chain: one row of spheres along y", tuple(PLANE_LATTICES), default=CHAIN.name),
-    )
-    rows: int | Auto = count(
-        "along y", 4, 10_000_000, words=(AUTO,), default=AUTO, bare=count("along y; 1 at a wall", 1, 10_000_000)
-    )
-    columns: int | Auto = count(
-        "along x: at least 3; 1 in a chain",
-        1,
-        1_000_000,
-        words=(AUTO,),
-        default=AUTO,
-        bare=count("along x: 1 in a chain", 1, 1_000_000, default=1),
-    )
-    ends: str = choice(
-        "first and last row held, or a periodic cell",
-        ENDS,
-        default="fixed",
-        bare=choice("first and last row, or a periodic cell", ENDS[:2], default="fixed"),
-    )
-    first: str = choice(
-        "first row of fixed ends; auto: held",
-        FACES,
-        default=AUTO,
-        bare=choice("end at the first row", (FREE, HELD, WALL, QUIET), default=FREE),
-    )
-    last: str = choice(
-        "last row of fixed ends; auto: held",
-        FACES,
-        default=AUTO,
-        bare=choice("end at the last row", (FREE, HELD, WALL, QUIET), default=FREE),
-    )
-    sides: str = choice(
-        "first and last column of a sheet",
-        (PERIODIC, HELD, FREE, WALL),
-        default=PERIODIC,
-        bare=choice("of a sheet: periodic needs at least 3 columns", (FREE, PERIODIC, HELD, WALL), default=FREE),
-    )
+    lattice: str = choice("chain: one row of spheres along y", LATTICE_NAMES, default=HEXAGONAL.name)
+    rows: int | Auto = count("along y", 1, 10_000_000, **_OR_AUTO)
+    columns: int | Auto = count("along x: at least 3; 1 in a chain", 1, 1_000_000, **_OR_AUTO)
+    ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed")
+    first: str = choice("first row of fixed ends; auto: held", FACES, default=AUTO)
+    last: str = choice("last row of fixed ends; auto: held", FACES, default=AUTO)
+    sides: str = choice("first and last column of a sheet", (PERIODIC, HELD, FREE, WALL), default=PERIODIC)
     contact_force: float = number("N", "presses the contacts at rest together from outside", 0, 1e12, default=0.0)
     relax: str = choice("of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box")
     relax_friction: float = number("", "of unequal spheres while they come to rest; 0: none", 0, 1e4, default=0.0)
@@ -121,13 +87,11 @@ class Packing(Remembering):
         "faces along z of a lattice in space; auto: free on a substrate, else periodic",
         (PERIODIC, FREE, AUTO),
         default=AUTO,
-        bare=NOT_BARE,
     )
     orientation: str = choice(
         "crystal direction along y of a lattice in space; auto: [001] of cubic and fcc, c of hcp",
         (*ORIENTATIONS, AUTO),
         default=AUTO,
-        bare=NOT_BARE,
     )
 
 
@@ -246,6 +210,11 @@ class Sampled:
     sample: float
 
     @property
+    def clock(self) -> Step | Ladder:
+        """One step, or a ladder of steps: this is the one place that asks which."""
+        return Step(self.timestep, self.sample) if self.tolerance is None else Ladder(self.tolerance)
+
+    @property
     def steps_per_sample(self) -> int:
         """Number of steps between two records; the step is rounded down to fit.
 
@@ -254,9 +223,7 @@ class Sampled:
         SceneError
             If the scene has a tolerance; one with a step is ``scene.with_values({"time.timestep": step})``.
         """
-        if self.tolerance is not None:
-            raise SceneError(f"time.tolerance = {self.tolerance!r}: the scene has no time step until one is chosen")
-        return ceil(self.sample / self.timestep - 1e-9)  # the same rule, with the same slack, is written in the deck
+        return self.clock.per_sample
 
     @property
     def step(self) -> float:
@@ -300,37 +267,20 @@ class Time(Remembering, Sampled):
     (the case "impact").
     """
 
-    duration: float = number("tau", "of the run", 1e-3, 1e7, bare=number("t0", "of the run", 1e-3, 1e8))
-    timestep: float = number(
-        "tau", "at most", FINEST, 2, default=0.05, bare=number("t0", "at most", FINEST, 1, default=0.03)
-    )
+    duration: float = number("tau", "of the run", 1e-3, 1e8)
+    timestep: float = number("tau", "at most", FINEST, 2, default=0.05)
     tolerance: float | None = number(
         "",
-        "relative L2 error of p, q and phi each, in place of a timestep",
+        "in place of a timestep: relative L2 error of p, q and phi, or of velocities over the fastest striker's",
         1e-9,
         0.1,
         default=None,
-        bare=number(
-            "", "error of each velocity over the fastest striker's, in place of a timestep", 1e-9, 0.1, default=None
-        ),
     )
-    sample: float = number(
-        "tau",
-        "between records",
-        FINEST,
-        1e7,
-        default=0.5,
-        bare=number("t0", "between records", FINEST, 1e8, default=0.5),
-    )
-    allow_echo: bool = flag("run past the echo of the walls at the centre", default=False, bare=NOT_BARE)
+    sample: float = number("tau", "between records", FINEST, 1e8, default=0.5)
+    allow_echo: bool = flag("run past the echo of the walls at the centre", default=False)
 
 
 LOAD, DISTANCE = "load", "distance"  # where a contact that adheres beyond an overlap of 0 parts
-
-
-def _unwaved(rule: Rule, default: Any) -> Any:
-    """Return a dataclass field of a key that a scene without ``[wave]`` has alone."""
-    return field(default=default, metadata={"rule": replace(rule, bare=Bare(rule, default, only=True))})
 
 
 @dataclass(frozen=True)
@@ -341,42 +291,24 @@ class Effects(Remembering):
     their switches are ``packing.ends`` and ``packing.columns``.
     """
 
-    adhesion: bool | Auto = switch("adhesion of the spheres; without it the Hertz contact", bare=NOT_BARE)
-    shear: bool | Auto = switch("Mindlin shear force", bare=NOT_BARE)
-    rotation: bool | Auto = switch("spheres turn", bare=flag("spheres turn, where there is friction", default=True))
-    tracking: bool | Auto = switch("the angle is recorded", bare=NOT_BARE)
-    sliding: bool | Auto = switch("contacts slide at the Coulomb limit of friction", bare=NOT_BARE)
-    damping: bool | Auto = switch("contacts dissipate by viscosity or restitution", bare=NOT_BARE)
-    contact_opening: bool | Auto = switch("contacts part and meet again", bare=NOT_BARE)
-    rolling: bool | Auto = switch("contacts resist rolling", bare=NOT_BARE)
-    twisting: bool | Auto = switch("contacts resist twisting", bare=NOT_BARE)
-    shear_law: str = choice(
-        "of the shear force",
-        SHEAR_LAWS,
-        default="secant",
-        bare=choice("of the shear force", (*SHEAR_LAWS, RESCALED), default="incremental"),
-    )
-    friction: float | Auto = number(
-        "",
-        "coefficient; auto: none slides",
-        0,
-        1e4,
-        open_low=True,
-        words=(AUTO,),
-        default=AUTO,
-        bare=number("", "Coulomb coefficient; 0: no shear force, no rotation", 0, 1e4, default=0.0),
-    )
+    adhesion: bool | Auto = switch("adhesion of the spheres; without it the Hertz contact")
+    shear: bool | Auto = switch("Mindlin shear force")
+    rotation: bool | Auto = switch("spheres turn")
+    tracking: bool | Auto = switch("the angle is recorded")
+    sliding: bool | Auto = switch("contacts slide at the Coulomb limit of friction")
+    damping: bool | Auto = switch("contacts dissipate by viscosity or restitution")
+    contact_opening: bool | Auto = switch("contacts part and meet again")
+    rolling: bool | Auto = switch("contacts resist rolling")
+    twisting: bool | Auto = switch("contacts resist twisting")
+    shear_law: str = choice("of the shear force", (*SHEAR_LAWS, RESCALED), default="secant")
+    friction: float | Auto = number("", "coefficient; auto: none slides", 0, 1e4, words=(AUTO,), default=AUTO)
     viscosity: float = number("N s/m", "dashpot of a contact", 0, 1e12, default=0.0)
-    rolling_stiffness: float = number("N/m", "of a contact against rolling", 0, 1e12, default=0.0, bare=NOT_BARE)
-    rolling_viscosity: float = number(
-        "N s/m", "dashpot of a contact against rolling", 0, 1e12, default=0.0, bare=NOT_BARE
-    )
-    rolling_friction: float = number("", "largest rolling over normal force", 0, 1e4, default=0.0, bare=NOT_BARE)
+    rolling_stiffness: float = number("N/m", "of a contact against rolling", 0, 1e12, default=0.0)
+    rolling_viscosity: float = number("N s/m", "dashpot of a contact against rolling", 0, 1e12, default=0.0)
+    rolling_friction: float = number("", "largest rolling over normal force", 0, 1e4, default=0.0)
     restitution: float = number("", "of a Hertz contact; 1: none lost", 0, 1, open_low=True, default=1.0)
     parting: str = choice("where a JKR contact ends: largest pull, or distance", (LOAD, DISTANCE), default=LOAD)
-    shear_damping: float = _unwaved(
-        Rule(float, "", "dashpot of shear over that of normal motion", Interval(0, 100)), default=1.0
-    )
+    shear_damping: float = number("", "dashpot of shear over that of normal motion", 0, 100, default=1.0)
 
     @property
     def damped_twice(self) -> str:
@@ -411,11 +343,11 @@ class Output(Remembering, AtPlaces):
     They are recorded at each sample, all of them if none are declared, where others have monitors.
     """
 
-    rows: Rows = _unwaved(rows_rule("first and last recorded row"), ())
-    spheres: Spheres = _unwaved(spheres_rule("[row, column] of each recorded sphere"), ())
-    layers: Rows = _unwaved(LAYERS_RULE, ())
-    forces: bool = _unwaved(Rule(bool, "", "the force on each recorded sphere, too"), default=False)
-    particles: float = number("tau", "between snapshots of all spheres; 0: none", 0, 1e7, default=0.0, bare=NOT_BARE)
+    rows: Rows = field(default=(), metadata={"rule": rows_rule("first and last recorded row")})
+    spheres: Spheres = field(default=(), metadata={"rule": spheres_rule("[row, column] of each recorded sphere")})
+    layers: Rows = field(default=(), metadata={"rule": LAYERS_RULE})
+    forces: bool = flag("the force on each recorded sphere, too", default=False)
+    particles: float = number("tau", "between snapshots of all spheres; 0: none", 0, 1e7, default=0.0)
     checkpoint: float | Auto = number(
         "minutes",
         "between two checkpoints; auto: they take 1 % of the run at most",

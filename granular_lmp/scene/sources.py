@@ -18,29 +18,26 @@ nothing to say of spheres that are moved: it is cut off there, as it is at held 
 
 from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
-from math import inf, pi
+from math import pi
 from typing import Protocol
 
 import ase
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular_lmp.crystal.lattices import HELD, Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene import samples
-from granular_lmp.scene.forms import NO_WAVE, Form
-from granular_lmp.scene.places import AtPlaces, check_counted, place_troubles, spheres_at
-from granular_lmp.scene.schema import choice, number, shown
-from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave
+from granular_lmp.scene.places import AtPlaces, spheres_at
+from granular_lmp.scene.schema import choice, number
 from granular_lmp.scene.signals import SAMPLES, SIGNALS, Signal
 
 AXES = ("x", "y", "z")
 TORQUE, ROTATION = "torque", "rotation"  # about z; about x and y the axis follows: torque_x
 TORQUES, ROTATIONS = ((word, f"{word}_x", f"{word}_y") for word in (TORQUE, ROTATION))
 # Over Ω, of the spectrum of any signal before quiet ends; the main lobe of a burst, Ω(1 ± 2/cycles), has 3 cycles then
-_LOWEST = 1 / 3
+LOWEST = 1 / 3
 _COMPLEX_STEP = 1e-30  # Its square rounds no derivative
 LARGEST_ANGLE = 2e-3  # rad: a torque in LAMMPS is then off by 1 - cos, 2e-6 (`granular_lmp.lammps.sources`)
 FEWEST_STEPS = 20.0  # A period of a source has at least these: Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
@@ -117,7 +114,10 @@ class Source(AtPlaces):
         what, _, si = head[1].partition("_")
         if what != needed:
             does = "motion" if self.motion else "force"
-            raise SceneError(f'signal: has {head[1]}: must be {needed} with {does} = "{self.motion or self.force}"')
+            raise SceneError(
+                f'signal: has {head[1]}: must be {needed} with {does} = "{self.motion or self.force}"',
+                because="physics",
+            )
         most = self.amplitude * samples.largest(pairs)
         told = f" ({len(pairs)} over {pairs[-1][0]:.4g} s, up to {most:.4g} {si})"
         reduced = tuple((seconds / sphere.time_scale, value / unit) for seconds, value in pairs)
@@ -233,74 +233,6 @@ class PlacedSource:
         return (110 if self.source.motion else 30) * (3 if self.source.sampled else 1)
 
 
-def check_sources(
-    sources: Sequence[Source],
-    wave: Wave | None,
-    envelope: Envelope,
-    packing: Packing,
-    shape: Shape,
-    sphere: Sphere,
-    time: Time,
-    struck: bool,
-    space: int,
-) -> None:
-    """Check that a crystal without a wave is shaken or struck, and each source by itself."""
-    amplitude, form = (1.0, NO_WAVE) if wave is None else (wave.amplitude, wave.known)
-    if wave is not None and not form.waves:
-        needed = {
-            "source": (len(sources), bool(sources) or struck, "at least one table [[source]], or a strike,"),
-            "wave.phase": (wave.phase, wave.phase == 0, "0, sources have phases of their own,"),
-            "envelope.length": (envelope.length, envelope.length == 0, "0"),
-            "envelope.width": (envelope.width, envelope.width == 0, "0"),
-        }
-        for key, (value, right, allowed) in needed.items():
-            if not right:
-                raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "{wave.form}"')
-    check_counted(sources, packing.rows, packing.columns, "[[source]]")
-    for number_, each in enumerate(sources, 1):
-        for trouble in _troubles(each, shape, sphere, amplitude, form, space):
-            raise SceneError(f"source {number_}: {trouble}")
-        if wave is None and each.needs_frequency:
-            raise SceneError(f"source {number_}: frequency: missing; without [wave] it must be given, or hertz")
-        if each.sampled and samples.end(each.sampled) + each.delay < time.duration * (1 - samples.UNEVEN):
-            raise SceneError(
-                f"source {number_}: signal: ends at tau = {each.sampled[-1][0] + each.delay:g} with "
-                f"{each.sampled[-1][1]:g}: must come back to 0, or last to time.duration = {time.duration!r}"
-            )
-    if (count := sum(len(each.sampled) for each in sources)) > samples.MOST:
-        raise SceneError(f"source: {count} samples: must be at most {samples.MOST} in all signals together")
-
-
-def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float, form: Form, space: int) -> Iterator[str]:
-    """Yield what is wrong with a source by itself."""
-    yield from place_troubles(source.rows, source.spheres, shape, source.layers)
-    given = [name for name in ("motion", "force") if getattr(source, name)]
-    if len(given) != 1:
-        yield f"{' and '.join(given) or 'neither'} given: must be either motion or force"
-    elif source.leaves_plane and space == 2:
-        yield f'{given[0]} = "{getattr(source, given[0])}": leaves the plane of the spheres; needs packing.space = 3'
-    if source.frequency is not None and source.hertz is not None:
-        yield f"frequency = {source.frequency!r} and hertz = {source.hertz!r}: must be one of the two"
-    for key in dict.fromkeys(key for signal in SIGNALS.values() for key in signal.keys):
-        if key not in source.known.keys and getattr(source, key) != getattr(Source, key):
-            allowed = " or ".join(name for name, signal in SIGNALS.items() if key in signal.keys)
-            yield f'{key} = {getattr(source, key)!r}: is for signal = {allowed} only, not "{source.kind}"'
-    if source.motion and form.driven and source.is_in_row(0):
-        yield f"{source.places}: must not hold spheres of the first row, which is driven"
-    if source.force and shape.holds(*source.marks(shape.columns // 2)).any():
-        held = " and ".join(name for name, face in shape.faces.items() if face == HELD)
-        yield f"{source.places}: must lie between the faces that are held ({held}), which feel no force"
-    largest = sphere.radius / sphere.static_overlap / 10 / amplitude
-    if source.motion and source.largest > largest:
-        yield f"amplitude = {source.largest!r}: must be at most {largest:.3g}, a motion by R/10"
-    largest *= 10 * LARGEST_ANGLE
-    if source.force in TORQUES and source.largest > largest:
-        yield (
-            f"amplitude = {source.largest!r}: must be at most {largest:.3g}: a torque that turns spheres by more "
-            f"than about {LARGEST_ANGLE:g} rad falls with the cosine of their angle"
-        )
-
-
 def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, usual: float) -> tuple[PlacedSource, ...]:
     """Return the sources of a scene in its crystal at rest; `usual` is Ω of the wave, rad/t0.
 
@@ -319,19 +251,21 @@ def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, usual:
         try:
             chosen = spheres_at(source.rows, source.spheres, crystal, "source", source.layers)
         except SceneError as error:
-            raise SceneError(f"source {number_}: {error}") from error
+            raise SceneError(f"source {number_}: {error}", because=error.because) from error
         for each in chosen.tolist():
             other, moved = by.get(each, (0, False))
             if other and (moved or source.motion):
                 raise SceneError(
                     f"source {number_}: sphere [{row[each]}, {column[each]}]: is in source {other} too; a sphere that "
-                    "is moved must be in no other source"
+                    "is moved must be in no other source",
+                    because="physics",
                 )
             by[each] = number_, bool(source.motion)
             if source.force in TORQUES and turned.setdefault(each, source.axis) != source.axis:
                 raise SceneError(
                     f'source {number_}: force = "{source.force}": sphere [{row[each]}, {column[each]}] feels a torque '
-                    "about another axis too, and LAMMPS has one dipole for both; take other spheres"
+                    "about another axis too, and LAMMPS has one dipole for both; take other spheres",
+                    because="physics",
                 )
         found.append(PlacedSource(source, chosen, source.pulsation(sphere, usual)))
     return tuple(found)
@@ -347,28 +281,4 @@ def longest_steps(sources: Sequence[Source], sphere: Sphere, usual: float) -> It
                 most,
                 f"leaves a period of source {number_} fewer than {FEWEST_STEPS:g} steps at its frequency of {top:.6g} "
                 f"rad per t0; must be at most {most:.4g}",
-            )
-
-
-def check_quiet(sources: Sequence[Source], absorb: Absorb) -> None:
-    """Check that no source of a scene with quiet ends makes waves that are too long for them."""
-    if absorb.rows == 0:
-        return
-    for number_, each in enumerate(sources, 1):
-        endless = min(replace(each, cycles=inf).band, default=0.0)  # the lowest frequency without a window
-        if endless <= _LOWEST:
-            allowed = " or ".join(f'"{name}"' for name, signal in SIGNALS.items() if signal.band(each))
-            wrong, must = f'signal = "{each.kind}"', allowed
-            if each.band:
-                wrong, must = f"sweep = {each.sweep!r}", "above 1/3"
-            raise SceneError(
-                f"source {number_}: {wrong}: must be {must} with absorb.rows, as the long waves in its spectrum are "
-                "absorbed by no number of rows"
-            )
-        lowest = min(each.band)
-        if lowest < _LOWEST:
-            fewest = (endless - lowest) * each.cycles / (endless - _LOWEST)
-            raise SceneError(
-                f"source {number_}: cycles = {each.cycles!r}: must be at least {fewest:.4g} with absorb.rows, as "
-                f"the spectrum of a shorter {each.kind} reaches down to waves that no number of rows absorbs"
             )

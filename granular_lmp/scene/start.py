@@ -202,7 +202,7 @@ def _declared(
     try:
         motion[spheres_at((), start.places, crystal, "sphere that moves")] = start.motion[ascending]
     except SceneError as error:
-        raise SceneError(f"start.state: {error}") from error
+        raise SceneError(f"start.state: {error}", because=error.because) from error
     own, everything = np.isin(np.arange(len(crystal)), np.concatenate([np.empty(0), *struck])), [*range(9)]
     chain = crystal.info["lattice_name"] == CHAIN.name
     refuse_motion(motion, everything, crystal, crystal.arrays["fixed"], "of a held row, which does not move")
@@ -241,7 +241,9 @@ def refuse_motion(
     for sphere, column in np.argwhere(motion[:, columns] * who[:, None] != 0)[:1]:
         name, value = (COLUMNS + IN_SPACE)[2:][_PARTS[columns[column]]], motion[sphere, columns[column]]
         at = place_of(crystal, sphere)
-        raise SceneError(f"start.state: sphere {at}: {name} = {value:g}: must be 0 for a sphere {why}")
+        raise SceneError(
+            f"start.state: sphere {at}: {name} = {value:g}: must be 0 for a sphere {why}", because="physics"
+        )
 
 
 def located(tables: dict[str, Any], folder: Path) -> dict[str, Any]:

@@ -12,9 +12,8 @@ from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.places import AtPlaces, check_counted, place_of, place_troubles, spheres_at
+from granular_lmp.scene.places import AtPlaces, place_of, place_troubles, spheres_at
 from granular_lmp.scene.schema import number
-from granular_lmp.scene.sections import Absorb, Packing
 from granular_lmp.scene.start import Start
 
 WORDS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}  # unit vectors
@@ -100,40 +99,6 @@ def stretch(strikers: Sequence[Striker], start: Start, sphere: Sphere) -> float:
     return (speed * sqrt(sphere.mass / sphere.normal_stiffness) + 2 * start.farthest) / sphere.static_overlap
 
 
-def check_strikes(
-    strikers: Sequence[Striker],
-    start: Start,
-    packing: Packing,
-    shape: Shape,
-    absorb: Absorb,
-    sphere: Sphere,
-    strike: float,
-    space: int,
-) -> None:
-    """Check that strikers and the state of a crystal at rest have places, and that they are not too strong."""
-    pushed = (*strikers, *start.at())
-    if start.touching:
-        raise SceneError("start.touching = true: must be false beside [wave], whose crystal is at rest")
-    if not pushed and not start.noise:
-        return
-    places = (trouble for at in start.at() for trouble in place_troubles((), at.spheres, shape, None))
-    for trouble in (*striker_troubles(strikers, shape, space), *(f"start.state: {each}" for each in places)):
-        raise SceneError(trouble)
-    check_counted(strikers, packing.rows, packing.columns, "[[striker]]")
-    check_counted(start.at(), packing.rows, packing.columns, "[start]")
-    if absorb.rows != 0:
-        raise SceneError(
-            f"absorb.rows = {absorb.rows!r}: must be 0 beside [[striker]] or [start]: no number of rows absorbs the "
-            "long waves of a strike"
-        )
-    strongest = sphere.radius / sphere.static_overlap / 10
-    if not strike <= strongest:
-        raise SceneError(
-            f"striker or start: would stretch contacts by up to {strike:.3g} Delta0; must be at most {strongest:.3g}, "
-            "a tenth of the radius"
-        )
-
-
 def struck(strikers: Sequence[Striker], crystal: ase.Atoms) -> tuple[NDArray[np.int64], ...]:
     """Return the indices of the spheres of each striker in a crystal.
 
@@ -148,14 +113,18 @@ def struck(strikers: Sequence[Striker], crystal: ase.Atoms) -> tuple[NDArray[np.
         try:
             chosen = spheres_at(striker.rows, striker.spheres, crystal, "striker", striker.layers)
         except SceneError as error:
-            raise SceneError(f"striker {number_}: {error}") from error
+            raise SceneError(f"striker {number_}: {error}", because=error.because) from error
         free = chosen[~crystal.arrays["fixed"][chosen]]
         if len(free) < len(chosen) and not (striker.rows and len(free)):  # spheres of rows stay where sides hold them
-            raise SceneError(f"striker {number_}: {striker.places}: is at a face that is held, which does not move")
+            raise SceneError(
+                f"striker {number_}: {striker.places}: is at a face that is held, which does not move",
+                because="physics",
+            )
         chosen = free
         if twice := taken & {*chosen.tolist()}:
             raise SceneError(
-                f"striker {number_}: sphere {place_of(crystal, min(twice))}: is in another striker too; must be in one"
+                f"striker {number_}: sphere {place_of(crystal, min(twice))}: is in another striker too; must be in one",
+                because="physics",
             )
         taken |= {*chosen.tolist()}
         found.append(chosen)

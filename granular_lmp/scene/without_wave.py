@@ -1,18 +1,45 @@
-"""Tables and keys of a scene without ``[wave]``: which are declared otherwise, and which it cannot have.
+"""What differs in a scene without ``[wave]``: defaults of keys, and tables and keys that only one kind of scene has.
 
-Spheres of such a scene are at rest under load, or they just touch (`is_loose`), where nothing has a stiffness.
+Spheres of such a scene are held at rest by adhesion or a load, or they are not (`held_at_rest`), and then nothing has a
+stiffness. Each key is declared once, with its range and its default beside a wave (`granular_lmp.scene.sections`).
 """
 
 from collections.abc import Mapping
+from dataclasses import MISSING
 from typing import Any
 
-from granular_lmp.crystal.lattices import CHAIN
-from granular_lmp.errors import SceneError
+from granular_lmp.crystal.lattices import CHAIN, FREE
+from granular_lmp.errors import Because, SceneError
+from granular_lmp.scene.records import Variant
 
-# Tables whose keys are declared otherwise in every scene without [wave]
-UNWAVED = ("sphere", "packing", "time", "output")
-# Tables and keys that a scene has beside a wave only, and why
-NEEDS_WAVE: dict[str, str] = {
+# Kinds of scenes
+WAVE, HELD, NOT_HELD = "wave", "held at rest", "not held at rest"
+MOVING_TABLES = ("striker", "start", "source")  # a scene without [wave] has at least one
+AT_REST = "sphere.work_of_adhesion above 0, or packing.contact_force in a sheet"
+NEEDS_ADHESION = {"sphere.adhesion_law": "is of spheres that adhere; needs sphere.work_of_adhesion above 0, J/m2"}
+
+# --- defaults --------------------------------------------------------------------------------------------------------
+
+_DEFAULTS_WITHOUT_WAVE: dict[str, Any] = {
+    "sphere.work_of_adhesion": 0.0,
+    "packing.lattice": CHAIN.name,
+    "packing.rows": MISSING,
+    "packing.columns": 1,
+    "packing.first": FREE,
+    "packing.last": FREE,
+    "packing.sides": FREE,
+    "time.timestep": 0.03,
+}
+_DEFAULTS_NOT_HELD: dict[str, Any] = {
+    "effects.rotation": True,
+    "effects.shear_law": "incremental",
+    "effects.friction": 0.0,
+}
+
+# --- tables and keys that only some scenes have, and why -------------------------------------------------------------
+
+_ONLY_BESIDE_WAVE: dict[str, str] = {
+    "wave": "must be left out of a scene without it",
     "envelope": "is of the scene of a wave: must be left out without [wave]",
     **dict.fromkeys(
         (f"packing.{name}" for name in ("layers", "depth", "orientation")),
@@ -20,38 +47,80 @@ NEEDS_WAVE: dict[str, str] = {
     ),
     "packing.space": "must be left out without [wave], where a [substrate] alone lets spheres leave the plane",
     "time.allow_echo": "must be left out without [wave], where every echo belongs to the answer",
+    "output.particles": "must be left out without [wave], where all spheres are recorded at each sample",
 }
-AT_REST = "sphere.work_of_adhesion above 0, or packing.contact_force in a sheet"
-NEEDS_ADHESION = {"sphere.adhesion_law": "is of spheres that adhere; needs sphere.work_of_adhesion above 0, J/m2"}
-# Tables and keys that need spheres at rest under load, and why
-NEEDS_REST: dict[str, str] = {
+_ONLY_WITHOUT_WAVE: dict[str, str] = dict.fromkeys(
+    (f"output.{name}" for name in ("rows", "spheres", "layers", "forces")),
+    "must be left out beside [wave], where a [[monitor]] records spheres and their contacts",
+)
+_ONLY_HELD: dict[str, str] = {
     "source": f"has no unit of time where nothing is at rest; needs {AT_REST}",
     **dict.fromkeys(("contact", "pair", "disorder.stiffness"), f"has stiffnesses at rest under load; needs {AT_REST}"),
     "substrate": f"holds spheres that adhere to it; needs {AT_REST}",
     "absorb": f"absorbs linear waves, and contacts without load have none; needs {AT_REST}",
-    "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
     **dict.fromkeys(
         ("packing.relax", "packing.relax_friction", "packing.relax_by"),
         f"is the way to rest under load; needs {AT_REST}",
     ),
     "effects.adhesion": "must be left out beside [[striker]] or [start], as contacts of an impact do not adhere",
+    **dict.fromkeys(
+        (f"effects.{name}" for name in ("shear", "tracking", "sliding", "damping", "contact_opening")),
+        "must be left out beside [[striker]] or [start], where friction, viscosity and restitution decide it, and "
+        "contacts open and slide as they do",
+    ),
+    "effects.twisting": "must be left out in the plane, where no contact twists",
+}
+_ONLY_NOT_HELD: dict[str, str] = {
+    "effects.shear_damping": "must be left out where spheres are held at rest, whose viscosity damps both motions"
+}
+# Missing features; what refuses the other keys is physics, or another key says the same
+_NOT_BUILT = ("packing.layers", "packing.depth", "packing.orientation", "packing.space")
+_SAID_ELSEWHERE = ("output.",)
+
+VARIANTS = {
+    WAVE: Variant(absent=_ONLY_WITHOUT_WAVE | _ONLY_NOT_HELD),
+    HELD: Variant(_DEFAULTS_WITHOUT_WAVE, _ONLY_BESIDE_WAVE | _ONLY_NOT_HELD),
+    NOT_HELD: Variant(_DEFAULTS_WITHOUT_WAVE | _DEFAULTS_NOT_HELD, _ONLY_BESIDE_WAVE | _ONLY_HELD),
 }
 
 
-def is_loose(tables: Mapping[str, Any]) -> bool:
-    """Return whether tables without a wave are of loose spheres, as `Scene.loose` says it of a scene."""
+def variant_of(tables: Mapping[str, Any]) -> str:
+    """Return the kind of scene that tables declare; `WAVE` where nothing moves, as ``[wave]`` is missing then."""
+    if "wave" in tables or tables.keys().isdisjoint(MOVING_TABLES):
+        return WAVE
+    return HELD if held_at_rest(tables) else NOT_HELD
+
+
+def holds(adhesion: float, force: float, *, sheet: bool, touching: bool) -> bool:
+    """Return whether spheres without a wave are held at rest: they adhere, or a force presses a sheet together.
+
+    Those that begin `touching` are not yet pulled to their overlap, and a chain under a force parts as it is struck.
+    """
+    return not touching and (adhesion > 0 or force > 0 and sheet)
+
+
+def held_at_rest(tables: Mapping[str, Any]) -> bool:
+    """Return what tables without a wave say of it, checked or not, as `Scene.held_at_rest` of a scene."""
     names = ("sphere", "packing", "start")
     sphere, packing, start = (each if isinstance(each := tables.get(key), Mapping) else {} for key in names)
-    pressed_sheet = packing.get("contact_force") and packing.get("lattice", CHAIN.name) != CHAIN.name
-    return start.get("touching") is True or not (sphere.get("work_of_adhesion") or pressed_sheet)
+    sheet = packing.get("lattice", CHAIN.name) != CHAIN.name
+    adhesion, force = (bool(each) for each in (sphere.get("work_of_adhesion"), packing.get("contact_force")))
+    return holds(adhesion, force, sheet=sheet, touching=start.get("touching") is True)
 
 
-def refuse_tables(tables: Mapping[str, Any], *, loose: bool) -> None:
-    """Raise a SceneError for the first table or key that needs a wave, or in a scene of `loose` spheres one at rest."""
-    sphere = tables.get("sphere")
-    adheres = isinstance(sphere, Mapping) and sphere.get("work_of_adhesion")
-    for key, why in (NEEDS_WAVE | (NEEDS_REST if loose else {}) | ({} if adheres else NEEDS_ADHESION)).items():
+def refuse_tables(tables: Mapping[str, Any]) -> None:
+    """Raise a SceneError for the first table or key that the kind of scene of these tables does not have."""
+    variant, sphere = variant_of(tables), tables.get("sphere")
+    adheres = variant == WAVE or isinstance(sphere, Mapping) and sphere.get("work_of_adhesion")
+    refused = {**VARIANTS[variant].absent, **({} if adheres else NEEDS_ADHESION)}
+    for key, why in refused.items():
         table, _, name = key.partition(".")
         inner = tables.get(table)
         if table in tables and (not name or isinstance(inner, Mapping) and name in inner):
-            raise SceneError(f"{key}: {why}")
+            raise SceneError(f"{key}: {why}", because=_because(key))
+
+
+def _because(key: str) -> Because:
+    if key.startswith(_SAID_ELSEWHERE):
+        return "exclusive"
+    return "not built" if key.startswith(_NOT_BUILT) else "physics"

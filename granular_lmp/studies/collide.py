@@ -159,7 +159,7 @@ def scene_of(collision: Collision) -> Scene:
     try:
         return Scene.from_dict(collision.scene_tables())
     except SceneError as error:
-        raise SceneError(f"collision: as a scene, {error}") from error
+        raise SceneError(f"collision: as a scene, {error}", because=error.because) from error
 
 
 def run(collision: Collision, folder: str | Path, *, force: bool = False, kernel: bool | None = None) -> Result:
@@ -183,7 +183,7 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False, kernel
     with writable(folder):
         (folder / DECLARED).write_text(collision.to_toml(full=True), encoding="utf-8")
         (folder / COURSE).write_text(_table(result), encoding="utf-8")
-    if result.touching == len(result.overlap) and not (collision.contact.normal == "jkr" and result.sticks):
+    if result.touching == len(result.overlap) and not result.sticks:
         times = collision.collision.duration
         raise SceneError(f"collision.duration = {times!r}: the bodies still touch; take more elastic contact times")
     lasted = result.touching

@@ -6,7 +6,7 @@ other values are those of the scene, and many settings share its run.
 
 from typing import Any
 
-from granular_lmp.accuracy.ladder import build, finest_step, sphere_steps, with_step
+from granular_lmp.accuracy.ladder import build, sphere_steps
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.frozen import cached_property, dataclass
@@ -79,8 +79,7 @@ def base(scene: Scene) -> Scene:
         raise SceneError(
             f"wave: {scene.words}: must be a running plane wave along y; the settings change rows and columns"
         )
-    if scene.time.tolerance is not None:
-        scene = with_step(scene, finest_step(scene))
+    scene = scene.with_values({"time.timestep": build(scene).scene.time.timestep})
     return scene.with_values({"wave.wavenumber": scene.wavenumber, "output.particles": 0.0})
 
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.accuracy.estimates import order_of
-from granular_lmp.accuracy.richardson import richardson
+from granular_lmp.accuracy.estimates import richardson
 from granular_lmp.accuracy.rounding import judged
+from granular_lmp.effects.selection import order
 from granular_lmp.lammps.outputs import SCENE, csv_text, replace_text
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import STATUS, TRAJECTORY, Record, read_status, write_status
@@ -86,7 +86,7 @@ def _record(places: list[Path]) -> Record:
     The finer of the two is returned where the error is no series in the step, as with contacts that open or slide.
     """
     *coarser, fine = [Record.load(there) for there in places[-2:]]
-    return richardson(coarser[0], fine, order_of(fine.scene)) if coarser else fine
+    return richardson(coarser[0], fine, order(fine.scene)) if coarser else fine
 
 
 def _row(folder: Path, setting: Setting, repeats: int, best: Record, failures: dict[str, str]) -> Row:

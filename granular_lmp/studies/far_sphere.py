@@ -94,5 +94,5 @@ def _of_energy(record: Record) -> dict[str, Any]:
         given, kept["energy_kept"] = float(energy[0]), float(energy[-1])
     except RunFolderError:  # the energy of shear forces, walls or spheres that are not recorded is not known
         displaced = record.problem.state[:, :2].any()
-        given = 0.0 if displaced else record.problem.collisions.given_energy
+        given = 0.0 if displaced else record.problem.rest.given_energy
     return {name: energy / given for name, energy in kept.items()} if given > _STILL else {}

@@ -9,8 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from granular_lmp.accuracy.ladder import RUNGS as RUNS
-from granular_lmp.accuracy.ladder import build, planned_steps
+from granular_lmp.accuracy.ladder import build, plan, planned
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.crystal.lattice import Lattice
 from granular_lmp.errors import GranularError, LaunchError
@@ -121,9 +120,8 @@ def forecast(problem: Problem) -> Forecast:
     took 1 to 1.8 times as long), and where the machine has other work now than later: take them for a factor of two. A
     run to a tolerance takes more steps if its errors ask for it.
     """
-    scene, declared = problem.scene, problem.declared
-    spheres, steps = len(problem.crystal), planned_steps(problem)
-    runs = 1 if declared.time.tolerance is None else RUNS
+    scene, counts = planned(problem).scene, plan(problem)
+    spheres, runs, steps = len(problem.crystal), len(counts), sum(counts) * scene.time.samples
     records = scene.time.samples + 1
     kept = len(problem.recorded) * records if problem.mode is None else 0  # snapshots of a wave are not read
     (lack, alone), plain = _kernel(problem), None
@@ -202,7 +200,7 @@ def _small(scene: Scene) -> Scene:
         own["packing"] |= {"rows": rows, "columns": columns}
         scene = Scene.from_dict(kept | own)
     steps = max(_FEWEST_STEPS, ceil(_WARM_UP / scene.shape.spheres))
-    if scene.time.tolerance is not None or steps >= scene.time.steps_per_sample:
+    if steps >= scene.time.steps_per_sample:
         return scene
     sample = steps * scene.time.step
     return scene.with_values({"time.sample": sample, "time.duration": sample})

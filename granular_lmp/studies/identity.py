@@ -2,8 +2,8 @@
 
 ``identity.json`` holds the keys of release 0.1.0, of both kinds of scene. They enter the hash with their values,
 whatever these are, as they did in that release. A younger key enters only where it departs from what was true before
-the package knew it: its default, and "off" for the switch of an effect, which is decided in a run. The file holds the
-defaults too, those of younger keys under "younger", because a default never changes: a test refuses it.
+the package knew it: its default, and "off" for the switch of an effect, which is decided in a run. A default never
+changes: a test holds those of younger keys too.
 
 Departures of all keys would not do: finished sweeps would lose their names, and a default that changes would give two
 different runs one name.
@@ -11,7 +11,7 @@ different runs one name.
 
 import hashlib
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -36,16 +36,20 @@ def names_of(scene: Scene) -> tuple[str, ...]:
     A name is 16 hexadecimal digits of the SHA-256 of the scene's sorted JSON, without its name and description. Every
     "auto" of the scene must be decided, as in a run folder.
     """
-    known = frozen("0.1.0", "ImpactScene" if scene.wave is None else "Scene").keys()
+    known = frozen("ImpactScene" if scene.wave is None else "Scene").keys()
     return tuple(dict.fromkeys(_hash(scene, keys) for keys in (known, known - _JOINED)))
 
 
 @cache
-def frozen(age: str, kind: str) -> dict[str, Any]:
-    """Return dotted key → default of the keys of a kind of scene that are of release "0.1.0", or "younger"."""
+def frozen(kind: str) -> dict[str, Any]:
+    """Return dotted key → default of the keys of a kind of scene that are of release 0.1.0."""
     text = (Path(__file__).parent / "identity.json").read_text(encoding="utf-8")
-    tables: dict[str, dict[str, Any]] = json.loads(text)[age][kind]
-    return {f"{table}.{key}": default for table, keys in tables.items() for key, default in keys.items()}
+    return dotted(json.loads(text)[kind])
+
+
+def dotted(tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return dotted key → value of tables."""
+    return {f"{table}.{key}": value for table, keys in tables.items() for key, value in keys.items()}
 
 
 def _hash(scene: Scene, keys: Collection[str]) -> str:

@@ -1,7 +1,7 @@
 """A periodic sheet kicked at random: one run that excites every wave of the lattice, with snapshots of all spheres.
 
 The scene is the declared one with noise (``start.noise``) in place of its wave, small enough to stay linear, and it is
-run as any scene. ``granular_analysis.measure.dispersion`` reads what comes out.
+run as any scene. The case ``dispersion`` reads what comes out.
 """
 
 from pathlib import Path
@@ -163,11 +163,9 @@ def _refuse_unfit(scene: Scene) -> None:
             f"packing.columns = {scene.packing.columns!r}: must be a multiple of 3 for a sheet that is kicked, which "
             "otherwise does not hold the corner K of the Brillouin zone"
         )
-    if time.tolerance is not None:
-        raise SceneError(
-            f"time.tolerance = {time.tolerance!r}: must be left out for a sheet that is kicked, which is run once and "
-            "estimates no error; give a time.timestep"
-        )
+    time.clock.refuse_ladder(
+        "must be left out for a sheet that is kicked, which is run once and estimates no error; give a time.timestep"
+    )
     longest = np.pi / highest_frequency(unit_lattice(scene.sphere), scene.sphere)
     if time.sample >= longest:
         raise SceneError(

@@ -25,8 +25,7 @@ def remarks(scenes: Iterable[Scene]) -> list[str]:
     for scene in scenes:
         if scene.form.waves and scene.shape.ends == "periodic":
             cells[scene.shape].add(scene.declared_vector)
-        if scene.time.tolerance is None:
-            steps[scene.time.sample].add(scene.time.timestep)
+        steps[scene.time.sample].update(scene.time.clock.declared)
     found = [_of_waves(shape, waves) for shape, waves in cells.items()]
     return [sentence for sentence in [*found, *(_of_steps(*each) for each in steps.items())] if sentence]
 

@@ -124,7 +124,7 @@ def points(scene: Scene, over: Mapping[str, list[Any]], runs: Path | None = None
             planned_steps(problem)  # raises if a tolerance takes too many
         except SceneError as error:
             said = ", ".join(f"{key} = {shown(value)}" for key, value in asked.items())
-            raise SceneError(f"{error} (in the sweep at {said})") from error
+            raise SceneError(f"{error} (in the sweep at {said})", because=error.because) from error
         made.append(GridPoint(asked, _ran(problem.scene, asked), _name(one, problem.scene, runs), one, one))
         motions.setdefault(_motion(problem.scene), []).append(made[-1])
     of_run = {id(point): _chosen(same, runs) for same in motions.values() for point in same}
@@ -153,8 +153,7 @@ def _motion(scene: Scene) -> str:
     if scene.wave is not None:
         named = {key: value for key, value in values["wave"].items() if key not in _WAVE_VECTOR}
         values["wave"] = named | {"vector": scene.vector.components}
-    if scene.time.tolerance is None:
-        values["time"] |= {"timestep": scene.time.step}
+    values["time"] |= scene.time.clock.as_run
     return json.dumps(values | {"name": None, "description": None}, sort_keys=True)
 
 

@@ -13,7 +13,6 @@ from granular_analysis.measure.signals import errors
 from granular_analysis.second_harmonic import second_order
 from granular_analysis.theory.choice import trajectory, wave_of
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.timestep import limit, stepped
 from granular_analysis.theory.wave import Wave
 from granular_analysis.tools.compare import compare, main
 from granular_lmp import Record, Scene, run
@@ -25,6 +24,7 @@ from granular_lmp.rest.linear import mode_of
 from tests.compare.test_compare import from_theory
 from tests.conftest import PAPER, members
 from tests.manual import Measure, Mutant, verifies
+from tests.stepped import limit, stepped
 
 NAMES = ("p", "q", "phi")
 OF_RUN = ("time step", "walls", "rounding")

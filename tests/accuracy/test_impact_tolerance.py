@@ -9,18 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.theory.chain import spheres
-from granular_analysis.theory.chain_motion import integrate as chain_motion
+from cases.solitary.chain import spheres
+from cases.solitary.chain_motion import integrate as chain_motion
 from granular_analysis.theory.network import Material, Network
 from granular_analysis.theory.network_motion import integrate as network_motion
 from granular_analysis.theory.network_state import start
 from granular_lmp import ImpactRecord, ImpactScene, resume, run_impact
-from granular_lmp.accuracy import halving
-from granular_lmp.accuracy.collisions import judge, order
+from granular_lmp.accuracy import refinement
+from granular_lmp.accuracy.collisions import judge
+from granular_lmp.accuracy.estimates import combined_record
 from granular_lmp.accuracy.extrapolation import Judgement
 from granular_lmp.accuracy.ladder import RUNGS, plan, planned
-from granular_lmp.accuracy.richardson import combined_record
 from granular_lmp.cli import main
+from granular_lmp.effects.selection import order
 from granular_lmp.errors import RunFolderError, SceneError, ToleranceError
 from granular_lmp.problem import prepare
 from granular_lmp.runs.record import read_status, write_status
@@ -54,7 +55,8 @@ def exact_chain(record: ImpactRecord) -> np.ndarray:
         ends=ends,  # type: ignore[arg-type]
     )
     v = record.velocity[0, :, 1] * record.scale.velocity
-    _, found = chain_motion(chain, 0 * v, v, record.tau[1:] * record.scale.time, 1e-9)  # tolerances are 1e-5
+    # Tolerances are 1e-5; a step over the beginning of an impact may miss 1e5 rtol of it
+    _, found = chain_motion(chain, 0 * v, v, record.tau[1:] * record.scale.time, 1e-12)
     return np.vstack([record.velocity[:1, :, 1], found / record.scale.velocity])
 
 
@@ -173,7 +175,7 @@ def test_what_does_not_converge_has_a_large_estimate(tmp_path: Path) -> None:
 
 
 def test_a_tolerance_that_is_not_met_is_refused_with_its_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(halving, "MOST_RUNGS", 3)
+    monkeypatch.setattr(refinement, "MOST_RUNGS", 3)
     scene = CHAIN.with_values({"time.tolerance": 1e-5, "packing.first": "held", "striker.1.rows": [2, 2]})
     scene = scene.with_values({"packing.rows": 5, "packing.last": "held", "time.duration": 60.0})
     with pytest.raises(
@@ -196,7 +198,7 @@ def test_the_folder_holds_the_answer_and_its_runs(tmp_path: Path) -> None:
     for name in ("tau", "velocity", "displacement", "spin"):
         assert getattr(again, name) == pytest.approx(getattr(record, name), abs=1e-10)
     assert again.scene == record.scene == scene
-    per_sample = plan(prepare(scene)).per_sample
+    per_sample = plan(prepare(scene))[0]
     runs = [ImpactRecord.load(folder) for folder in (tmp_path / "run").glob("*_per_sample")]
     runs.sort(key=lambda each: each.scene.time.steps_per_sample)
     assert [run.scene.time.steps_per_sample for run in runs][:2] == [per_sample, 2 * per_sample]
@@ -237,7 +239,7 @@ def test_a_state_that_presses_spheres_deep_shortens_the_first_step(tmp_path: Pat
     most = float(str(no.value).rpartition(" ")[2])
     prepare(scene.with_values({"time.timestep": 0.99 * most}))
     loose = scene.with_values({"time.tolerance": 1e-2})
-    assert loose.time.sample / plan(prepare(loose)).per_sample <= most
+    assert loose.time.sample / plan(prepare(loose))[0] <= most
     assert run_impact(loose, tmp_path / "run").info["guards"]["step_in_contact"]["quiet"]
 
 

@@ -1,6 +1,5 @@
 """The second harmonic as it is measured in a record alone, and where a run has none to be measured."""
 
-import csv
 from dataclasses import replace
 from math import pi
 from pathlib import Path
@@ -11,7 +10,6 @@ import pytest
 
 from granular_analysis.measure.swept import Swept
 from granular_analysis.tools.compare import main as compare_main
-from granular_analysis.tools.spectrum import main as spectrum_main
 from granular_lmp import Record, Scene
 from granular_lmp.accuracy.oscillator import oscillator_of
 from granular_lmp.accuracy.second_harmonic import second_harmonic
@@ -149,17 +147,3 @@ def test_compare_says_how_many_runs_are_missing(swept: Sweep, tmp_path: Path) ->
     (tmp_path / "sweep.csv").write_text(table.replace(",finished,", ",failed,"), encoding="utf-8")
     with pytest.raises(SystemExit, match="none of its 4 runs is finished"):
         Swept.load(tmp_path)
-
-
-@pytest.mark.usefixtures("unrendered")
-def test_the_points_of_the_spectrum_are_written_as_numbers(swept: Sweep, tmp_path: Path) -> None:
-    csv_path = tmp_path / "points.csv"
-    assert spectrum_main([str(swept.folder), "-o", str(tmp_path / "s.png"), "--csv", str(csv_path)]) == 0
-    with csv_path.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    assert [(row["wave.mode"], float(row["wave.wavenumber"])) for row in rows] == sorted(
-        (row["wave.mode"], row["wavenumber_used"]) for row in swept.rows
-    )
-    for row in rows:
-        ratio = float(row["generated_D0"]) / float(row["theory_D0"])
-        assert ratio - 1 == pytest.approx(float(row["deviation"]), abs=1e-14)

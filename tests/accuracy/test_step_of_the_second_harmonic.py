@@ -11,7 +11,7 @@ from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.signals import measured_amplitude, predicted_amplitude
 from granular_analysis.theory.choice import trajectory, wave_of
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.timestep import limit, stepped, stepped_second_harmonic
+from granular_analysis.theory.timestep import stepped_second_harmonic
 from granular_analysis.theory.wave import Wave
 from granular_analysis.theory.wave import second_harmonic as by_theory
 from granular_lmp import Record, Scene, run
@@ -20,6 +20,7 @@ from granular_lmp.accuracy.ladder import with_step
 from granular_lmp.accuracy.oscillator import Oscillator
 from granular_lmp.accuracy.second_harmonic import second_harmonic
 from tests.conftest import PAPER
+from tests.stepped import limit, stepped
 
 TAU = np.arange(0.0, 40.5, 0.5)
 STEP = 0.1

@@ -3,6 +3,7 @@
 tests/accuracy/test_tolerance_of_many_waves.py does so for many waves, without LAMMPS.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,11 +14,10 @@ import pytest
 
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.theory import wave as theory
-from granular_analysis.theory.timestep import limit, stepped
-from granular_lmp import Record, Scene, cli, run
+from granular_lmp import Record, Scene, cli, resume, run
 from granular_lmp.accuracy import extrapolation
+from granular_lmp.accuracy.estimates import FINEST, combined_record, judge
 from granular_lmp.accuracy.extrapolation import EVEN, Judgement
-from granular_lmp.accuracy.halving import FINEST
 from granular_lmp.accuracy.ladder import (
     COARSE,
     RUNGS,
@@ -30,14 +30,14 @@ from granular_lmp.accuracy.ladder import (
 )
 from granular_lmp.accuracy.noise import counted, lost, noise_of
 from granular_lmp.accuracy.refinement import refine
-from granular_lmp.accuracy.richardson import combined_record, judge
 from granular_lmp.accuracy.rounding import floor, linear_signals, rounding
-from granular_lmp.errors import RunFolderError, SceneError, ToleranceError
+from granular_lmp.errors import EffectError, RunFolderError, RunInterrupted, SceneError, ToleranceError
 from granular_lmp.problem import largest_step, prepare
 from granular_lmp.rest.step_rules import COARSEST
 from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER
 from tests.manual import Measure, Mutant, verifies
+from tests.stepped import limit, stepped
 from tests.stepped_waves import NAMES, Stepped, Wave, in_lammps, scene_of
 
 # --- LAMMPS itself ---------------------------------------------------------------------------------------------------
@@ -165,6 +165,61 @@ def test_a_folder_that_is_there_is_run_again_only_by_force(tmp_path: Path) -> No
     assert sorted(steps, reverse=True)[-3:] == record.info["extrapolated_from"]
     assert max(steps) == first_step(scene)  # none of the first run is left
     assert (tmp_path / "run/mine").read_text() == "kept"
+
+
+# --- looks -----------------------------------------------------------------------------------------------------------
+
+
+def looking(folder: Path) -> dict[str, bool]:
+    """Return for each run of a ladder whether it looked for the effects that it leaves out."""
+    infos = {path.name.split("_")[0]: read_status(path) for path in folder.glob("*_per_sample")}
+    assert all(bool(info["looks"]) == bool(info["guards"]) for info in infos.values())
+    return {count: bool(info["looks"]) for count, info in infos.items()}
+
+
+def test_a_contact_that_opens_in_a_coarse_run_alone_does_not_fail_a_ladder(tmp_path: Path) -> None:
+    scene = periodic("L", 8, 3, 0.525, time_duration=30.0)
+    with pytest.raises(EffectError, match="contact_opening"):
+        run(with_step(scene, 0.5), tmp_path / "coarse")
+    record = run(scene.with_values({"time.tolerance": 5e-2}), tmp_path / "run")
+    assert looking(tmp_path / "run") == {"1": False, "2": False, "3": True}
+    (exact,) = limit([wave_of(scene)], record.tau)
+    assert errors_of(record, exact)["p"] < 5e-2
+
+
+def test_a_contact_that_opens_in_the_finest_run_fails_a_ladder(tmp_path: Path) -> None:
+    scene = periodic("L", 8, 4, 0.555, time_duration=30.0, time_tolerance=5e-2)
+    with pytest.raises(EffectError, match="contact_opening"):
+        run(scene, tmp_path / "run")
+    assert read_status(tmp_path / "run")["status"] == "failed"
+
+
+def test_only_runs_that_may_be_the_finest_look(tmp_path: Path) -> None:
+    run(periodic("TR", 16, 2, 0.2, time_tolerance=1e-2), tmp_path / "run")
+    assert looking(tmp_path / "run") == {"1": False, "2": False, "3": True}
+    coarse, finest = (next((tmp_path / f"run/{count}_per_sample").glob("in.*")).read_text() for count in (1, 3))
+    assert "v_overlap" in finest
+    assert not {"v_overlap", "INVALID"} & set(re.findall(r"\w+", coarse))
+    # Two steps to a sample are enough, and that run is made again
+    run(Scene.load("l_chain").with_values({"time.tolerance": 1e-2}), tmp_path / "short")
+    assert looking(tmp_path / "short") == {"1": False, "2": True}
+
+
+def test_a_coarse_run_that_was_stopped_goes_on_without_looks(tmp_path: Path) -> None:
+    scene = periodic("TR", 64, 8, 0.2, packing_columns=200, time_tolerance=5e-2)
+    whole = run(scene, tmp_path / "whole")
+
+    def stop(step: int, steps: int) -> None:
+        if step > 0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(RunInterrupted):
+        run(scene, tmp_path / "run", progress=stop)
+    assert not any(looking(tmp_path / "run").values())
+    assert list((tmp_path / "run").glob("1_per_sample/checkpoint.*"))
+    record = resume(tmp_path / "run")
+    assert np.max(np.abs(record.p - whole.p)) < 1e-9
+    assert looking(tmp_path / "run") == looking(tmp_path / "whole")
 
 
 # --- what is refused -------------------------------------------------------------------------------------------------

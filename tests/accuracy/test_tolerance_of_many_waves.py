@@ -1,6 +1,6 @@
 """A tolerance is met by sixty waves on a grid and twelve at random, and the estimate of their error is honest.
 
-They run on `granular_analysis.theory.timestep.stepped`, which is LAMMPS without LAMMPS, as a test of `test_tolerance`
+They run on `tests.stepped.stepped`, which is LAMMPS without LAMMPS, as a test of `test_tolerance`
 checks.
 """
 

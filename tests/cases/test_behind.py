@@ -9,7 +9,7 @@ import pytest
 
 from cases.behind import case as behind
 from cases.behind.case import Behind, Parts
-from granular_analysis.measure.rows import waves
+from cases.rows import waves
 from granular_analysis.second_harmonic import mode, ratios
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.rows import heavy_rows, rows_of

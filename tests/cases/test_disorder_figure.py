@@ -15,20 +15,17 @@ import pytest
 
 from cases.defects import case as defects
 from cases.disorder import case as disorder
-from granular_analysis.cli import main as analysis_main
-from granular_analysis.measure.disordered import (
+from cases.disorder.measures import (
     CUT_VARIANCE,
-    Value,
     Waves,
     attenuation,
     half,
-    jackknife,
     perfect_strength,
     resonance,
     second_harmonics,
-    strength,
-    whole_strength,
 )
+from granular_analysis.cli import main as analysis_main
+from granular_analysis.measure.disordered import Value, jackknife, strength, whole_strength
 from granular_analysis.measure.runs import load
 from granular_analysis.plotting import save
 from granular_analysis.theory.contact import Contact

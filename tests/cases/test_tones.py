@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cases.rows import Rows, amplitudes_at, rows_of
 from cases.tones import case as tones
-from granular_analysis.measure.rows import Rows, amplitudes_at, rows_of
+from granular_analysis.theory.bloch import in_plane
 from granular_analysis.theory.contact import Contact
 from granular_lmp import Record, Scene, run
 
@@ -46,9 +47,8 @@ def test_sum_and_difference_of_two_sources_are_those_of_theory(found: tones.Tone
 def test_an_amplitude_that_is_one_percent_off_is_seen(
     record: Record, rows: Rows, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    amplitude = tones.forced_amplitude
     monkeypatch.setattr(tones, "rows_of", lambda record: rows)
-    monkeypatch.setattr(tones, "forced_amplitude", lambda pair: 1.01 * amplitude(pair))
+    monkeypatch.setattr(tones, "in_plane", lambda field: 1.01 * in_plane(field))
     assert min(line.error for line in tones.compare(record).lines) > 7e-3
 
 
@@ -83,10 +83,6 @@ def test_two_sources_make_nothing_that_symmetry_forbids(record: Record, found: t
             assert abs(lines[name][index, 0]) < 5e-5 * abs(lines["p"][index, 0])
 
 
-def test_the_table_names_both_lines(found: tones.Tones) -> None:
-    assert [line.split()[0] for line in tones.table(found).splitlines()[1:]] == ["sum", "difference"]
-
-
 def test_wave_numbers_are_those_of_their_branches() -> None:
     contact = Contact(0.17)
     assert tones.wavenumber(0.5, contact, longitudinal=True) == pytest.approx(2 * np.arcsin(0.5), rel=1e-9)  # bisection
@@ -108,12 +104,6 @@ def test_wave_numbers_are_those_of_their_branches() -> None:
 def test_what_is_no_pair_of_tones_is_refused(changes: dict[str, object], message: str, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=message):
         tones.compare(run(SHORT.with_values(changes), tmp_path / "run"))
-
-
-def test_a_run_without_snapshots_is_one_line(tmp_path: Path) -> None:
-    run(SHORT.with_values({"output.particles": 0.0}), tmp_path / "run")
-    with pytest.raises(SystemExit, match="snapshots"):
-        tones.main([str(tmp_path / "run"), "-o", str(tmp_path / "tones.png")])
 
 
 @pytest.mark.usefixtures("drawn_once")

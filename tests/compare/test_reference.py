@@ -15,10 +15,15 @@ from granular_analysis.theory.choice import refuse_less, wave_of
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, run
+from tests.beside_network import extrapolated
 from tests.stand_in import of_first_format
-from tests.validation.test_imperfect_in_lammps import OVERLAP_RATIO, SHEET, SIGNALS, extrapolated
 
-SMALL = SHEET.with_values({"packing.rows": 8, "packing.columns": 6, "time.duration": 4.0})
+SMALL = Scene.load("tr_periodic").with_values(
+    {"packing.rows": 8, "packing.columns": 6, "wave.amplitude": 0.05}
+    | {"time.duration": 4.0, "time.sample": 1.0, "output.particles": 1.0}
+)
+OVERLAP_RATIO = SMALL.sphere.overlap_ratio
+SIGNALS = 1e-5  # relative, of the recorded signals: the time step leaves less than 4e-6
 VACANCY = {"inclusion": [{"spheres": [[5, 2]], "vacancy": True}]}
 
 

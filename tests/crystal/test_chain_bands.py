@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_analysis.theory.chain import bands, compressed, linear_stiffness, normal_modes
+from cases.solitary.chain import bands, compressed, linear_stiffness, normal_modes
 from granular_lmp import ImpactScene, Scene
 from granular_lmp.cli import main
 from granular_lmp.crystal.chain_bands import cell_of, edges, frequencies, gaps
@@ -19,7 +19,7 @@ BREATHER = ImpactScene.load("breather")
 
 def test_a_diatomic_chain_has_the_bands_of_the_theory() -> None:
     problem = prepare(BREATHER)
-    mass, stiffness = problem.collisions.cell
+    mass, stiffness = problem.rest.cell
     assert mass == pytest.approx([1.0, 0.1], rel=1e-12)
     expected = bands((1.0, 0.1), float(stiffness[0]))
     found = edges(mass, stiffness)
@@ -95,7 +95,7 @@ def test_chains_without_bands_are_refused(capsys: pytest.CaptureFixture[str]) ->
     assert main(["modes", "compressed_chain", "--set", "disorder.density=0.1"]) == 2
     assert "do not repeat in any order from end to end" in capsys.readouterr().err
     with pytest.raises(SceneError, match="spheres that just touch have no modes"):
-        _ = prepare(ImpactScene.load("point_impact")).collisions.cell
+        _ = prepare(ImpactScene.load("point_impact")).rest.cell
 
 
 def test_a_wave_in_a_chain_of_two_kinds_in_turn_has_their_bands(capsys: pytest.CaptureFixture[str]) -> None:

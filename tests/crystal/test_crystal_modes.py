@@ -19,10 +19,11 @@ from granular_lmp.crystal.lattices import (
     unit_cell,
     unit_lattice,
 )
-from granular_lmp.crystal.modes import FULL, Physics, bloch_modes, effective_inertia, highest_frequency
+from granular_lmp.crystal.mode import FULL, Physics
+from granular_lmp.crystal.modes import bloch_mode, bloch_modes, effective_inertia, highest_frequency
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.crystal.stability import frequency_bound, time_scale
-from granular_lmp.crystal.wavevector import ROW_SPACING
+from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import CrystalError
 from tests.conftest import latin
 from tests.crystal.test_sphere import SILICA
@@ -165,22 +166,42 @@ def test_a_vacancy_moves_frequencies() -> None:
 # --- square lattice and chain ----------------------------------------------------------------------------------------
 
 
-def two_by_two(a: float, b: float, c: float) -> np.ndarray:
-    """Return √ of the eigenvalues of [[a, b], [b, c]], lowest first."""
-    middle, half = (a + c) / 2, sqrt(((a - c) / 2) ** 2 + b**2)
-    return np.sqrt([max(middle - half, 0.0), middle + half])
+def constants(sphere: Sphere) -> tuple[float, float, float]:
+    """Return k and g over the mass in 1/t0², and the inertia Ĩ/(1 − η) that LAMMPS's torque arm makes of Ĩ."""
+    unit = sphere.time_scale**2 / sphere.mass
+    return sphere.normal_stiffness * unit, sphere.shear_stiffness * unit, INERTIA_RATIO / (1 - sphere.overlap_ratio)
 
 
-@pytest.mark.parametrize("phase", [0.3, 1.1, 2.9])
-def test_square_lattice_along_an_axis(phase: float) -> None:
-    """E = ½ g [(s u + c f)² + 4 f²] + ½ k s² v² with s, c = 2 sin, 2 cos of half the phase: rows resist turns too."""
-    k, g = SILICA.normal_stiffness * PER_MASS, SILICA.shear_stiffness * PER_MASS
-    s, c = 2 * np.sin(phase / 2), 2 * np.cos(phase / 2)
-    across = two_by_two(g * s**2, g * s * c / sqrt(INERTIA), g * (c**2 + 4) / INERTIA)
-    expected = np.sort([*across, s * sqrt(k)])
-    for k_vector in ([0, phase], [phase, 0]):
-        found = frequencies(at_rest(unit_cell(SILICA, SQUARE)), np.array(k_vector) / lattice_constant(SILICA))
-        np.testing.assert_allclose(found, expected, rtol=ROUNDED)
+def named(sphere: Sphere, lattice: Lattice, names: str, phase: float, physics: Physics = FULL) -> list[float]:
+    vector, contacts = WaveVector.of(phase, row_spacing=lattice.row_spacing), unit_lattice(sphere, lattice)
+    return [bloch_mode(contacts, sphere, vector, name, physics).frequency for name in names.split()]
+
+
+@pytest.mark.parametrize("sphere", [SILICA, replace(SILICA, poisson_ratio=-0.6), replace(SILICA, poisson_ratio=0.5)])
+@pytest.mark.parametrize("phase", [0.1, 0.3, 0.802, 1.1, 2.9])
+def test_waves_of_a_square_lattice_and_a_chain_have_their_closed_forms(phase: float, sphere: Sphere) -> None:
+    """Square: E = ½ g [(s u + c f)² + 4 f²] + ½ k s² v² with s, c = 2 sin, 2 cos of half the phase; rows resist turns.
+
+    In a chain one combination of u and f is free. Without rotation both have the transverse wave s √g.
+    """
+    (k, g, inertia), s, c = constants(sphere), 2 * np.sin(phase / 2), 2 * np.cos(phase / 2)
+    middle, product = (s**2 + (c**2 + 4) / inertia) / 2, 4 * s**2 / inertia
+    upper = sqrt(g * (middle + sqrt(middle**2 - product)))
+    across = [g * sqrt(product) / upper, upper]  # the lower root without a difference of nearly equal numbers
+    chain = np.array([s * sqrt(k), sqrt(g * (s**2 + c**2 / inertia))])
+    np.testing.assert_allclose(named(sphere, SQUARE, "TR RT L", phase), [*across, s * sqrt(k)], rtol=1e-12)
+    np.testing.assert_allclose(named(sphere, CHAIN, "L RT", phase), chain, rtol=1e-12)
+    for lattice in (SQUARE, CHAIN):
+        np.testing.assert_allclose(
+            named(sphere, lattice, "TR", phase, Physics(rotation=False)), s * sqrt(g), rtol=1e-12
+        )
+    height = lattice_constant(sphere)
+    for way in ([0, phase], [phase, 0]):
+        found = bloch_modes(find_contacts(unit_cell(sphere, SQUARE), [sphere], 0.0), sphere, np.array(way) / height)[0]
+        np.testing.assert_allclose(found, np.sort([*across, s * sqrt(k)]), rtol=ROUNDED)
+    found = bloch_modes(find_contacts(unit_cell(sphere, CHAIN), [sphere], 0.0), sphere, [0, phase / height])[0]
+    assert found[0] < 1e-12  # nothing holds it sideways
+    np.testing.assert_allclose(found[1:], np.sort(chain), rtol=ROUNDED)
 
 
 def test_spheres_of_a_square_lattice_turn_as_gears() -> None:
@@ -188,15 +209,6 @@ def test_spheres_of_a_square_lattice_turn_as_gears() -> None:
     found, shapes = bloch_modes(at_rest(unit_cell(SILICA, SQUARE)), SILICA, corner)
     assert found[0] < 1e-12
     np.testing.assert_allclose(np.abs(shapes[0]), np.eye(6)[5], rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("phase", [0.01, 0.3, 1.1, 2.9])
-def test_a_chain_is_a_spring_lattice_that_nothing_holds_sideways(phase: float) -> None:
-    k, g = SILICA.normal_stiffness * PER_MASS, SILICA.shear_stiffness * PER_MASS
-    s, c = 2 * np.sin(phase / 2), 2 * np.cos(phase / 2)
-    found = frequencies(at_rest(unit_cell(SILICA, CHAIN)), [0, phase / lattice_constant(SILICA)])
-    assert found[0] < 1e-12
-    np.testing.assert_allclose(found[1:], np.sort([s * sqrt(k), sqrt(g * (s**2 + c**2 / INERTIA))]), rtol=ROUNDED)
 
 
 def test_a_chain_that_is_pressed_together_buckles() -> None:

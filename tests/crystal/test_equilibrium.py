@@ -1,4 +1,4 @@
-"""Crystals at rest: force balance, closed forms of few spheres, which contacts there are, and LAMMPS itself.
+"""Crystals at rest: force balance, closed forms of few spheres, and which contacts there are.
 
 Lengths in Δ0 and forces in k1 Δ0 of `SILICA`, where nothing else is said.
 """
@@ -6,7 +6,6 @@ Lengths in Δ0 and forces in k1 Δ0 of `SILICA`, where nothing else is said.
 import json
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import ase
 import numpy as np
@@ -20,17 +19,14 @@ from granular_lmp.crystal.equilibrium import BALANCED, Equilibrium, relax
 from granular_lmp.crystal.factors import dissection
 from granular_lmp.crystal.lattices import Shape, packed
 from granular_lmp.crystal.let_go import SETTLED, let_go_near
-from granular_lmp.crystal.potential import box_load, displaced, potential_of
+from granular_lmp.crystal.potential import box_load, potential_of
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.tangent import Tangent
 from granular_lmp.errors import CrystalError
-from granular_lmp.lammps import contact
 from granular_lmp.rest.at_rest import crystal_of
 from granular_lmp.rest.scene import Scene
-from granular_lmp.units import NANO
 from tests.conftest import latin, members
 from tests.crystal.test_sphere import SILICA
-from tests.instance import silent_lammps
 
 UNIT = SILICA.static_overlap / SILICA.radius  # Δ0 in radii
 FORCE = SILICA.normal_stiffness * SILICA.static_overlap  # k1 Δ0
@@ -253,7 +249,7 @@ def test_contacts_part_and_form_on_the_way() -> None:
 def test_a_sphere_that_touches_nobody_is_counted_and_stays() -> None:
     small = Inclusion(spheres=[(5, 4)], radius=0.995 * SILICA.radius)
     rest = relax(*imperfect(packed(SILICA, Shape(12, 10, "periodic")), SILICA, inclusions=[small]))
-    assert rest.loose == 1
+    assert rest.rattlers == 1
     assert not rest.displacement[5 * 10 + 4].any()
     assert len(rest.contacts) == 3 * 120 - 6
 
@@ -298,24 +294,6 @@ def test_the_rest_is_stable(by: str) -> None:
     # Two translations are free; contacts that push turn spheres with a stiffness of Δ0/2R, which lowers others by it
     assert values[0] > -1e-9
     assert (np.abs(values) < 1e-9).sum() == 2
-
-
-def test_stiffness_is_the_derivative_of_the_force() -> None:
-    crystal, materials = imperfect(packed(SILICA, Shape(8, 6, "periodic")), SILICA, spread(0.4))
-    potential = potential_of(crystal, materials, np.zeros(2), breathes=True)
-    random = np.random.default_rng(3)
-    u, e = random.uniform(-0.1, 0.1, (48, 2)), random.uniform(-1e-5, 1e-5, 2)
-    du, de = random.uniform(-1, 1, (48, 2)), random.uniform(-1, 1, 2) / potential.neighbour
-    state, h = potential.at(u, e), 1e-4
-    tangent = Tangent.of(potential, state)
-    more, less = (potential.state(state.pairs, u + sign * h * du, e + sign * h * de) for sign in (1, -1))
-    # Central differences: the third derivative of a contact is of order 1, h² = 1e-8
-    expected = tangent.by_u @ du.ravel() + tangent.by_both @ de
-    np.testing.assert_allclose(-(more.force - less.force).ravel() / (2 * h), expected, rtol=0, atol=1e-6)
-    on_box = -(more.stress - less.stress) / (2 * h) / potential.neighbour
-    np.testing.assert_allclose(
-        on_box, (tangent.by_both.T @ du.ravel() + tangent.by_e @ de) / potential.neighbour, rtol=0, atol=1e-5
-    )
 
 
 @pytest.mark.parametrize("seed", members([1, 3, 9], 1, 9))
@@ -398,59 +376,3 @@ def test_a_scene_names_the_way_and_an_older_scene_keeps_its_own() -> None:
         assert scene.packing.relax_by == by
         assert rest is not None
         assert RULES[by].in_words in rest.protocol
-
-
-# --- LAMMPS ----------------------------------------------------------------------------------------------------------
-
-
-def moved_in_lammps(crystal: ase.Atoms, folder: Path, tau: float) -> float:
-    """Return how far the spheres of a crystal of silica move in LAMMPS in a time τ (t0), in D0 = 0.2 Δ0."""
-    count, nm = len(crystal), SILICA.radius * 1e9
-    density = NANO.number(SILICA.density, mass=1, length=-3)
-    radius = crystal.arrays["radius"]
-    lines = "".join(
-        f"{k + 1} 1 {2 * r * nm:.17g} {density:.17g} {x * nm:.17g} {y * nm:.17g} 0\n"
-        for k, ((x, y, _), r) in enumerate(zip(crystal.positions, radius, strict=True))
-    )
-    low = np.ravel(crystal.get_celldisp()) * nm
-    high = low + np.diag(crystal.cell.array) * nm
-    box = "".join(f"{low[k]:.17g} {high[k]:.17g} {axis}lo {axis}hi\n" for k, axis in enumerate("xyz"))
-    data = folder / "data.rest"
-    data.write_text(f"rest\n\n{count} atoms\n1 atom types\n\n{box}\nAtoms # sphere\n\n{lines}")
-    step = 0.02 * NANO.number(SILICA.time_scale, time=1)
-    with silent_lammps() as lammps:
-        lammps.commands_string(f"""
-            units nano
-            dimension 2
-            boundary p p p
-            atom_style sphere
-            atom_modify map array sort 0 0.0
-            comm_modify vel yes
-            read_data {data}
-            neighbor 50.0 bin
-            {contact.pair(contact.model(SILICA, NANO, friction=1.0))}
-            compute moved all displace/atom
-            fix plane all enforce2d
-            fix move all nve/sphere disc
-            timestep {step!r}
-            thermo_style custom step
-            run {round(tau / 0.02)} post no
-            """)
-        way = lammps.numpy.extract_compute("moved", 1, 2)[:count, 3].copy()
-    return float(way.max() / NANO.number(0.2 * SILICA.static_overlap, length=1))
-
-
-def test_a_crystal_at_rest_stays_at_rest_in_lammps(tmp_path: Path) -> None:
-    """Positions of up to 7 µm are rounded to 5e-13 nm, 1e-11 D0, to which soft modes answer with a hundred times that.
-
-    Measured: 5e-10 to 3e-9 D0 for s from 0.4 to 2.
-    """
-    rest = disordered(0.8, rows=14, columns=14)
-    assert moved_in_lammps(rest.crystal, tmp_path, 100.0) < 1e-8
-
-
-def test_a_crystal_that_is_not_at_rest_moves_in_lammps(tmp_path: Path) -> None:
-    rest = disordered(0.8, rows=14, columns=14)
-    away = rest.displacement[:, :2].copy()
-    away[30, 0] += 1e-6 * UNIT
-    assert moved_in_lammps(displaced(rest.lattice, away, rest.strain[:2]), tmp_path, 10.0) > 1e-7

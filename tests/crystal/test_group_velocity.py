@@ -9,7 +9,8 @@ import pytest
 from granular_lmp import Record, Scene, run
 from granular_lmp.crystal.group_velocity import fronts
 from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
-from granular_lmp.crystal.modes import Physics, bloch_mode, bloch_modes
+from granular_lmp.crystal.mode import Physics
+from granular_lmp.crystal.modes import bloch_mode, bloch_modes
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import ViewError
 from granular_lmp.plot import crystal

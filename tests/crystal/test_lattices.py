@@ -1,7 +1,7 @@
 """Scenes of the square lattice and the chain: geometry, closed forms of their waves, what is refused, and LAMMPS."""
 
 from dataclasses import replace
-from math import cos, pi, sin, sqrt
+from math import pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -24,16 +24,9 @@ from granular_lmp.crystal.lattices import (
     packed,
     unit_lattice,
 )
-from granular_lmp.crystal.modes import (
-    FULL,
-    Physics,
-    bears_compression,
-    bloch_mode,
-    bloch_modes,
-    highest_frequency,
-    restored,
-)
-from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
+from granular_lmp.crystal.mode import FULL, Physics
+from granular_lmp.crystal.modes import bears_compression, bloch_modes, highest_frequency, restored
+from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
@@ -140,55 +133,6 @@ def test_a_honeycomb_whose_spheres_roll_freely_has_a_wave_that_nothing_restores(
 # --- modes -----------------------------------------------------------------------------------------------------------
 
 
-def frequency(sphere: Sphere, lattice: Lattice, mode: str, wavenumber: float, physics: Physics = FULL) -> float:
-    vector = WaveVector.of(wavenumber, row_spacing=lattice.row_spacing)
-    return bloch_mode(unit_lattice(sphere, lattice), sphere, vector, mode, physics).frequency
-
-
-@pytest.mark.parametrize("sphere", SPHERES)
-@pytest.mark.parametrize("lattice", [CHAIN, SQUARE])
-def test_a_longitudinal_wave_is_that_of_a_chain_of_springs(lattice: Lattice, sphere: Sphere) -> None:
-    spring = sqrt(sphere.normal_stiffness / sphere.mass) * sphere.time_scale
-    for xi in WAVENUMBERS:
-        # Ω = 2 √(k/m) sin(ξ/2): a few operations
-        assert frequency(sphere, lattice, "L", xi) == pytest.approx(2 * spring * sin(xi / 2), rel=1e-12)
-
-
-def shear_constants(sphere: Sphere) -> tuple[float, float]:
-    """Return g t0²/m, and the inertia Ĩ/(1 − η) that LAMMPS's torque arm makes of Ĩ."""
-    return sphere.shear_stiffness / sphere.mass * sphere.time_scale**2, INERTIA_RATIO / (1 - sphere.overlap_ratio)
-
-
-@pytest.mark.parametrize("sphere", SPHERES)
-def test_the_rotational_wave_of_a_chain_has_its_closed_form(sphere: Sphere) -> None:
-    # One spring a sphere, δS = 2 sin(ξ/2) u − 2 cos(ξ/2) f: of u and f one combination is free, and the other has
-    # Ω² = 4g (sin²(ξ/2)/m + cos²(ξ/2)/I)
-    shear, inertia = shear_constants(sphere)
-    for xi in WAVENUMBERS:
-        squared = 4 * shear * (sin(xi / 2) ** 2 + cos(xi / 2) ** 2 / inertia)
-        assert frequency(sphere, CHAIN, "RT", xi) == pytest.approx(sqrt(squared), rel=1e-12)
-
-
-@pytest.mark.parametrize("sphere", SPHERES)
-def test_the_transverse_waves_of_the_square_lattice_have_their_closed_forms(sphere: Sphere) -> None:
-    # Contacts along y are sheared as those of the chain, contacts along x by δS = −2f. With s, c of ξ/2 and
-    # x = Ω² m/(g t0²): (4s² − x)(4(c² + 1) − Ix) = 16 s²c²
-    shear, inertia = shear_constants(sphere)
-    for xi in WAVENUMBERS:
-        s, c = sin(xi / 2) ** 2, cos(xi / 2) ** 2
-        middle = (4 * s + 4 * (c + 1) / inertia) / 2
-        product = 16 * s / inertia
-        upper = middle + sqrt(middle**2 - product)
-        # x₁x₂ = 16 s²/I gives the lower root without a difference of nearly equal numbers
-        assert frequency(sphere, SQUARE, "TR", xi) == pytest.approx(sqrt(shear * product / upper), rel=1e-12)
-        assert frequency(sphere, SQUARE, "RT", xi) == pytest.approx(sqrt(shear * upper), rel=1e-12)
-        # Without rotation both lattices have the same transverse wave; long ones are faster than with it
-        frozen = 2 * sqrt(shear) * sin(xi / 2)
-        for lattice in (CHAIN, SQUARE):
-            assert frequency(sphere, lattice, "TR", xi, FROZEN) == pytest.approx(frozen, rel=1e-12)
-    assert frequency(sphere, SQUARE, "TR", 0.802, FROZEN) > 1.3 * frequency(sphere, SQUARE, "TR", 0.802)
-
-
 @pytest.mark.parametrize(
     ("lattice", "physics", "names"),
     [
@@ -209,20 +153,26 @@ def test_a_wave_is_named_where_contacts_restore_it(lattice: Lattice, physics: Ph
 
 
 def zone(lattice: Lattice, sphere: Sphere) -> np.ndarray:
-    """Return wave vectors all over the Brillouin zone of the square lattice or the chain, (P, 2), 1/R."""
+    """Return wave vectors all over the Brillouin zone, (P, 2), 1/R; of the hexagonal one a triangle Γ, M, K."""
+    if lattice == HEXAGONAL:
+        s, t = np.meshgrid(np.linspace(0, 1, 25), np.linspace(0, 1, 13))
+        corner = 4 * pi / 3 / lattice_constant(sphere)
+        return (corner * s[..., None] * np.stack([0.75 + 0.25 * t, sqrt(3) / 4 * (1 - t)], axis=-1)).reshape(-1, 2)
     side = np.linspace(0, pi, 31)
     first = side if lattice == SQUARE else np.zeros(1)
     return np.stack(np.meshgrid(first, side), axis=-1).reshape(-1, 2) / (sphere.lattice_constant / sphere.radius)
 
 
-@pytest.mark.parametrize("sphere", SPHERES)
+@pytest.mark.parametrize("sphere", [*SPHERES, replace(SILICA, poisson_ratio=-0.9)])
 @pytest.mark.parametrize("physics", [FULL, FROZEN, Physics(shear=False, rotation=False), Physics(rolling=1000.0)])
-@pytest.mark.parametrize("lattice", [CHAIN, SQUARE])
+@pytest.mark.parametrize("lattice", [CHAIN, SQUARE, HEXAGONAL])
 def test_no_wave_of_the_zone_is_above_the_highest_frequency(lattice: Lattice, physics: Physics, sphere: Sphere) -> None:
     contacts = unit_lattice(sphere, lattice)
     top = bloch_modes(contacts, sphere, zone(lattice, sphere), physics)[0].max()
-    # The corners of the zone, where the top is, are points of both
-    assert top == pytest.approx(highest_frequency(contacts, sphere, physics), rel=1e-12)
+    # The corners of the zone, where the top is, are points of both; grids of a hexagonal zone miss another top by the
+    # square of their spacing, 1/25 and 1/60 of the zone, but hold Γ
+    exact = lattice != HEXAGONAL or physics == FULL
+    assert top == pytest.approx(highest_frequency(contacts, sphere, physics), rel=1e-12 if exact else 3e-4)
 
 
 @pytest.mark.parametrize("sphere", SPHERES)
@@ -240,8 +190,7 @@ def test_no_wave_outruns_the_front_that_the_walls_are_placed_for(
 
 
 def as_measured(kappa: float) -> Sphere:
-    modulus = SILICA.effective_modulus
-    return SILICA.with_moduli(modulus, kappa * modulus / 4, SILICA.work_of_adhesion)
+    return replace(SILICA, factors=(1.0, kappa / SILICA.stiffness_ratio))
 
 
 @pytest.mark.parametrize("name", ["tr_periodic", "fcc_transverse", "hcp_c_axis"])
@@ -264,8 +213,7 @@ def test_stiff_shear_makes_no_wave_faster_than_its_front(name: str, rotation: bo
 
 @pytest.mark.parametrize("lattice", [CHAIN, SQUARE, HEXAGONAL])
 def test_soft_shear_leaves_the_highest_frequency_to_waves_that_do_not_turn(lattice: Lattice) -> None:
-    modulus = SILICA.effective_modulus
-    sphere = SILICA.with_moduli(modulus, 0.01 * modulus / 4, SILICA.work_of_adhesion)
+    sphere = as_measured(0.01)
     contacts = unit_lattice(sphere, lattice)
     edge = lattice.vector(lattice.zone_edge(90.0)).components
     top = bloch_modes(contacts, sphere, np.array(edge) / lattice_constant(sphere), FULL)[0].max()

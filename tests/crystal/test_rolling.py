@@ -8,10 +8,11 @@ import pytest
 
 from granular_analysis.tools.compare import main as compare
 from granular_lmp import build, run
-from granular_lmp.accuracy.richardson import richardson
+from granular_lmp.accuracy.estimates import richardson
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.lattices import Shape, packed, unit_lattice
-from granular_lmp.crystal.modes import Physics, bloch_modes, highest_frequency
+from granular_lmp.crystal.mode import Physics
+from granular_lmp.crystal.modes import bloch_modes, highest_frequency
 from granular_lmp.crystal.stability import frequency_bound
 from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
@@ -103,8 +104,8 @@ def test_no_rolling_mode_of_soft_spheres_lies_above_the_bound() -> None:
     reason="a torque of 0 changes no bit",
     mutant=Mutant(
         "granular_lmp/lammps/contact.py",
-        'rolls = "none" if rolling is None',
-        'rolls = "sds 1e5 0.0 1.0" if rolling is None',
+        '{"rolling": "none", "twisting": "none"}',
+        '{"rolling": "sds 1e5 0.0 1.0", "twisting": "none"}',
     ),
 )
 def test_twisting_changes_no_byte_of_a_record_in_the_plane(tmp_path: Path, measured: Measure) -> None:

@@ -18,6 +18,7 @@ from granular_lmp.crystal.mode import PLANE, Physics
 from granular_lmp.crystal.modes import bloch_mode, contact_stretches, highest_frequency, named_in_space
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.crystal.stability import frequency_bound
+from granular_lmp.crystal.stiffnesses import Pair, measured_factors
 from granular_lmp.crystal.walls import BOTH, Wall, on_wall
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import CrystalError, SceneError
@@ -52,7 +53,8 @@ def test_a_wall_of_the_same_material_has_the_overlap_and_the_stiffnesses_of_the_
 @pytest.mark.parametrize("law", ["dmt", "jkr"])
 def test_measured_stiffnesses_of_a_wall_scale_its_force_at_the_same_overlap(law: str) -> None:
     sphere = replace(SILICA, adhesion_law=law)
-    plain, measured = Wall(sphere, GOLD), Wall(sphere, GOLD, normal_stiffness=321.0, shear_stiffness=123.0)
+    plain, declared = Wall(sphere, GOLD), Pair(normal_stiffness=321.0, shear_stiffness=123.0)
+    measured = replace(plain, factors=measured_factors(declared, plain.law(SILICA.radius), load=0.0))
     assert measured.overlap == pytest.approx(plain.overlap, rel=1e-12)
     found = measured.law(SILICA.radius)
     assert float(found.normal_stiffness(measured.overlap)) == pytest.approx(321.0, rel=1e-12)

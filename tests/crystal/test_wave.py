@@ -14,7 +14,7 @@ from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.rest.initial_fields import Fields, initial_fields, plane_wave
 from granular_lmp.rest.linear import mode_of
-from granular_lmp.rest.validation import FEWEST_RADIANS
+from granular_lmp.rest.refusals_of_waves import FEWEST_RADIANS
 from tests.conftest import PAPER
 from tests.crystal.test_sphere import SILICA
 

@@ -14,15 +14,17 @@ from granular_analysis.measure.norms import relative_error, slope
 from granular_analysis.theory.choice import trajectory, wave_of
 from granular_lmp import Record, Scene, build, cli, run
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import Mode, decay_rate
+from granular_lmp.crystal.mode import Mode
+from granular_lmp.crystal.modes import decay_rate
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Chosen
-from granular_lmp.effects.looks import LOOKS, fastest, hidden, look_interval
+from granular_lmp.effects.looks import hidden
 from granular_lmp.effects.selection import EFFECTS, select, warnings, with_all
 from granular_lmp.errors import EffectError, LammpsError, SceneError
 from granular_lmp.problem import largest_step, prepare
 from granular_lmp.rest.linear import mode_of
+from granular_lmp.rest.looks import LOOKS, fastest, look_interval
 from granular_lmp.rest.resolution import farthest_rounding, gathered_rounding
 from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER, latin, members
@@ -645,7 +647,7 @@ def test_the_mode_of_a_wave_is_asked_for_once_for_each_lattice(monkeypatch: pyte
         return mode_of(scene, *physics)
 
     monkeypatch.setattr("granular_lmp.effects.case.mode_of", counted)
-    monkeypatch.setattr("granular_lmp.problem.mode_of", counted)
+    monkeypatch.setattr("granular_lmp.rest.kinds.mode_of", counted)
     prepare(Scene.load("tr_nonresonant"))
     assert len(asked) == len({*asked}) <= 6
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from cases.solitary.chain import Chain, bands, compressed
+from cases.solitary.chain_motion import integrate
 from granular_analysis.measure.norms import slope
-from granular_analysis.theory.chain import Chain, bands, compressed
-from granular_analysis.theory.chain_motion import integrate
 from granular_lmp import ImpactRecord, ImpactScene
 from granular_lmp.problem import Problem, prepare
 from tests.hard.case import Case, Cases, Edits
@@ -18,11 +18,11 @@ STEPS = (0.02, 0.01, 0.005, 0.0025)
 
 def chain_of(problem: Problem) -> tuple[Chain, float]:
     """Return the chain of the theory in the units of the scene, and the period of its breather."""
-    stiffness = np.concatenate([[0.0], problem.collisions.coefficients, [0.0]])
-    chain = compressed(problem.collisions.mass, stiffness, float(np.mean(problem.collisions.rest_force)))
+    stiffness = np.concatenate([[0.0], problem.rest.coefficients, [0.0]])
+    chain = compressed(problem.rest.mass, stiffness, float(np.mean(problem.rest.rest_force)))
     light = bands(
-        (float(problem.collisions.mass[0]), float(problem.collisions.mass[1])),
-        float(problem.collisions.rest_stiffness[0]),
+        (float(problem.rest.mass[0]), float(problem.rest.mass[1])),
+        float(problem.rest.rest_stiffness[0]),
     )[1]
     return chain, 2 * np.pi / (SHARE * light)
 
@@ -42,7 +42,7 @@ def breathes(periods: int, step: float = 0.0125, edits: Edits = ()) -> Cases:
     # Two contacts open and close in each period, at up to the velocity of the light sphere
     fastest = float(np.max(np.abs(record.velocity)))
     events = float(np.sqrt(4 * periods) * 0.4 * (fastest * step) ** 2.5)
-    top = bands((1.0, 0.1), float(record.problem.collisions.rest_stiffness[0]))[2]
+    top = bands((1.0, 0.1), float(record.problem.rest.rest_stiffness[0]))[2]
     return [
         Case(
             f"least share of five of 43 spheres, breather, {periods} periods",

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from cases.solitary.chain import uniform
+from cases.solitary.chain_motion import collision_time, integrate
 from granular_analysis.measure.norms import slope
-from granular_analysis.theory.chain import uniform
-from granular_analysis.theory.chain_motion import collision_time, integrate
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.strikes import COUNT, EPSILON, last, struck
 

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from granular_lmp import ImpactScene, Scene, run
 from granular_lmp.accuracy import collisions
+from granular_lmp.accuracy.estimates import slip_bounds
 from granular_lmp.accuracy.extrapolation import ALL, EVEN, Judgement, combined, following, judge, l2, weights_of
 from granular_lmp.accuracy.ladder import first_step, plan
-from granular_lmp.accuracy.richardson import slip_bounds
 from granular_lmp.accuracy.rounding import judged, noise_floor
 from granular_lmp.effects.selection import order
 from granular_lmp.errors import GranularError
@@ -51,7 +51,7 @@ class Case:
             self.problem = prepare(self.impact)
             self.order = collisions.order(self.impact)
             self.scene: Scene | ImpactScene = self.impact
-            self.fewest = max(1, ceil(self.scene.time.sample * 8 / self.problem.collisions.shortest_collision))
+            self.fewest = max(1, ceil(self.scene.time.sample * 8 / self.problem.rest.shortest_collision))
         else:
             wave = wave_scene(family, seed)
             self.wave = prepare(wave.with_values({"time.timestep": wave.time.sample / 1000})).scene
@@ -137,7 +137,7 @@ class Case:
     def first(self, tolerance: float) -> int:
         """Return the steps per sample of the first run."""
         if self.is_impact:
-            return plan(prepare(self.impact.with_values({"time.tolerance": tolerance}))).per_sample
+            return plan(prepare(self.impact.with_values({"time.tolerance": tolerance})))[0]
         return round(self.scene.time.sample / first_step(self.wave.with_values({"time.tolerance": tolerance})))
 
     def judgement(self, runs: Sequence[Signals], counts: Sequence[int], names: Sequence[str]) -> Judgement:

@@ -13,8 +13,8 @@ from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
+from granular_lmp.accuracy.estimates import richardson
 from granular_lmp.accuracy.ladder import with_step
-from granular_lmp.accuracy.richardson import richardson
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import Floats, running
 from tests.hard.ledger import keep

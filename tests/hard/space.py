@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from cases.layer.monolayer import Layer
 from granular_analysis.measure.signals import recorded
-from granular_analysis.theory.monolayer import Layer
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.tools.compare import compare
 from granular_lmp import Record, Scene, run

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cases.solitary.chain import uniform
+from cases.solitary.chain_motion import integrate, march
 from granular_analysis.measure.norms import slope
-from granular_analysis.theory.chain import uniform
-from granular_analysis.theory.chain_motion import integrate, march
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.problem import prepare

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cases.solitary.chain_motion import collision_time
 from granular_analysis.measure.norms import slope
-from granular_analysis.theory.chain_motion import collision_time
 from granular_lmp import ImpactRecord, ImpactScene
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.strikes import EPSILON, struck

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from benchmarks.paper_rows import ring_neighbours
 from granular_analysis.second_harmonic import mode
 from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import Contact
@@ -69,7 +70,7 @@ def instability(duration: float = 240.0, step: float = 0.025, edits: Edits = ())
 
 def _linearised(kick: Floats, tau: Floats) -> Floats:
     """States (T, 6, rows) of the exact ring after the kick; q and φ are linear in it to 1e-12, for they are odd."""
-    contact, neighbours = Contact(NU, overlap_ratio=ETA), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU, overlap_ratio=ETA), ring_neighbours()
     xi = 2 * np.pi * PUMP / ROWS
     phases = xi * (np.arange(ROWS, dtype=np.float64) - (ROWS - 1) // 2)
     start = lattice.initial_state(mode("L", xi, RATIOS), 0.2, phases, contact, neighbours)

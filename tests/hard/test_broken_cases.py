@@ -24,8 +24,8 @@ from tests.hard.zone import degenerate, end
 ANOTHER_LAW = (("tangential mindlin ", "tangential mindlin_rescale "),)
 LOSSY_LAYER = (("pair_coeff   * * dmt 73000.0 0.0 ", "pair_coeff   * * dmt 73000.0 1e4 "),)
 DAMPED = (("dmt 73000.0 0.0 ", "dmt 73000.0 1e4 "),)  # ag/ns; a rate of 0.004 per τ
-SHEAR_IN_L = (("variable     to_ux atom v_D0*d_ux/v_slow", "variable     to_ux atom v_D0*(d_ux+1e-6*d_uy)/v_slow"),)
-L_IN_SHEAR = (("variable     to_uy atom v_D0*d_uy/v_slow", "variable     to_uy atom v_D0*(d_uy+1e-6*d_ux)/v_slow"),)
+SHEAR_IN_L = (("variable     to_ux atom v_D0*d_ux/dt", "variable     to_ux atom v_D0*(d_ux+1e-6*d_uy)/dt"),)
+L_IN_SHEAR = (("variable     to_uy atom v_D0*d_uy/dt", "variable     to_uy atom v_D0*(d_uy+1e-6*d_ux)/dt"),)
 SPIN_IN_L = (("variable     vy atom v_D0*d_vy/v_t0", "variable     vy atom v_D0*(d_vy+1e-6*d_vphi)/v_t0"),)
 LARGER = (("amplitude index 0.2 ", "amplitude index 0.20000001 "),)
 A_HELD_SPHERE = (("group        mobile type 1\n", "group        mobile id > 1\n"),)

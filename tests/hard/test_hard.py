@@ -15,14 +15,13 @@ def rounded(name: str) -> bool:
     return edge or "degenerate" in name or name == "L, xi = 0.01001"
 
 
-# Of each, a likeness stands beside it; collisions that part are those of tests/validation/test_pull_off.py, and a
-# breather is that of test_diatomic_impacts.py
+# Of each, a likeness stands beside it; collisions that part are those of tests/validation/test_pull_off.py
 MORE = {"parting velocity", "sticking speed", "spheres that leave their substrate", "a = 0.9", "antiresonance"}
 MORE |= {"corners, nu = -0.9", "corners, nu = -0.5", "corners, nu = 0.0", "corners, nu = 0.3", "corners, nu = 0.49"}
 MORE |= {"a = 2", "order at a = 5", "order at a = 2.3, jkr", "noise of a long cell", "energy of a struck sheet"}
 MORE |= {"order of a rough sheet, incremental", "TR, xi = 3.132", "RT, xi = 3.132", "RT, xi = 0.01001"}
 MORE |= {"p at a = 0.001", "p at a = 1e-06", "a rough sheet, incremental", "mirror of a rough sheet, incremental"}
-MORE |= {"order of a breather", "a breather", "sizes and units", "fcc under load", "order at a = 2.1, jkr"}
+MORE |= {"sizes and units", "fcc under load", "order at a = 2.1, jkr"}
 assert set(FAST) > MORE
 
 

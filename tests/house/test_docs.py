@@ -235,6 +235,7 @@ def judge_analysis(words: list[str]) -> None:
     script, *rest = ["case", "--list", *words[1:]] if words[0] == "cases" else words
     assert script in KNOWN(), script
     file = f"granular_analysis/tools/{script}.py" if script in DOORS else f"cases/{script}/case.py"
+    file = "cases/run.py" if script == "case" else file
     text = (ROOT / "analysis" / file).read_text("utf-8") + SHARED
     assert [word for word in rest if word.startswith("-") and f'"{word}"' not in text] == []
 

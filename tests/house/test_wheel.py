@@ -79,7 +79,6 @@ def test_the_wheel_holds_both_packages_typed_and_every_shipped_file(built: Path)
     wanted |= {
         "granular_lmp/lammps/kernel/contact.cpp",
         "granular_lmp/studies/identity.json",
-        "granular_analysis/theory/dop853.json",
         "granular_analysis/theory/loops.c",
         "granular_lmp/plot/page.html",
     }
@@ -108,9 +107,8 @@ def test_an_installed_scene_runs_and_is_compared(programs: Path, tmp_path: Path)
     assert "in.plane_wave" in started(programs / "granular-lmp", "init", "--all", "lammps_inputs", cwd=tmp_path)
 
 
-def test_the_installed_analysis_runs_as_modules_and_as_scripts(programs: Path, tmp_path: Path) -> None:
-    assert "RUN" in started(programs / "python", "-m", "granular_analysis.tools.compare", "--help", cwd=tmp_path)
-    assert "granular-analysis sheets" in started(programs / "granular-analysis", "sheets", "--help", cwd=tmp_path)
+def test_the_installed_analysis_has_its_scripts(programs: Path, tmp_path: Path) -> None:
+    assert "granular-analysis compare" in started(programs / "granular-analysis", "compare", "--help", cwd=tmp_path)
 
 
 def test_cases_are_only_in_a_checkout_and_an_installed_command_says_so(programs: Path, tmp_path: Path) -> None:
@@ -122,7 +120,7 @@ def test_cases_are_only_in_a_checkout_and_an_installed_command_says_so(programs:
         text=True,
     )
     assert done.returncode == 2
-    assert "figure2: is no case; cases are only in a checkout of the repository" in done.stderr
+    assert "case: cases are only in a checkout of the repository" in done.stderr
 
 
 def test_the_python_of_the_readme_runs_where_the_wheel_is_installed(programs: Path, tmp_path: Path) -> None:
@@ -141,11 +139,9 @@ def test_the_reference_has_the_help_of_every_door_of_analysis() -> None:
 
 
 def test_every_script_of_analysis_has_its_name_in_the_command() -> None:
-    files = [path for path in (ROOT / "analysis").rglob("*.py") if "\ndef main(" in path.read_text("utf-8")]
-    names = {
-        path.parent.name if path.name == "case.py" and path.parents[1].name == "cases" else path.stem for path in files
-    }
-    assert set(scripts()) == names - {"cli"}
+    tools = {path.stem for path in (ROOT / "analysis/granular_analysis/tools").glob("*.py")}
+    cases = {path.parent.name for path in (ROOT / "analysis/cases").glob("*/case.py")}
+    assert set(scripts()) == tools - {"curves"} | cases | {"case"}
 
 
 def test_every_command_of_the_project_is_installed(programs: Path) -> None:

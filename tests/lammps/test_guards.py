@@ -10,12 +10,13 @@ import pytest
 from granular_lmp import Scene, build, run
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.guard import NEVER, watches_part
-from granular_lmp.effects.looks import LOOKS, hidden, longest, look_interval
+from granular_lmp.effects.looks import hidden
 from granular_lmp.errors import EffectError, RunInterrupted
 from granular_lmp.lammps.guard_results import measured
 from granular_lmp.lammps.guards import GUARDS
 from granular_lmp.lammps.outputs import CONTACTS, LOG, read_log, read_snapshots
 from granular_lmp.problem import prepare
+from granular_lmp.rest.looks import LOOKS, longest, look_interval
 from granular_lmp.runs.record import read_status
 from tests.conftest import members
 from tests.hard.guard_study import FAMILIES, Comparison, blind_rules, compared, random_scene
@@ -78,7 +79,7 @@ def test_the_study_sees_a_guard_that_is_wrong_on_either_side() -> None:
 def test_the_study_sees_a_guard_that_looks_too_rarely(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = STANDING.with_values({"effects.friction": 1.0, "effects.sliding": False, "time.sample": 2.5})
     monkeypatch.setattr("granular_lmp.lammps.guards.longest", lambda scene, mode: 2.51)
-    monkeypatch.setattr("granular_lmp.lammps.guards.look_interval", lambda scene, mode: 50)
+    monkeypatch.setattr("granular_lmp.rest.held.look_interval", lambda scene, mode: 50)
     monkeypatch.setattr("granular_lmp.effects.guard.hidden", lambda scene, mode, every: 0.0)
     monkeypatch.setattr("granular_lmp.effects.openings.nearly_open", lambda scene, mode: 0.0)
     openings, _ = compared(scene, tmp_path / "run")

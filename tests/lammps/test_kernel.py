@@ -183,8 +183,8 @@ def at_every_step(scene: Scene, folder: Path) -> tuple[float, float, int]:
     """
     deck = build(scene)
     how, problem = Reading.of(deck.problem), deck.problem
-    lines = f"""compute      each all pair/local dist p4 cutoff {how.formulas.cutoff}
-compute      pair all property/local patom1 patom2 cutoff {how.formulas.cutoff}
+    lines = f"""compute      each all pair/local dist p4 cutoff {how.law.cutoff}
+compute      pair all property/local patom1 patom2 cutoff {how.law.cutoff}
 dump         each all local 1 each c_pair[1] c_pair[2] c_each[1] c_each[2]
 dump_modify  each format line "%.0f %.0f %.17g %.17g"
 """

@@ -103,7 +103,7 @@ IMPACTS: dict[str, Settings] = {
     "wall": {"packing.last": "wall"},
     "periodic": {"packing.sides": "periodic"},
     "pressed": {"packing.contact_force": 10.0},
-    "another radius": {"inclusion": [{"spheres": [[3, 0]], "radius": 0.005000001}]},
+    "another radius": {"inclusion": [{"spheres": [[3, 0]], "radius": 0.004999999}]},
     "another density": {"inclusion": [{"rows": [8, 9], "density": 4000.0}]},
     "vacancy": {"inclusion": [{"spheres": [[5, 0]], "vacancy": True}]},
     "radii": {"disorder.radius": 1e-4},
@@ -125,7 +125,7 @@ IMPACTS: dict[str, Settings] = {
     "quiet": ADHERE | {"absorb.rows": 3},
     "adhesion": ADHERE,
     "viscosity": {"effects.viscosity": 1e-3},
-    "rolling": {"effects.rolling_stiffness": 10.0, "effects.rolling_friction": 0.1},
+    "rolling": {"effects.rolling_stiffness": 10.0, "effects.rolling_friction": 0.1, "effects.friction": 0.3},
     # at rest under load
     "pressed sheet": {
         **{"packing.contact_force": 10.0, "packing.sides": "periodic"},

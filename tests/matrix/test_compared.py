@@ -26,8 +26,8 @@ CHEAP = [
 ]
 
 
-# In tests/validation JKR with unequal radii stands in test_unequal_jkr_in_lammps, a beam in test_waves_against_theory,
-# a torque in test_mixed_with_network
+# In tests/validation JKR with unequal radii and a torque stand in test_beside_network, a beam in
+# test_waves_against_theory
 MORE = ("radii", "jkr"), ("moved row", "beam"), ("torque", "packet")
 
 

@@ -1,9 +1,8 @@
 """Every pair of features of a scene builds, or is refused with a reason; and what builds today builds tomorrow."""
 
-import re
-
 import pytest
 
+from granular_lmp.errors import SceneError
 from tests.matrix.features import IMPACTS, KINDS, WAVES, Kind, together
 from tests.matrix.outcomes import (
     BUILDS,
@@ -11,18 +10,15 @@ from tests.matrix.outcomes import (
     MEANING,
     NOT_BUILT,
     PHYSICS,
-    REFUSALS,
     gains,
     golden,
     losses,
-    message,
     outcome,
-    pair,
-    reason,
     row,
     text,
     update,
 )
+from tests.matrix.outcomes import refused as refused_by
 from tests.matrix.page import PAGE, current, refused
 
 # Dear rows of features that other rows have too
@@ -69,16 +65,6 @@ def test_each_feature_changes_the_scene(kind: Kind) -> None:
     assert not [name for name in alone if kind.scene.with_values(kind.features[name]) == kind.scene]
 
 
-def test_each_line_of_the_refusals_refuses_a_pair() -> None:
-    said = []
-    for kind in KINDS:
-        for name, line in golden(kind.name).items():
-            refused = [other for other, symbol in zip(kind.features, line, strict=False) if symbol != BUILDS]
-            settings = (pair(kind, name, other) for other in refused)
-            said += [message(kind, each) for each in settings if each is not None]
-    assert not [pattern for pattern in REFUSALS if not any(re.search(pattern, each) for each in said)]
-
-
 def test_the_page_prints_the_matrix_and_every_refusal() -> None:
     page = PAGE.read_text(encoding="utf-8")
     assert page == current(page), "python -m tests.matrix writes it"
@@ -96,9 +82,9 @@ def test_settings_of_two_features_are_one_scene_unless_they_differ() -> None:
     assert outcome(KINDS[0], "square", "chain") == EXCLUSIVE
 
 
-def test_a_message_that_no_line_knows_is_an_error() -> None:
+def test_a_refusal_that_does_not_say_what_it_is_is_an_error() -> None:
     with pytest.raises(LookupError, match="physics or not built: nobody said this"):
-        reason("nobody said this")
+        refused_by(SceneError("nobody said this"))
 
 
 def test_a_golden_file_may_only_gain() -> None:

@@ -11,7 +11,6 @@ from typing import Any
 
 from granular_lmp import Scene
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.records import declared_keys
 from granular_lmp.scene.start import COLUMNS, IN_SPACE
 
 # Powers of mass, length and time in the units of keys
@@ -46,11 +45,8 @@ def rescaled(scene: Scene, mass: float, length: float, time: float) -> Scene:
         factor = prod(size**power for size, power in powers)
         return value * factor if isinstance(value, float) else value
 
-    for name, kind in {**scene.layout.sections, **scene.layout.repeated}.items():
-        units = {
-            key.name: key.rule.unit
-            for key in declared_keys(kind, scene.layout.rules.get(name), bare=scene._bare_in(name))
-        }
+    for name in scene.layout.tables:
+        units = {key.name: key.rule.unit for key in scene.keys_of(name)}
 
         def scaled(table: dict[str, Any], units: dict[str, str] = units) -> dict[str, Any]:
             return {key: times(value, units[key]) for key, value in table.items() if value is not None}

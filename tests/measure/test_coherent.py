@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from granular_analysis.measure.coherent import decay, participation_ratio, project
+from granular_analysis.measure.coherent import decay, project
 from tests.manual import Mutant, verifies
 
 K = np.array([0.7, 0.9])
@@ -70,8 +70,6 @@ def test_decay_and_frequency_are_those_of_the_wave(measured):
     measured(fit.frequency / 0.8 - 1)
     assert fit.amplitude == pytest.approx(0.3 - 0.4j, rel=1e-10)
     assert max(fit.rate_error, fit.frequency_error) < 1e-12
-    assert fit.phase_speed(2.0)[0] == pytest.approx(0.4, rel=1e-10)
-    assert fit.attenuation(-0.5)[0] == pytest.approx(0.1, rel=1e-10)
 
 
 def test_the_errors_are_those_of_repeated_measurements():
@@ -92,14 +90,6 @@ def test_a_wave_that_runs_back_has_a_negative_frequency():
 
 
 @pytest.mark.parametrize(
-    ("energy", "ratio"), [(np.ones(50), 1.0), (np.eye(50)[7], 1 / 50), (np.repeat([1.0, 0.0], 25), 0.5)]
-)
-def test_participation_is_the_share_of_spheres_that_move(energy, ratio):
-    assert participation_ratio(energy) == pytest.approx(ratio)
-    assert participation_ratio(np.stack([energy, 3 * energy])) == pytest.approx([ratio, ratio])
-
-
-@pytest.mark.parametrize(
     ("call", "message"),
     [
         (lambda: project(PLACES, field(1.0)[:, :9], K), "must be .N, 2. and .T, N, 2."),
@@ -109,8 +99,6 @@ def test_participation_is_the_share_of_spheres_that_move(energy, ratio):
         (lambda: decay(TIMES[:2], np.ones(2)), "at least 3"),
         (lambda: decay(TIMES, 0 * TIMES), "nowhere 0"),
         (lambda: decay(TIMES, running(1.0, 0.0, 9.0)), "sample finer"),
-        (lambda: participation_ratio([1.0, -1.0]), "negative"),
-        (lambda: participation_ratio([0.0, 0.0]), "some sphere"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused(call, message):

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cases.layer.monolayer import Layer
 from cases.recovery.case import judged, setups, wrong_law
+from granular_analysis.measure.arrivals import crest
 from granular_analysis.measure.fitting import Fit
-from granular_analysis.measure.front import crest
 from granular_analysis.measure.points import Point
 from granular_analysis.second_harmonic import mode, ratios, second_harmonic
-from granular_analysis.theory.monolayer import Layer
 from granular_analysis.tools.fit import main
 from granular_lmp import Scene, run
 from tests.conftest import members
@@ -328,7 +328,7 @@ def resonances(**hertz: float) -> list[Point]:
     tolerance=0.002,
     reason="the arm of torques, η, that the closed form leaves out",
     mutant=Mutant(
-        "analysis/granular_analysis/theory/monolayer.py",
+        "analysis/cases/layer/monolayer.py",
         "lower = 2.5 * neighbours * shear",
         "lower = 2.51 * neighbours * shear",
     ),

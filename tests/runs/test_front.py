@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cases.fronts.case import CHAIN as CHAIN_SPEED
-from granular_analysis.measure.front import front as front_of_theory
+from cases.fronts.front import front as front_of_theory
 from granular_lmp import Record, Scene, front, run
 from granular_lmp.cli import main
 from granular_lmp.errors import ReadoutError

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.driven.waves import driven_amplitudes
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.driven import driven_amplitudes
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import ReadoutError, RunFolderError, ViewError

@@ -24,7 +24,8 @@ from granular_lmp.runs.seal import accept
 from granular_lmp.scene.json_schema import keys
 from granular_lmp.scene.schema import count, switch
 from granular_lmp.scene.sections import Effects, Packing
-from granular_lmp.studies.identity import frozen, names_of
+from granular_lmp.scene.without_wave import NOT_HELD, WAVE
+from granular_lmp.studies.identity import dotted, frozen, names_of
 from granular_lmp.studies.sweep import Sweep, sweep
 from granular_lmp.studies.sweep_points import scene_hash
 from tests.conftest import members
@@ -33,6 +34,7 @@ RELEASES = Path(__file__).parents[1] / "data" / "releases"
 OLD = ["e02a04e", "832ce44"]
 RUNS = [f"{release}/{name}" for release in OLD for name in ("run", "tolerance", "sheet")]
 SWEEPS = [*(f"{release}/sweep" for release in OLD), "832ce44/columns", "832ce44/impacts"]
+YOUNGER = RELEASES.parent / "younger_keys.json"
 NAMES: dict[str, dict[str, Any]] = json.loads((RELEASES / "832ce44" / "names.json").read_text(encoding="utf-8"))
 
 
@@ -161,12 +163,12 @@ def test_the_name_of_a_run_is_that_of_the_last_release(name: str) -> None:
     assert names_of(Scene.from_dict(NAMES[name]))[0] == name
 
 
-@pytest.mark.parametrize(("kind", "bare"), [("Scene", False), ("ImpactScene", True)])
-def test_no_default_changes_and_no_key_is_lost(kind: str, bare: bool) -> None:
+@pytest.mark.parametrize(("kind", "variant"), [("Scene", WAVE), ("ImpactScene", NOT_HELD)])
+def test_no_default_changes_and_no_key_is_lost(kind: str, variant: str) -> None:
     """A file that does not say a key would mean something else, and two runs would have one name."""
-    now = {f"{key.section}.{key.name}": "must be given" if key.required else key.default for key in keys(bare=bare)}
-    data = frozen("0.1.0", kind) | frozen("younger", kind)
-    assert json.loads(json.dumps(now)) == data, 'a new key joins "younger" in identity.json, and no other line changes'
+    now = {f"{key.section}.{key.name}": "must be given" if key.required else key.default for key in keys(variant)}
+    data = frozen(kind) | dotted(json.loads(YOUNGER.read_text(encoding="utf-8"))[kind])
+    assert json.loads(json.dumps(now)) == data, f"a new key joins {YOUNGER.name}, and no other line changes"
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from granular_analysis.measure.snapshot import first_snapshot
-from granular_analysis.theory import green
+from granular_analysis.theory import signals
 from granular_analysis.theory.errors import TheoryError
-from granular_analysis.theory.green import Load
 from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL, Shape, packed
@@ -23,11 +22,12 @@ from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.runs.launch import resume
 from granular_lmp.studies.identity import names_of
+from tests.beside_network import STEPS, extrapolated, network_fields
 from tests.conftest import PAPER, latin, members
+from tests.linear_answer import Load, response
 from tests.manual import Measure, Mutant, verifies
 from tests.scene.test_sources import crystal_of, worst
 from tests.scene.test_sources import extrapolated as extrapolated_fields
-from tests.validation.test_imperfect_in_lammps import STEPS, extrapolated, network_fields
 
 PAGE = (Path(__file__).parents[2] / "docs" / "experiments.md").read_text("utf-8")
 SIDES, ENDS = {"packing.sides": FREE}, {"packing.first": FREE, "packing.last": FREE}
@@ -167,14 +167,14 @@ def test_a_source_at_the_corner_of_a_finite_sheet_makes_the_waves_of_the_linear_
     crystal = crystal_of(snapshots)
     assert np.isinf(crystal.cell).all()
     everyone = np.arange(63)
-    expected = green.response(crystal, [Load([0], "x", green.burst(0.8, 2.0))], snapshots.tau)[0]
+    expected = response(crystal, [Load([0], "x", signals.burst(0.8, 2.0))], snapshots.tau)[0]
     # Second order is a = 1e-3 of the field times numbers of order 0.1, and the fourth order of the step less
     assert worst(found[0], expected, everyone) < 1e-3
-    elsewhere = green.response(crystal, [Load([6], "x", green.burst(0.8, 2.0))], snapshots.tau)[0]
+    elsewhere = response(crystal, [Load([6], "x", signals.burst(0.8, 2.0))], snapshots.tau)[0]
     assert worst(found[0], elsewhere, everyone) > 0.1
     # Nothing holds the sheet: it takes up the momentum of the force, and its centre of mass the way, k1 D0 = 2(κ+3) m
     tau = np.linspace(0, 15, 3001)
-    speed = np.concatenate([[0], np.cumsum((green.burst(0.8, 2.0)(tau)[1:] + green.burst(0.8, 2.0)(tau)[:-1]) / 2)])
+    speed = np.concatenate([[0], np.cumsum((signals.burst(0.8, 2.0)(tau)[1:] + signals.burst(0.8, 2.0)(tau)[:-1]) / 2)])
     way = np.trapezoid(speed, tau) * (tau[1] - tau[0]) / (2 * (scene.sphere.stiffness_ratio + 3)) / 63
     assert found[0][-1, :, 0].mean() == pytest.approx(way, rel=1e-3)
 

@@ -12,8 +12,8 @@ from granular_analysis.theory.scenes import Setting
 from granular_analysis.tools.compare import compare
 from granular_lmp import Scene, run
 from granular_lmp.crystal.lattices import offsets, places
-from granular_lmp.crystal.mode import TURNS
-from granular_lmp.crystal.modes import FULL, bloch_modes
+from granular_lmp.crystal.mode import FULL, TURNS
+from granular_lmp.crystal.modes import bloch_modes
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare

@@ -42,7 +42,7 @@ def overlaps(crystal: Any) -> np.ndarray:
 @pytest.mark.parametrize("rows", [2, 9, 250])
 def test_no_rounding_parts_two_neighbours(name: str, of_one: int, rows: int) -> None:
     columns = 1 if name == "chain" else 7
-    crystal, _ = touching(STEEL, LATTICES[name], rows, columns, periodic=name != "chain")
+    crystal, _ = touching(STEEL, LATTICES[name], rows, columns, periodic=(name != "chain", False))
     found = overlaps(crystal)
     # Each sphere has half of its contacts to the row above, and those of a row have one contact in it
     assert len(found) == (rows - 1) * columns * max(of_one - 1, 1) + (rows * columns if columns > 1 else 0)
@@ -89,7 +89,7 @@ def test_the_impact_is_the_unit() -> None:
 
 
 def test_the_collision_time_and_the_deepest_overlap_are_hertzs() -> None:
-    from granular_analysis.theory.chain_motion import collision_time as other
+    from cases.solitary.chain_motion import collision_time as other
 
     assert collision_time(0.5) == pytest.approx(other(1.0, 1.0, 1.0), rel=1e-12)
     assert pytest.approx(0.5 * 0.5) == 2 / 5 * DEEPEST**2.5  # ½ μ v² = (2/5) A δ^{5/2}, μ = m/2
@@ -125,7 +125,7 @@ def test_spheres_at_rest_have_their_own_scale() -> None:
             "packing.relax: is the way to rest under load; needs sphere.",
         ),
         (CHAIN_SCENE, "sphere.adhesion_law", "jkr", "sphere.adhesion_law: is of spheres that adhere; needs"),
-        (CHAIN_SCENE, "packing.ends", "fixed", "packing.ends: must be packing.first and packing.last"),
+        (CHAIN_SCENE, "packing.ends", "periodic", 'must be "fixed" in a chain whose spheres just touch'),
         (CHAIN_SCENE, "effects.adhesion", True, "effects.adhesion: must be left out beside [[striker]]"),
         (CHAIN_SCENE, "packing.columns", 3, "packing.columns = 3 and packing.sides"),
         (CHAIN_SCENE, "effects.friction", 0.3, "effects.friction = 0.3: must be 0 in a chain"),
@@ -194,7 +194,7 @@ def test_tables_that_touching_spheres_give_no_meaning_are_refused(table: str, me
     [
         (
             {"spheres": [[20, 30]], "radius": 1e-3},
-            "inclusion 1: radius = 0.001: must be that of all spheres in a sheet",
+            "inclusion 1: radius = 0.001: must be from 0.88 to 1 times sphere.radius = 0.005 in a sheet",
         ),
         ({"spheres": [[20, 30]], "work_of_adhesion": 0.1}, "inclusion 1: work_of_adhesion = 0.1: must be left out"),
     ],
@@ -278,7 +278,7 @@ def test_guards_look_often_enough() -> None:
     problem = prepare(CHAIN_SCENE)
     steps = line_interval(problem)
     assert CHAIN_SCENE.time.steps_per_sample % steps == 0
-    assert steps * CHAIN_SCENE.time.step <= problem.collisions.shortest_collision / 20
+    assert steps * CHAIN_SCENE.time.step <= problem.rest.shortest_collision / 20
 
 
 def test_a_square_sheet_has_its_wall_at_the_edge_of_the_spheres() -> None:

@@ -12,8 +12,9 @@ from granular_lmp.crystal.modes import contact_stretches
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.stability import crude_bound, frequency_bound
 from granular_lmp.effects.case import Case
-from granular_lmp.problem import largest_step, prepare, step_rules
+from granular_lmp.problem import prepare
 from granular_lmp.rest import at_rest, initial_fields
+from granular_lmp.rest.held import largest_step, step_rules
 from granular_lmp.rest.linear import physics_of
 from tests.conftest import PAPER
 from tests.crystal.test_wave import PULSE, fields_of

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.theory import green
+from granular_analysis.theory import signals
 from granular_analysis.theory.catalogue import NETWORK
 from granular_analysis.tools import compare
 from granular_lmp import Scene, build, run
@@ -39,7 +39,7 @@ SMALL = SHEET.with_values(
 
 def burst_samples(count: int = 81) -> list[list[float]]:
     tau = np.linspace(0, LENGTH, count)
-    value = green.burst(FREQUENCY, CYCLES)(tau)
+    value = signals.burst(FREQUENCY, CYCLES)(tau)
     return np.column_stack([tau, np.where(np.arange(count) % (count - 1), value, 0.0)]).tolist()
 
 
@@ -78,7 +78,7 @@ def test_samples_of_a_burst_do_what_the_burst_does(kind: str, tmp_path: Path) ->
 def test_a_run_of_samples_continues_to_the_same_bytes_and_runs_with_plain_lammps(
     tmp_path: Path, stop: Callable[[Scene, Path], None]
 ) -> None:
-    pairs = [[0.1 * n, green.tone(0.5, 6.0)(np.array([0.1 * n]))[0]] for n in range(241)]
+    pairs = [[0.1 * n, signals.tone(0.5, 6.0)(np.array([0.1 * n]))[0]] for n in range(241)]
     scene = SMALL.with_values(
         {"source": sources(motion="x", signal=pairs, delay=1.0) + sources(force="y", signal=pairs)}
     )
@@ -95,7 +95,7 @@ def test_a_run_of_samples_continues_to_the_same_bytes_and_runs_with_plain_lammps
 
 def test_before_and_after_the_samples_the_signal_is_constant(tmp_path: Path) -> None:
     rise = np.linspace(0, 6, 31)
-    pairs = np.column_stack([rise, green.step(6.0)(rise)]).tolist()
+    pairs = np.column_stack([rise, signals.step(6.0)(rise)]).tolist()
     scene = SMALL.with_values({"source": sources(motion="x", signal=pairs, delay=2.0), "time.duration": 8.0})
     build(scene).write(tmp_path / "deck")
     command = [*lmp_command(1), "-in", "in.sheet", "-screen", "none", "-var", "duration", "14"]  # beyond the last

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.paper_rows import rows
 from granular_analysis.second_harmonic import mode, ratios
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.lattice import rows, torus
+from granular_analysis.theory.lattice import torus
 from granular_analysis.theory.wave import Wave
 from granular_lmp import build
 from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
@@ -230,6 +231,8 @@ def test_walls_are_not_heard_before_the_echo_time_and_are_soon_after(name: str) 
 def test_an_assignment_is_read_as_toml_or_as_a_bare_word() -> None:
     assert assignment("wave.wavenumber=1.2") == ("wave.wavenumber", 1.2)
     assert assignment("wave.mode = TR") == ("wave.mode", "TR")
+    assert [assignment(f"a={text}")[1] for text in (".1", "-1.", "+.5e-3")] == [0.1, -1.0, 5e-4]
+    assert assignment("wave.mode=.") == ("wave.mode", ".")
     assert assignment("time.allow_echo=true") == ("time.allow_echo", True)
     for wrong in ("wave.mode", "=3", "wave.mode="):
         with pytest.raises(SceneError, match="must be KEY=VALUE"):

@@ -52,7 +52,7 @@ def test_a_table_is_replaced_as_a_whole() -> None:
             {"wave": Wave(mode="L", wavenumber=1.0, amplitude=1e3)},
             "wave.amplitude = 1000.0: must be a number in (0, 100]",
         ),
-        ({"effects": Effects(friction=-1.0)}, "effects.friction = -1.0: must be a number in (0, 10000]"),
+        ({"effects": Effects(friction=-1.0)}, "effects.friction = -1.0: must be a number in [0, 10000]"),
         ({"waves": WAVE.wave}, "waves: unknown key; did you mean 'wave'?"),
         ({"packing": Packing(rows=200)}, "packing.rows = 200: must be odd between fixed ends"),
     ],

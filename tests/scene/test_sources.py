@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from granular_analysis.measure.norms import relative_error
-from granular_analysis.theory import green
+from granular_analysis.theory import signals
 from granular_analysis.theory.catalogue import NETWORK, REFERENCES, missing
 from granular_analysis.theory.choice import traits_of
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.green import Crystal, Load
 from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
@@ -28,6 +27,7 @@ from granular_lmp.scene.document import note
 from granular_lmp.scene.signals import SIGNALS
 from granular_lmp.studies.kick import run_kicked
 from tests.conftest import PAPER
+from tests.linear_answer import Crystal, Load, response
 from tests.manual import Measure, Mutant, verifies
 
 PUSH: dict[str, Any] = {"spheres": [[6, 5]], "force": "y", "signal": "burst", "cycles": 2.0, "frequency": 1.2}
@@ -84,9 +84,9 @@ def sheet(tmp_path_factory: pytest.TempPathFactory) -> tuple[np.ndarray, Snapsho
 
 
 LOADS = [
-    Load([101], "y", green.burst(1.2, 2.0)),
-    Load([105, 136], "torque", lambda tau: 0.5 * green.ricker(2.0)(tau)),
-    Load([51], "x", green.tone(0.5, 6.0, delay=0.7), moves=True),
+    Load([101], "y", signals.burst(1.2, 2.0)),
+    Load([105, 136], "torque", lambda tau: 0.5 * signals.ricker(2.0)(tau)),
+    Load([51], "x", signals.tone(0.5, 6.0, delay=0.7), moves=True),
 ]
 
 
@@ -103,7 +103,7 @@ def test_forces_torques_and_motions_make_the_waves_of_the_linear_crystal(
     sheet: tuple[np.ndarray, Snapshots], measured: Measure
 ) -> None:
     found, snapshots = sheet
-    expected = green.response(crystal_of(snapshots), LOADS, snapshots.tau)
+    expected = response(crystal_of(snapshots), LOADS, snapshots.tau)
     apart = snapshots.crystal.get_all_distances(mic=True)[:, [101, 105, 136, 51]].min(axis=1)
     near, far = np.flatnonzero(apart < 4.1), np.flatnonzero(apart > 8)  # radii: next neighbours; four spheres away
     assert len(near) > 20
@@ -120,7 +120,7 @@ def test_five_percent_more_of_a_source_are_seen(source: int, sheet: tuple[np.nda
     load = LOADS[source]
     more = Load(load.spheres, load.axis, lambda tau: 1.05 * load.signal(tau), load.moves)
     wrong = [*LOADS[:source], more, *LOADS[source + 1 :]]
-    expected = green.response(crystal_of(snapshots), wrong, snapshots.tau)[0]
+    expected = response(crystal_of(snapshots), wrong, snapshots.tau)[0]
     assert worst(found[0], expected, np.arange(256)) > 5e-3
 
 
@@ -128,24 +128,24 @@ def test_spheres_that_are_turned_by_hand_make_the_waves_of_the_linear_crystal(tm
     turned = MOVE | {"motion": "rotation"}
     scene = SHEET.with_values({"packing.rows": 10, "packing.columns": 10, "source": [turned], "output.particles": 1.0})
     found, snapshots = extrapolated(scene, tmp_path)
-    signal = green.tone(0.5, 6.0, delay=0.7)
-    expected = green.response(crystal_of(snapshots), [Load([33], "rotation", signal, moves=True)], snapshots.tau)
+    signal = signals.tone(0.5, 6.0, delay=0.7)
+    expected = response(crystal_of(snapshots), [Load([33], "rotation", signal, moves=True)], snapshots.tau)
     free = np.setdiff1d(np.arange(100), 33)
     assert worst(found[0], expected[0], free) < 1e-3  # as above
     assert worst(found[1], expected[1], np.arange(100)) < 1e-3
     # The sphere turns as it is told, to the rounding of an angle of 1e-7, and does not move
     np.testing.assert_allclose(found[0][:, 33, 2], signal(snapshots.tau), rtol=0, atol=1e-8)
     assert not found[0][:, 33, :2].any()
-    later = green.response(
-        crystal_of(snapshots), [Load([33], "rotation", green.tone(0.5, 6.0, delay=0.75), moves=True)], snapshots.tau
+    later = response(
+        crystal_of(snapshots), [Load([33], "rotation", signals.tone(0.5, 6.0, delay=0.75), moves=True)], snapshots.tau
     )
     assert worst(found[0], later[0], free) > 5e-3  # a step later is seen
 
 
 def test_a_shaken_row_makes_the_waves_of_the_linear_strip(tmp_path: Path) -> None:
     found, snapshots = extrapolated(STRIP, tmp_path)
-    load = Load([45, 46, 47], "x", green.tone(prepare(STRIP).mode.frequency, 10.0), moves=True)
-    expected = green.response(crystal_of(snapshots), [load], snapshots.tau)[0]
+    load = Load([45, 46, 47], "x", signals.tone(prepare(STRIP).mode.frequency, 10.0), moves=True)
+    expected = response(crystal_of(snapshots), [load], snapshots.tau)[0]
     row = snapshots.crystal.arrays["row"]
     assert worst(found[0], expected, np.flatnonzero(np.abs(row - 15) == 1)) < 1e-3  # as above
     assert worst(found[0], expected, np.flatnonzero(np.abs(row - 15) == 8)) < 1e-3
@@ -158,8 +158,8 @@ def test_the_power_of_sources_is_the_change_of_energy(tmp_path: Path) -> None:
     )
     (field, velocity), snapshots = extrapolated(scene, tmp_path)
     crystal, tau = crystal_of(snapshots), snapshots.tau
-    power = crystal.strength("y") * green.burst(1.2, 2.0)(tau) * velocity[:, 36, 1]
-    power += crystal.strength("torque") * 0.5 * green.ricker(2.0)(tau) * velocity[:, 17, 2]
+    power = crystal.strength("y") * signals.burst(1.2, 2.0)(tau) * velocity[:, 36, 1]
+    power += crystal.strength("torque") * 0.5 * signals.ricker(2.0)(tau) * velocity[:, 17, 2]
     work = np.concatenate([[0.0], np.cumsum((power[1:] + power[:-1]) / 2) * 0.1])
     # The trapezoidal rule errs by h²/12 of the slope of the power, which is taken from it
     work -= 0.1**2 / 12 * (np.gradient(power, 0.1, edge_order=2) - np.gradient(power, 0.1, edge_order=2)[0])
@@ -183,25 +183,25 @@ def test_the_first_row_as_a_source_is_the_driven_row(tmp_path: Path) -> None:
 
 
 def test_each_signal_is_what_it_is_called(tmp_path: Path) -> None:
-    signals: dict[str, tuple[dict[str, Any], Callable[[np.ndarray], np.ndarray]]] = {
-        "tone": ({"phase": 0.4, "ramp": 3.0, "delay": 1.0}, green.tone(0.8, 3.0, 0.4, 1.0)),
-        "burst": ({"phase": -0.4, "cycles": 1.5, "delay": 2.0}, green.burst(0.8, 1.5, -0.4, 2.0)),
-        "chirp": ({"sweep": 2.5, "cycles": 3.0, "phase": 0.2, "delay": 1.0}, green.chirp(0.8, 2.5, 3.0, 0.2, 1.0)),
-        "ricker": ({"delay": 0.5}, green.ricker(0.8, 0.5)),
-        "step": ({"ramp": 5.0, "delay": 1.5}, green.step(5.0, 1.5)),
+    known: dict[str, tuple[dict[str, Any], Callable[[np.ndarray], np.ndarray]]] = {
+        "tone": ({"phase": 0.4, "ramp": 3.0, "delay": 1.0}, signals.tone(0.8, 3.0, 0.4, 1.0)),
+        "burst": ({"phase": -0.4, "cycles": 1.5, "delay": 2.0}, signals.burst(0.8, 1.5, -0.4, 2.0)),
+        "chirp": ({"sweep": 2.5, "cycles": 3.0, "phase": 0.2, "delay": 1.0}, signals.chirp(0.8, 2.5, 3.0, 0.2, 1.0)),
+        "ricker": ({"delay": 0.5}, signals.ricker(0.8, 0.5)),
+        "step": ({"ramp": 5.0, "delay": 1.5}, signals.step(5.0, 1.5)),
     }
     sources = [
         {"spheres": [[2, 2 * k]], "motion": "xy"[k % 2], "signal": name, "amplitude": 0.5 + k}
         | ({} if name == "step" else {"frequency": 0.8})
         | keys
-        for k, (name, (keys, _)) in enumerate(signals.items())
+        for k, (name, (keys, _)) in enumerate(known.items())
     ]
-    assert {*signals, "samples"} == {*SIGNALS}  # those are tests/scene/test_samples.py
+    assert {*known, "samples"} == {*SIGNALS}  # those are tests/scene/test_samples.py
     changes = {"packing.rows": 6, "packing.columns": 10, "time.duration": 20.0, "source": sources}
     scene = SHEET.with_values(changes | {"output.particles": 1.0})
     snapshots = run(scene, tmp_path / "run").snapshots()
     moved, turned, velocity = snapshots.stacks("displacement", "rotation", "velocity")
-    for k, (_, signal) in enumerate(signals.values()):
+    for k, (_, signal) in enumerate(known.values()):
         sphere = 20 + 2 * k
         # Rounding of positions 4 µm from the origin, 1e-12 nm of D0 = 2.5e-4 nm
         np.testing.assert_allclose(moved[:, sphere, k % 2], (0.5 + k) * signal(snapshots.tau), atol=1e-8)
@@ -232,7 +232,7 @@ def test_rates_of_moved_spheres_are_of_the_instant_at_every_step(
     motion: str, column: str, late: float, tmp_path: Path
 ) -> None:
     """LAMMPS has the velocity of half a step ago, and the spin of half a step ahead: errors of first order."""
-    signal, errors = green.tone(0.5, 6.0, delay=0.7), []
+    signal, errors = signals.tone(0.5, 6.0, delay=0.7), []
     watched = {"monitor": [{"name": "one", "spheres": [[3, 3]]}], "source": [MOVE | {"motion": motion}]}
     scene = SHEET.with_values({"packing.rows": 6, "packing.columns": 10, "time.duration": 12.0} | watched)
     for step in (0.1, 0.05):
@@ -300,7 +300,7 @@ def test_sources_shake_crystals_that_are_not_perfect(tmp_path: Path) -> None:
     record = run(SHEET.with_values(holes | {"time.duration": 6.0}), tmp_path / "run")
     tau = record.snapshots().tau
     moved = record.snapshots().stack("displacement")[:, 51]
-    np.testing.assert_allclose(moved[:, 0], green.tone(0.5, 6.0, delay=0.7)(tau), atol=1e-8)  # rounding, as above
+    np.testing.assert_allclose(moved[:, 0], signals.tone(0.5, 6.0, delay=0.7)(tau), atol=1e-8)  # rounding, as above
     with pytest.raises(SceneError, match=r"source 1: sphere \[6, 6\]: is a vacancy"):
         prepare(SHEET.with_values(holes | {"source.1.spheres": [[6, 6]]}))
 

@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
+from cases.runner import swept as runs_of
+from cases.spectrum.case import measure as spectrum
 from granular_analysis.tools.compare import main as compare_main
-from granular_analysis.tools.spectrum import main as spectrum_main
 from granular_lmp import Scene
 from granular_lmp.plot import view
 from granular_lmp.rest.linear import mode_of
@@ -92,12 +93,9 @@ def test_compare_has_a_line_a_wave_that_names_it(
     assert " ".join(lines[2]) == "7 points of the sweep are 2 runs: the others run with equal values"
 
 
-@pytest.mark.usefixtures("unrendered")
-def test_the_spectrum_has_a_point_a_wave(swept: Sweep, tmp_path: Path) -> None:
-    table = tmp_path / "points.csv"
-    assert spectrum_main([str(swept.folder), "-o", str(tmp_path / "s.png"), "--csv", str(table)]) == 0
-    with table.open(newline="") as stream:
-        assert [float(row[KEY]) for row in csv.DictReader(stream)] == [RAN, 2 * pi * 9 / 48]
+def test_the_spectrum_has_a_point_a_wave(swept: Sweep) -> None:
+    points, _ = spectrum(runs_of([str(swept.folder)]))
+    assert [each.wavenumber for each in points] == pytest.approx([RAN, 2 * pi * 9 / 48])
 
 
 def test_the_command_says_before_it_runs_what_tells_the_values_apart(

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.solitary.chain import uniform
+from cases.solitary.chain_motion import integrate
 from granular_analysis.measure.norms import relative_error
-from granular_analysis.theory.chain import uniform
-from granular_analysis.theory.chain_motion import integrate
 from granular_analysis.theory.choice import trajectory, wave_of
 from granular_lmp import ImpactRecord, ImpactScene, Record, Scene, load, run
 from granular_lmp.errors import (

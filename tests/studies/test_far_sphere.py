@@ -211,8 +211,8 @@ def test_energies_are_over_all_that_is_given(tmp_path: Path) -> None:
     scene = ImpactScene.from_dict(CHAIN.to_dict() | {"start": {"state": state}})
     whole = run_impact(scene, tmp_path / "whole")
     # 1 m/s and 0.9 m/s of two equal spheres
-    assert whole.problem.collisions.given_energy == pytest.approx((1 + 0.81) / 2, rel=1e-12)
-    assert whole.kinetic_energy[0].sum() == pytest.approx(whole.problem.collisions.given_energy, rel=1e-12)
+    assert whole.problem.rest.given_energy == pytest.approx((1 + 0.81) / 2, rel=1e-12)
+    assert whole.kinetic_energy[0].sum() == pytest.approx(whole.problem.rest.given_energy, rel=1e-12)
     part = run_impact(scene.with_values({"output.rows": [0, 11], "packing.last": "wall"}), tmp_path / "part")
     few = run_impact(scene.with_values({"output.rows": [8, 11], "packing.last": "wall"}), tmp_path / "few")
     share = part.kinetic_energy[-1, 8:].sum() / 0.905
@@ -224,7 +224,7 @@ def test_the_energy_of_a_state_counts_its_spins() -> None:
     rough = SHEET.with_values({"effects.friction": 0.2})
     spin = 2.0 / rough.sphere.radius
     scene = ImpactScene.from_dict(rough.to_dict() | {"start": {"state": [[3, 3, 0, 0, 0, 1.0, spin]]}})
-    given = prepare(scene).collisions.given_energy * scene.scale.velocity**2  # in m (m/s)²
+    given = prepare(scene).rest.given_energy * scene.scale.velocity**2  # in m (m/s)²
     assert given == pytest.approx((1 + 1 + 0.4 * 4) / 2, rel=1e-12)  # the striker at 1 m/s, and I = 0.4 m R²
 
 

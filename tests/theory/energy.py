@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.integrator import Solver, written
+from granular_analysis.theory.integrator import of_state, solver_of, step
 from granular_analysis.theory.lattice import Touching, integrate, longest_step, on_torus, rhs, touching
 from granular_analysis.theory.lattice_loop import torus_slope
 from granular_analysis.theory.neighbours import Neighbours
@@ -118,13 +118,14 @@ def ledger(wave: Wave, tau: ArrayLike, *, points: int = 31, rtol: float = 1e-11)
     _refuse(laws)
     start, neighbours = on_torus(wave, points)
 
+    moves = torus_slope(start, laws, neighbours) or (lambda moving: rhs(moving, laws, neighbours))
+
     def derivative(state: Floats) -> Floats:
-        moving = state[:-1]
-        return np.concatenate([rhs(moving, laws, neighbours), law_power(moving, laws, neighbours)[None]])
+        moving = np.ascontiguousarray(state[:-1])
+        return np.concatenate([moves(moving), law_power(moving, laws, neighbours)[None]])
 
     start = np.concatenate([start, np.zeros((1, points))])
-    loop = torus_slope(start, laws, neighbours, WORK_SIGN[laws.law])
-    states = integrate(loop or derivative, start, tau, rtol, wave.amplitude, longest_step(laws))
+    states = integrate(derivative, start, tau, rtol, wave.amplitude, longest_step(laws))
     work = states[:, -1].mean(axis=-1)
     return Ledger(np.asarray(tau, dtype=float), energy(states[:, :-1], laws, neighbours), work)
 
@@ -140,14 +141,15 @@ def opening_time(wave: Wave, until: float, *, points: int = 31, rtol: float = 1e
     def closed(state: Floats) -> bool:
         return bool(np.max(touching(state, laws, neighbours).stretch) < 1 - laws.adhesion.least_overlap)
 
-    slope = torus_slope(start, laws, neighbours) or written(lambda state: rhs(state, laws, neighbours))
-    solver = Solver(slope, 0.0, start, until, rtol, rtol * wave.amplitude, longest_step(laws))
-    while solver.time < until:
-        solver.step()
-        if not closed(solver.state):
-            low, high = solver.before, solver.time
+    slope = torus_slope(start, laws, neighbours) or (lambda state: rhs(state, laws, neighbours))
+    options = {"rtol": rtol, "atol": rtol * wave.amplitude, "max_step": longest_step(laws)}
+    solver = solver_of(of_state(slope, start), 0.0, start.ravel(), until, **options)
+    while solver.t < until:
+        step(solver)
+        if not closed(solver.y.reshape(start.shape)):
+            low, high, motion = solver.t_old, solver.t, solver.dense_output()
             while low < (middle := (low + high) / 2) < high:
-                low, high = (middle, high) if closed(solver.between(np.array([middle]))[0]) else (low, middle)
+                low, high = (middle, high) if closed(motion(middle).reshape(start.shape)) else (low, middle)
             return high
     return None
 

@@ -11,7 +11,6 @@ import pytest
 from cases.adhesion_laws import case as figure
 from cases.effects import case as effects_figure
 from granular_analysis.measure.norms import relative_error, slope
-from granular_analysis.second_harmonic import ModeName
 from granular_analysis.theory import bloch
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.hierarchy import hierarchy
@@ -27,13 +26,11 @@ from granular_lmp.crystal.disorder import Disorder, imperfect
 from granular_lmp.crystal.equilibrium import relax
 from granular_lmp.crystal.lattices import Shape, packed, unit_cell
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.effects.law_formulas import JkrFormulas
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import sliding_force
 from granular_lmp.errors import SceneError
 from granular_lmp.studies.kick import run_kicked
-from tests.conftest import latin, members
-from tests.polarisations import spoilt
+from tests.conftest import latin
 from tests.theory.energy import ledger, opening_time
 
 PERIODIC = Scene.load("tr_periodic")
@@ -191,7 +188,7 @@ def test_contacts_of_a_crystal_found_from_its_places_have_the_constants_of_the_s
 def test_the_bound_of_the_sliding_force_is_below_it_for_all_overlaps_up_to_rest() -> None:
     for sphere in PRESSED:
         law, hold = sphere.contact_law, sphere.pull_off_distance / sphere.static_overlap
-        reading = Reading(True, JkrFormulas(sphere, sphere.holding_force), adhesive_force=sphere.pull_off_force)
+        reading = Reading(True, sphere, sphere.holding_force, adhesive_force=sphere.pull_off_force)
         text = sliding_force(reading).replace("^", "**").replace("$(v_mu:%.17g)", "1")
         filled = text.replace("v_overlap", "x")
         x = np.linspace(-hold, 1, 1001)
@@ -228,32 +225,6 @@ def test_the_constants_of_theory_are_those_of_the_sphere_that_it_does_not_know()
         assert nonlinearity(theory, 0.2) == pytest.approx(sphere.nonlinearity(0.2), rel=ROUNDED)
         compression = theory.adhesion.load / 1.5 * sphere.overlap_ratio / (1 - sphere.overlap_ratio)
         assert compression == pytest.approx(sphere.prestress, rel=1e-12, abs=1e-18)
-
-
-CASES = [
-    (name, law, share, eta)
-    for name in ("TR", "L")
-    for law, share, eta in (("secant", 0.0, 0.0), ("secant", 0.5, 2e-3), ("incremental", 0.0, 2e-3))
-] + [("RT", "secant", 0.0, 2e-3)]
-
-
-@pytest.mark.parametrize(("name", "law", "share", "eta"), members(CASES, CASES[0], CASES[1], CASES[5], CASES[6]))
-def test_second_order_is_exact_at_small_amplitude(name: ModeName, law: Any, share: float, eta: float) -> None:
-    contact = Contact(0.17, law=law, prestress=share, overlap_ratio=eta, adhesion_law="jkr")
-    tau, amplitudes = np.linspace(0.5, 30, 60), (0.04, 0.02)
-    waves = [Wave.of_mode(name, 0.802, a, contact, phase=0.3 * 0.802) for a in amplitudes]
-    mode = waves[0].mode
-    linear = mode.p * np.cos(0.3 * mode.wavenumber - mode.frequency * tau)
-    exact = [torus(wave, tau)[0] - linear for wave in waves]
-
-    def order(factor: float) -> float:
-        theory = [spoilt(wave, tau, curvature=factor, shear_growth=factor) for wave in waves]
-        return slope(amplitudes, [relative_error(*pair) for pair in zip(theory, exact, strict=True)])
-
-    # What is left out is smaller by a² in p of TR and RT, by a in the second harmonic of L, whose phase drifts
-    expected = 1.0 if name == "L" else 2.0
-    assert order(1.0) == pytest.approx(expected, abs=0.1)
-    assert order(1.1) < expected / 2
 
 
 def test_second_order_in_another_direction_and_the_hierarchy_meet_the_lattice() -> None:

@@ -11,8 +11,10 @@ import pytest
 
 from cases.effects import case as effects
 from cases.figure3 import case as figure3
-from granular_analysis.measure import oblique, sheets, spectrum
-from granular_analysis.measure.rows import load_form
+from cases.oblique import case as oblique
+from cases.rows import load_form
+from cases.sheets import case as sheets
+from cases.spectrum import points as spectrum
 from granular_analysis.theory import catalogue
 from granular_analysis.theory.catalogue import (
     CRYSTAL,
@@ -25,7 +27,6 @@ from granular_analysis.theory.catalogue import (
     REFERENCES,
     SLIDING,
     missing,
-    script_for,
 )
 from granular_analysis.theory.choice import THEORIES, TheoryError, best, holding, traits, traits_of, trajectory, wave_of
 from granular_analysis.tools import compare
@@ -95,24 +96,22 @@ INVENTED = [
 
 @pytest.mark.parametrize(("record", "name"), INVENTED, ids=[name for _, name in INVENTED])
 def test_an_invented_effect_or_form_is_refused_by_every_theory_and_script(
-    record: Record, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    record: Record, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert all(name in missing(theory, traits_of(record)) for theory in HOLDS)
-    assert script_for(traits_of(record)) is None
     with pytest.raises(TheoryError, match=f"no theory here holds {name}"):
         wave_of(record)
     with pytest.raises(ValueError, match=name):
         sheets.refuse(record)
     assert name in (spectrum.refusal(record) or "")
     assert name in (oblique.refusal(record) or "")
-    for script in (compare, figure3):
-        monkeypatch.setattr(script, "load", lambda folder, **_: record)
+    for module, script in (("granular_analysis.tools.compare", compare), ("cases.runner", figure3)):
+        monkeypatch.setattr(f"{module}.load", lambda folder, **_: record)
         with pytest.raises(SystemExit, match=f"no theory here holds {name}"):
             script.main(["run"])
     monkeypatch.setattr(effects, "sweep", lambda folder: [record])
-    with pytest.raises(SystemExit):
+    with pytest.raises(SystemExit, match=name):
         effects.main(["sweep"])
-    assert name in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("form", ["standing", "driven"])
@@ -121,7 +120,7 @@ def test_an_invented_effect_or_form_is_no_standing_and_no_driven_wave(
 ) -> None:
     capillary, spiral = record_of(with_wave(form=form), INVENTED_EFFECT), record_of(with_wave(form=INVENTED_FORM))
     for record, said in ((capillary, "leaves out effects.capillary, which"), (spiral, "has the form 'spiral'")):
-        monkeypatch.setattr("granular_analysis.measure.rows.load", lambda folder, record=record: record)
+        monkeypatch.setattr("cases.rows.load", lambda folder, record=record: record)
         with pytest.raises(SystemExit, match=said):
             load_form("run", form)
 

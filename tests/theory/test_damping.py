@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks import paper_rows
 from granular_analysis import second_harmonic as sh
 from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import Contact, restitution_viscosity
@@ -94,7 +95,7 @@ def six_dashpots(moving, contact, between_rows=1.0):
 
 def test_every_contact_has_two_dashpots():
     rates = np.random.default_rng(2).uniform(-1, 1, (3, 3))
-    contact, neighbours = Contact(NU, viscosity=0.3), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU, viscosity=0.3), paper_rows.ring_neighbours()
     state = np.concatenate([np.zeros((3, 3)), rates])
     p, q, phi = lattice.rhs(state, contact, neighbours)[3:, 1]
     force = six_dashpots(rates, contact)
@@ -103,7 +104,7 @@ def test_every_contact_has_two_dashpots():
 
 def test_an_open_contact_does_not_damp():
     contact, still = Contact(NU, viscosity=0.3), Contact(NU)
-    neighbours = lattice.ring_neighbours()
+    neighbours = paper_rows.ring_neighbours()
     state = np.zeros((6, 5))
     state[0] = 10 * np.arange(5)  # rows 0 … 4 far apart; between 4 and 0 they are pressed
     state[3] = [0.0, 0.1, -0.2, 0.3, 0.0]
@@ -169,30 +170,10 @@ def test_the_dashpot_of_a_restitution_goes_as_the_fourth_root_of_the_overlap(str
     places = np.zeros((3, 5))
     places[0] = np.arange(5) * stretch / (np.sqrt(3) / 2)
     state = np.concatenate([places, rates])
-    damped, still = (lattice.rhs(state, each, lattice.ring_neighbours())[3:, 2] for each in (contact, free))
+    damped, still = (lattice.rhs(state, each, paper_rows.ring_neighbours())[3:, 2] for each in (contact, free))
     force = six_dashpots(rates[:, 1:4], contact, between_rows=(1 - stretch) ** 0.25)
     wrong = six_dashpots(rates[:, 1:4], contact, between_rows=(1 - stretch) ** 0.5)
     p, q, phi = damped - still
     # Rounding of forces that are at most (2/3) 16^{3/2}/(2(κ+3)) = 5.5, thousandfold
     assert [p, q, phi * 0.4] == pytest.approx([force[1], -force[0], force[2]], rel=0, abs=1e-12)
     assert np.max(np.abs(force - wrong)) > 1e-3
-
-
-def test_no_restitution_is_no_damping():
-    assert restitution_viscosity(1.0, SILICA.kappa) == 0
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"viscosity": -0.1}, "viscosity"),
-        ({"viscosity": np.inf}, "viscosity"),
-        ({"restitution": 0.0, "prestress": 1.0}, "restitution = 0.0 is outside"),
-        ({"restitution": 1.1, "prestress": 1.0}, "restitution = 1.1 is outside"),
-        ({"restitution": 0.9}, "needs prestress = 1"),
-        ({"restitution": 0.9, "prestress": 1.0, "viscosity": 0.1}, "one dashpot"),
-    ],
-)
-def test_dashpots_that_are_none_are_refused(wrong, message):
-    with pytest.raises(ValueError, match=message):
-        Contact(NU, **wrong)

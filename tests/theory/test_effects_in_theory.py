@@ -1,7 +1,5 @@
 """Compression instead of adhesion, no rotation, no shear: theory against the exact lattice, and a wrong one."""
 
-from itertools import product
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,7 @@ from granular_analysis import second_harmonic as sh
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.theory import bloch, lattice
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.hierarchy import hierarchy, hierarchy_orders
+from granular_analysis.theory.hierarchy import hierarchy
 from granular_analysis.theory.resonance import three_mode
 from granular_analysis.theory.wave import (
     Wave,
@@ -17,13 +15,11 @@ from granular_analysis.theory.wave import (
     generated,
     residual,
     resonance,
-    second_harmonic,
     shift,
     shifted_second_order,
     trajectory,
 )
 from tests.conftest import latin
-from tests.polarisations import spoilt
 
 NU = 0.17
 ETA = 0.02  # Δ0/2R: large enough for every term in it to be seen
@@ -38,45 +34,6 @@ EFFECTS = {
     "no shear": {"shear": False},
     "no shear, compression": {"shear": False, "overlap_ratio": ETA, "prestress": 1.0},
 }
-WAVES = [
-    (effects, name) for effects, name in product(EFFECTS, ("L", "TR", "RT")) if name != "RT" or "no" not in effects
-]
-
-
-def both_parts(mode, amplitude, tau, phase=0.0, **effects):
-    """Odd and even part of p, q, φ in the amplitude: a → −a is a phase of π."""
-    # From one integration: the points of the torus hold every phase.
-    states = lattice.torus_trajectory(Wave(mode, amplitude, Contact(NU, **effects)), tau, points=15, rtol=1e-12)
-    one, other = ((states @ lattice.periodic_kernel(phase + c - lattice.torus_phases(15), 15)).T for c in (0, np.pi))
-    return (one - other) / 2, (one + other) / 2
-
-
-def first_order(mode, **effects):
-    """p, q, φ of the lattice to first order in a, in D0, less those of the mode: on the torus, over 10 τ."""
-    tau = np.linspace(0, 10, 11)
-    order = hierarchy_orders(mode, Contact(NU, **effects), tau, order=2, rtol=1e-11)[0]
-    theta = lattice.torus_phases(order.shape[-1]) - mode.frequency * tau[:, None]
-    wave = [mode.p * np.cos(theta), mode.q * np.cos(theta), -mode.f * np.sin(theta)]
-    return np.max(np.abs(order - np.stack(wave, axis=1)))
-
-
-@pytest.mark.parametrize(
-    ("effects", "name", "xi"),
-    latin(WAVES, [0.802, 2.127, np.pi]),
-)
-def test_the_lattice_runs_in_its_linear_modes(effects, name, xi):
-    mode = bloch.mode(name, xi, 90.0, Contact(NU, **EFFECTS[effects]))
-    assert first_order(mode, **EFFECTS[effects]) < 1e-9  # 100 rtol, and then some
-
-
-@pytest.mark.parametrize(("effects", "name"), WAVES)
-def test_the_lattice_itself_does_so_at_small_amplitude(effects, name):
-    mode = bloch.mode(name, 0.802, 90.0, Contact(NU, **EFFECTS[effects]))
-    odd, _ = both_parts(mode, 1e-5, SHORT, **EFFECTS[effects])
-    theta = -mode.frequency * SHORT
-    wave = np.stack([mode.p * np.cos(theta), mode.q * np.cos(theta), -mode.f * np.sin(theta)])
-    # a² = 1e-10 of nonlinearity, and rounding of 1 − x, 1e-16/1e-5, over 30 τ.
-    assert np.max(np.abs(odd - wave)) < 5e-9
 
 
 @pytest.mark.parametrize("name", ["L", "TR", "RT"])
@@ -84,8 +41,6 @@ def test_a_prestress_left_out_is_seen_in_the_linear_mode(name):
     mode = sh.mode(name, 0.802, sh.ratios(NU, overlap_ratio=ETA))
     # χ = 0.014 of the stiffness, of which RT feels a hundredth; rounding is 1e-16
     assert residual(mode, Contact(NU, overlap_ratio=ETA, prestress=1.0)) > 1e-5
-    with pytest.raises(ValueError, match="no wave of this contact"):
-        first_order(mode, overlap_ratio=ETA, prestress=1.0)
 
 
 def test_a_prestress_does_nothing_where_normals_do_not_turn():
@@ -93,27 +48,6 @@ def test_a_prestress_does_nothing_where_normals_do_not_turn():
     assert residual(mode, Contact(NU, prestress=1.0)) < 1e-15
     with_it, without = (lattice.torus(Wave(mode, 0.2, Contact(NU, prestress=c)), SHORT) for c in (1.0, 0.0))
     assert np.allclose(with_it, without, rtol=0, atol=1e-9)  # the integrator's own steps
-
-
-@pytest.mark.parametrize(
-    ("effects", "name", "xi", "law"),
-    latin(WAVES, [(0.802, "secant"), (1.9, "incremental")]),
-)
-def test_second_harmonic_is_exact_at_small_amplitude(effects, name, xi, law):
-    phase = 0.4  # what the start leaves in the contacts is there too
-    wave = Wave.of_mode(name, xi, SMALL, Contact(NU, law=law, **EFFECTS[effects]), phase)
-    _, even = both_parts(wave.mode, SMALL, SHORT, phase, law=law, **EFFECTS[effects])
-    theory = second_harmonic(wave, SHORT)[0]
-    # a² times the relative coefficient of order a⁴: at most 10 (RT, whose second harmonic is small).
-    assert relative_error(even[0], theory) < 15 * SMALL**2
-
-
-@pytest.mark.parametrize("name", ["TR", "L"])
-def test_one_percent_of_what_compression_adds_is_seen(name):
-    wave = Wave.of_mode(name, 0.802, SMALL, Contact(NU, overlap_ratio=0.1, prestress=1.0))
-    _, even = both_parts(wave.mode, SMALL, SHORT, overlap_ratio=0.1, prestress=1.0)
-    off, rest = (relative_error(even[0], spoilt(wave, SHORT, push=share)) for share in (0.99, 1.0))
-    assert off > 10 * rest
 
 
 def test_without_rotation_silica_resonates_in_long_waves():
@@ -184,26 +118,6 @@ def test_without_shear_the_unit_of_time_stays_that_of_the_spheres():
     speed = frequency["L"] / np.sin(0.401)
     assert speed**2 == pytest.approx(3 / (3 + contact.kappa), rel=1e-13)
     assert contact.kappa == sh.ratios(NU).kappa
-
-
-@pytest.mark.parametrize("effects", [{"rotation": False}, {"shear": False}])
-def test_there_is_no_rt_mode_where_spheres_do_not_turn(effects):
-    with pytest.raises(ValueError, match="'RT'"):
-        bloch.mode("RT", 1.0, 90.0, Contact(NU, **effects))
-
-
-@pytest.mark.parametrize("prestress", [-0.1, 1.1, np.nan])
-def test_a_prestress_that_is_no_share_is_refused(prestress):
-    with pytest.raises(ValueError, match="prestress"):
-        Contact(NU, prestress=prestress)
-
-
-@pytest.mark.parametrize("effects", [{"rotation": False}, {"shear": False}, {"prestress": 0.3}], ids=str)
-@pytest.mark.parametrize("name", ["TR", "L"])
-def test_the_potential_law_goes_with_options_of_the_lattice(name, effects):
-    wave = Wave.of_mode(name, 0.802, SMALL, Contact(NU, law="potential", **effects))
-    _, even = both_parts(wave.mode, SMALL, SHORT, law="potential", **effects)
-    assert relative_error(even[0], second_harmonic(wave, SHORT)[0]) < 15 * SMALL**2  # as above
 
 
 # --- the other theories ---

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
+from benchmarks import paper_rows
 from granular_analysis import second_harmonic as sh
 from granular_analysis.theory import bloch, lattice
 from granular_analysis.theory.contact import Contact
@@ -90,7 +91,7 @@ def test_energy_of_a_small_wave_is_twice_its_mean_kinetic_energy():
 
 def asymmetry(law):
     """Largest |J − Jᵀ| of the forces' Jacobian on five rows of a ring, relative to |J|: 0 if they have a potential."""
-    contact, neighbours = Contact(NU, law=law), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU, law=law), paper_rows.ring_neighbours()
     mass = np.array([1, 1, contact.inertia])[:, None]
     place = np.random.default_rng(3).uniform(-0.1, 0.1, 15)
 
@@ -110,7 +111,7 @@ def test_the_potential_law_has_a_potential_and_the_secant_law_none():
 
 
 def test_forces_of_the_potential_law_are_the_gradient_of_the_energy():
-    contact, neighbours = Contact(NU, law="potential"), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU, law="potential"), paper_rows.ring_neighbours()
     place = np.random.default_rng(4).uniform(-0.1, 0.1, 15)
 
     def state(y):
@@ -129,7 +130,7 @@ def test_forces_of_the_potential_law_are_the_gradient_of_the_energy():
 @pytest.mark.parametrize("law", LAWS)
 def test_the_power_is_the_rate_of_the_energy(law):
     # At any state, not only along a plane wave: E' by a difference quotient along the flow.
-    contact, neighbours = Contact(NU, law=law), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU, law=law), paper_rows.ring_neighbours()
     moving = np.random.default_rng(5).uniform(-0.1, 0.1, (6, 7))
     state = lattice.with_shear(moving, contact, neighbours)
     rate, h = lattice.rhs(state, contact, neighbours), 1e-5
@@ -206,6 +207,6 @@ def test_the_resonant_wave_of_the_potential_law_does_not_blow_up():
 
 
 def test_turning_normals_have_no_ledger():
-    contact, neighbours = Contact(NU, overlap_ratio=1e-3), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU, overlap_ratio=1e-3), paper_rows.ring_neighbours()
     with pytest.raises(ValueError, match="overlap_ratio"):
         energy.energy(np.zeros((9, 5)), contact, neighbours)

@@ -136,31 +136,12 @@ def test_second_order_is_the_closed_form(name, xi, measured):
     measured(off(numerical, closed, size=1))
 
 
-@pytest.mark.parametrize(("name", "xi"), [("TR", 0.802), ("TR", 1.475), ("L", 2.0)])
-def test_second_order_with_geometry_is_the_closed_form_at_the_centre(name, xi):
-    ratios = sh.ratios(NU, overlap_ratio=0.01)
-    mode = sh.mode(name, xi, ratios)
-    numerical = hierarchy.hierarchy(Wave(mode, 1.0, Contact(NU, overlap_ratio=0.01)), TAU, order=2, rtol=1e-11)
-    closed, plain = (sh.second_order(mode, r, 1.0, TAU) for r in (ratios, SILICA))
-    assert np.allclose(numerical, closed, rtol=0, atol=5e-9)  # as above
-    assert np.max(np.abs(np.subtract(numerical, plain))) > 5e-6  # a thousand times that
-
-
 @pytest.mark.parametrize("name", ["TR", "L"])
 def test_geometry_is_right_at_any_row_and_phase(name):
     wave = Wave.of_mode(name, 0.802, 0.02, Contact(NU, overlap_ratio=0.01), phase=0.4)
     estimate, exact = (f(wave, SHORT, row=7)[0] for f in (hierarchy.hierarchy, lattice.torus))
     # a⁶ = 6e-11: nothing is left but the integration, 50 rtol.
     assert np.allclose(estimate, exact, rtol=0, atol=5e-9)
-
-
-def test_other_inertias_are_right_too():
-    # 2/3 is a thin shell
-    hollow, solid = (Wave.of_mode("TR", 0.802, 0.02, Contact(NU, inertia=inertia)) for inertia in (2 / 3, 0.4))
-    exact = lattice.torus(hollow, SHORT)
-    series, wrong = (hierarchy.hierarchy(wave, SHORT, order=4) for wave in (hollow, solid))
-    assert relative_error(series[1], exact[1]) < 1e-6
-    assert relative_error(wrong[1], exact[1]) > 1e-3  # the wrong inertia is seen
 
 
 def test_an_order_knows_nothing_of_those_above():
@@ -191,62 +172,6 @@ def test_the_mode_is_all_there_is_at_the_start():
     # Rounding of a transform of 11 numbers, and RADIUS^(1−k) of it in order k.
     assert np.allclose(orders[0, 0], start, rtol=0, atol=1e-14)
     assert np.max(np.abs(orders[1:, 0])) < 1e-14 * hierarchy.RADIUS**-2
-
-
-# Frequencies of p of order a⁴ at the antiresonance: products of the fundamental (ξ, Ω), which obey ω = 2Ω and 4Ω,
-# of the free waves of order a³ (ξ, ±Ω_RT(ξ); 3ξ, ±Ω_TR, ±Ω_RT of 3ξ) with the fundamental, and free L waves.
-
-
-@cache
-def antiresonant_harmonics():
-    """p of order a⁴ at the antiresonance as complex amplitudes of e^{imϑ}, (T, m)."""
-    mode = sh.mode("TR", sh.antiresonance(SILICA), SILICA)
-    orders = hierarchy.hierarchy_orders(mode, Contact(NU), LONG, order=4, rtol=1e-12)
-    return 2 * np.fft.rfft(orders[3, :, 0], norm="forward")
-
-
-def antiresonant_waves(harmonic):
-    """p of order a⁴ at 2ξ or 4ξ, complex (T,), and the frequencies of its waves: free, launched, bound."""
-    xi = sh.antiresonance(SILICA)
-    omega = sh.mode("TR", xi, SILICA).frequency
-    part = antiresonant_harmonics()[:, harmonic]
-
-    def free(name, multiple):
-        folded = abs((multiple * xi + np.pi) % (2 * np.pi) - np.pi)
-        return float(sh.dispersion(folded, name, SILICA)) * np.array([1.0, -1.0])
-
-    once, thrice = free("RT", 1), np.concatenate([free("TR", 3), free("RT", 3)])
-    launched = {2: [once - omega, thrice + omega], 4: [thrice - omega, once - 3 * omega]}[harmonic]
-    bound = {2: [-2 * omega, 0, 2 * omega], 4: [-4 * omega, -2 * omega, 0]}[harmonic]
-    return part, (free("L", harmonic), np.concatenate(launched), np.array(bound))
-
-
-def fit(part, frequencies):
-    """Amplitudes of e^{iωτ} of the given frequencies that fit best, and the relative error that is left."""
-    waves = np.exp(1j * np.outer(LONG, frequencies))
-    amplitudes = np.linalg.lstsq(waves, part, rcond=None)[0]
-    rest = np.linalg.norm(waves @ amplitudes - part) / np.linalg.norm(part)
-    return amplitudes, rest
-
-
-@pytest.mark.parametrize(("harmonic", "shares"), [(2, (0.61, 0.37, 0.017)), (4, (0.46, 0.42, 0.117))])
-def test_antiresonant_p_is_mostly_launched_by_the_initial_condition(harmonic, shares):
-    part, kinds = antiresonant_waves(harmonic)
-    amplitudes, rest = fit(part, np.concatenate(kinds))
-    assert rest < 1e-6  # nothing is missing: the integration leaves 3e-8 of p
-    energy = [np.sum(np.abs(a) ** 2) for a in np.split(amplitudes, np.cumsum([len(k) for k in kinds])[:-1])]
-    assert energy / np.sum(energy) == pytest.approx(shares, abs=0.005)  # two digits
-
-
-@pytest.mark.parametrize("harmonic", [2, 4])
-def test_free_and_bound_waves_alone_do_not_make_antiresonant_p(harmonic):
-    part, (free, _, bound) = antiresonant_waves(harmonic)
-    assert fit(part, np.concatenate([free, bound]))[1] > 0.5
-
-
-def test_antiresonant_p_is_the_harmonic_two():
-    weight = np.mean(np.abs(antiresonant_harmonics()) ** 2, axis=0)
-    assert weight[4] / np.sum(weight) == pytest.approx(0.0136, abs=5e-4)
 
 
 def test_an_order_below_two_is_refused():

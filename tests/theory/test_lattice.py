@@ -1,17 +1,17 @@
 """The integrated lattice against the paper's appendix, against finite lattices, and against the closed form."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
-from scipy.integrate import DOP853, solve_ivp
+from scipy.integrate import DOP853
 
+from benchmarks import paper_rows
 from granular_analysis import second_harmonic as sh
 from granular_analysis.theory import bloch, lattice
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave
-from tests.conftest import latin, members
+from tests.conftest import members
 from tests.manual import Mutant, off, verifies
 
 NU = 0.17
@@ -53,7 +53,7 @@ def six_contacts(u, v, theta, kappa, eta):
 def test_equations_of_motion_are_the_sum_over_six_contacts(eta):
     p, q, phi = np.random.default_rng(1).uniform(-0.1, 0.1, (3, 3))
     contact = Contact(NU, overlap_ratio=eta)
-    neighbours = lattice.ring_neighbours()
+    neighbours = paper_rows.ring_neighbours()
     moving = np.zeros((6, 3))
     moving[:3] = p, q, phi
     rate = lattice.rhs(lattice.with_shear(moving, contact, neighbours), contact, neighbours)[3:6, 1]
@@ -99,7 +99,7 @@ def test_a_pair_turned_rigidly_slips_by_its_overlap():
 def test_torus_is_the_centre_of_201_rows_before_the_walls_are_heard(name, xi, measured):
     mode = sh.mode(name, xi, SILICA)
     wave, tau = Wave(mode, 0.2, Contact(NU), 0.3), np.linspace(0, 120, 25)
-    infinite, finite = lattice.torus(wave, tau, rtol=1e-12), lattice.rows(wave, tau, rtol=1e-12)
+    infinite, finite = lattice.torus(wave, tau, rtol=1e-12), paper_rows.rows(wave, tau, rtol=1e-12)
     # Fifty times rtol, the measured error of either integration.
     measured(off(infinite, finite, size=1))
 
@@ -108,7 +108,7 @@ def test_walls_are_heard_in_the_end():
     mode, tau = sh.mode("L", 0.802, SILICA), np.linspace(0, 80, 81)
     infinite, finite = (
         lattice.torus(Wave(mode, 0.2, Contact(NU)), tau, rtol=1e-10)[0],
-        lattice.rows(Wave(mode, 0.2, Contact(NU)), tau, rows=51, rtol=1e-10)[0],
+        paper_rows.rows(Wave(mode, 0.2, Contact(NU)), tau, rows=51, rtol=1e-10)[0],
     )
     difference = np.abs(infinite - finite)
     assert np.max(difference[tau <= 20]) < 1e-8
@@ -119,7 +119,7 @@ def test_walls_are_heard_in_the_end():
 def test_both_end_rows_are_held_at_zero():
     # Seven rows written out: the two ends are rows of their own, the contact between them carries nothing.
     mode, tau, ends = sh.mode("TR", 0.802, SILICA), np.linspace(0, 20, 21), [0, 6]
-    contact, neighbours = Contact(NU), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU), paper_rows.ring_neighbours()
     start = lattice.initial_state(mode, 0.2, mode.wavenumber * np.arange(-3.0, 4.0), contact, neighbours)
     start[:, ends] = 0
 
@@ -129,13 +129,13 @@ def test_both_end_rows_are_held_at_zero():
         return rate
 
     expected = lattice.integrate(held, start, tau, 1e-11, 0.2, lattice.longest_step(contact))[:, :3, 3].T / 0.2
-    assert np.allclose(lattice.rows(Wave(mode, 0.2, Contact(NU)), tau, rows=7), expected, rtol=0, atol=1e-9)
+    assert np.allclose(paper_rows.rows(Wave(mode, 0.2, Contact(NU)), tau, rows=7), expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(("k", "n"), members([(5, 40), (5, 16)], (5, 16)))
 def test_torus_is_the_periodic_lattice_for_a_long_time(k, n):
     mode, tau, amplitude = sh.mode("TR", 2 * np.pi * k / n, SILICA), np.linspace(0, 500, 26), 0.1
-    contact, neighbours = Contact(NU), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU), paper_rows.ring_neighbours()
     start = lattice.initial_state(mode, amplitude, mode.wavenumber * np.arange(n), contact, neighbours)
     states = lattice.motion(start, contact, neighbours, tau, 1e-8, amplitude)
     infinite = lattice.torus(Wave(mode, amplitude, Contact(NU)), tau, row=3, rtol=1e-8)
@@ -194,16 +194,6 @@ def test_a_slope_sees_a_coefficient_wrong_by_a_percent():
     assert np.all(slopes(mode, replace(SILICA, alpha=1.01 * SILICA.alpha))[:, 0] < 1)
 
 
-@pytest.mark.parametrize("row", [0, 7])
-@pytest.mark.parametrize(("name", "xi"), [("TR", 0.802), ("TR", 2.127), ("RT", 0.802), ("L", 0.802)])
-def test_second_order_is_right_at_a_row_and_phase(name, xi, row):
-    mode, tau, a = sh.mode(name, xi, SILICA), np.linspace(0, 30, 31), 0.0025
-    exact = lattice.torus(Wave(mode, a, Contact(NU), 0.4), tau, row=row, rtol=1e-12)
-    theory = sh.second_order(mode, SILICA, a, tau, row=row, phase=0.4)
-    # The largest part is the frequency shift of L, σa²τ = 0.0195·30 a²; the rest is the third harmonic.
-    assert np.allclose(exact, theory, rtol=0, atol=a**2)
-
-
 def test_at_the_zone_edge_a_transverse_wave_makes_no_second_harmonic():
     p, q, phi = lattice.torus(Wave(sh.mode("TR", np.pi, SILICA), 0.1, Contact(NU)), np.linspace(0, 30, 31))
     # Forces of order 1 rounded by 1e-16 a few times over, all one way for τ²/2 = 450 and per a = 0.1, would make 5e-12.
@@ -222,38 +212,6 @@ def test_geometry_fades_with_the_overlap_ratio(law):
     assert np.allclose(plain, nearly, rtol=0, atol=1e-7)
 
 
-@cache
-def every_phase(mode, eta):
-    """p (T, K) of a small wave on the phase torus."""
-    return lattice.torus_trajectory(Wave(mode, SMALL, Contact(NU, overlap_ratio=eta)), SHORT, rtol=1e-12)[:, 0]
-
-
-def even_part(mode, eta, phase=0.0):
-    """The part of p even in the amplitude: a → −a is a phase of π, so only second harmonic and a⁴ survive the mean."""
-    both = lattice.periodic_kernel(phase + np.array([[0], [np.pi]]) - lattice.torus_phases(31), 31)
-    return every_phase(mode, eta) @ both.mean(axis=0)
-
-
-@pytest.mark.parametrize(
-    ("phase", "name", "xi", "eta"),
-    latin([0.0, 0.4], [("TR", 0.802), ("TR", 1.475), ("TR", 2.127), ("RT", 0.802), ("L", 0.802)], [0.0, ETA, 0.1]),
-)
-def test_second_harmonic_with_geometry_is_exact_at_small_amplitude(name, xi, eta, phase):
-    r = sh.ratios(NU, overlap_ratio=eta)
-    mode = sh.mode(name, xi, r)
-    expected = sh.second_harmonic(mode, r, SMALL, SHORT, phase=phase)
-    # a² times the relative coefficient: below 1 except at the antiresonance, where p is of order a⁴ (0.1/0.025² = 160).
-    tolerance = (200 if xi == 2.127 else 1) * SMALL**2
-    tolerance = tolerance * np.max(np.abs(expected)) + 1e-11  # and the error of the integration
-    assert even_part(mode, eta, phase) == pytest.approx(expected, rel=0, abs=tolerance)
-
-
-def test_leaving_out_the_geometry_is_seen_at_small_amplitude():
-    right = even_part(sh.mode("L", 0.802, sh.ratios(NU, overlap_ratio=0.1)), 0.1)
-    wrong = sh.second_harmonic(sh.mode("L", 0.802, SILICA), SILICA, SMALL, SHORT)
-    assert np.max(np.abs(right - wrong)) > 1e-3 * np.max(np.abs(right))
-
-
 def test_geometry_changes_p_by_a_fifth_at_the_antiresonance():
     mode = sh.mode("TR", 2.127, sh.ratios(NU, overlap_ratio=ETA))
     # An error of 5e-8 beside 3e-5
@@ -263,154 +221,7 @@ def test_geometry_changes_p_by_a_fifth_at_the_antiresonance():
     assert error == pytest.approx(0.20, abs=0.02)  # "20 %": two digits
 
 
-def incremental_ratio(xi, amplitude, rtol=1e-11):
-    mode = sh.mode("TR", xi, SILICA)
-    secant, incremental = (
-        lattice.torus(Wave(mode, amplitude, Contact(NU, law=law)), TAU, rtol=rtol) for law in ("secant", "incremental")
-    )
-    return np.array([rms(i) / rms(s) for i, s in zip(incremental, secant, strict=True)])
-
-
-# 1.906 is the ratio at small amplitude (see the next test); a=0.2 adds 0.25 %. The others are given to two digits.
-@pytest.mark.parametrize(("xi", "ratio", "digits"), [(0.802, 1.906, 5e-3), (1.475, 2.6, 2e-2), (2.127, 190, 2e-2)])
-def test_incremental_law_makes_p_larger_and_q_hardly_different(xi, ratio, digits):
-    p, q, _ = incremental_ratio(xi, 0.2, rtol=1e-9)  # an error of 5e-8 beside p, which is 3e-5 at 2.127
-    assert p == pytest.approx(ratio, rel=digits)
-    assert q == pytest.approx(1, abs=0.02)
-
-
-@pytest.mark.parametrize("xi", [0.802, 1.475])
-def test_incremental_law_halves_g2_in_the_second_harmonic(xi):
-    kappa = SILICA.kappa
-    halved = replace(SILICA, alpha=(kappa - 1) / (2 * kappa + 3), beta=kappa / (2 * kappa + 3))
-    mode = sh.mode("TR", xi, SILICA)
-    expected = sh.generated_amplitude(mode, halved) / sh.generated_amplitude(mode, SILICA)
-    # a² = 4e-4 times a coefficient of order 0.1.
-    assert incremental_ratio(xi, 0.02)[0] == pytest.approx(expected, rel=1e-4)
-
-
-def test_inertia_is_that_of_the_mode():
-    hollow = sh.ratios(NU, 2 / 3)
-    mode, tau, a = sh.mode("TR", 0.802, hollow), np.linspace(0, 30, 31), 0.0025
-    theory = sh.second_order(mode, hollow, a, tau)
-    right, wrong = (
-        np.abs(np.subtract(lattice.torus(Wave.of_mode("TR", 0.802, a, Contact(NU, inertia=i)), tau), theory)).max()
-        for i in (2 / 3, 0.4)
-    )
-    assert right < 0.5 * a**2
-    assert wrong > 0.01
-
-
 # --- any direction ---
-
-
-SHEET = (5, 7)  # spheres along (1, 0) and along (1/2, √3/2), periodic
-SIGNS = np.array([-1, -1, 1])[:, None, None]  # a contact pulls both spheres together, and turns both one way
-TO_NEIGHBOURS = {0: (1, 0), 60: (0, 1), 120: (-1, 1)}  # the other three are their opposites
-
-
-@cache
-def cells(step):
-    """Where the neighbours that lie `step` cells on are in a sheet of numbers (I, J)."""
-    return np.ix_(*((np.arange(size) + far) % size for size, far in zip(SHEET, step, strict=True)))
-
-
-def neighbour(values, step):
-    """The values (…, I, J) of the neighbour that lies `step` cells on."""
-    return values[..., *cells(step)]
-
-
-def sheet_rate(state, kappa, eta):
-    """Rate of u, v, φ, their velocities and three slips (9, I, J): the appendix in x and y, contact by contact."""
-    place, velocity, slips = state[:3], state[3:6], state[6:]
-    total, slip_rates = np.zeros_like(place), []
-    for bond, (degrees, step) in enumerate(TO_NEIGHBOURS.items()):
-        n0 = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])[:, None, None]
-        there = neighbour(state[:6], step)
-        d, d_rate = there[:2] - place[:2], there[3:5] - velocity[:2]
-        if eta:
-            r = (1 / eta - 1) * n0 + d
-            distance = np.sqrt(r[0] ** 2 + r[1] ** 2)
-            n, overlap = r / distance, 1 / eta - distance
-        else:
-            n, overlap = n0 + 0 * d, 1 - (n0 * d).sum(axis=0)
-        t = np.stack([-n[1], n[0]])
-        slip_rates.append((t * d_rate).sum(axis=0) - there[5] - velocity[2])
-        slip = slips[bond] if eta else (t * d).sum(axis=0) - there[2] - place[2]
-        shear = kappa * slip * np.sqrt(overlap)
-        force = (2 / 3) * (1 - overlap * np.sqrt(overlap)) * n + shear * t
-        torque = shear * (1 - eta * overlap)
-        load = np.concatenate([force, torque[None]])
-        total += load + SIGNS * neighbour(load, (-step[0], -step[1]))
-    return np.concatenate([velocity, total / [[[1.0]], [[1.0]], [[0.4]]] / (2 * (kappa + 3)), slip_rates])
-
-
-def on_a_sheet(mode, wavevector, amplitude, tau, eta):
-    """p, q, φ (T, 3) in D0 of the sphere at the origin of a periodic sheet, started as the mode."""
-    i, j = np.meshgrid(*(np.arange(size) for size in SHEET), indexing="ij")
-    theta = wavevector[0] * (i + j / 2) + wavevector[1] * j * np.sqrt(3) / 2
-    angle = np.radians(mode.direction)
-    to_xy = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    wave = amplitude * np.multiply.outer(to_xy @ [mode.p, mode.q, 1j * mode.f], np.exp(1j * theta))
-    moving = np.concatenate([wave.real, (-1j * mode.frequency * wave).real])
-    kappa = Contact(NU).kappa
-    start = np.concatenate([moving, np.zeros((3, *SHEET))])
-    for bond, (degrees, step) in enumerate(TO_NEIGHBOURS.items()):  # loaded in one step along the final tangents
-        n0 = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])[:, None, None]
-        d = neighbour(start[:3], step) - start[:3]
-        r = n0 + d[:2] * eta / (1 - eta)
-        n = r / np.sqrt(r[0] ** 2 + r[1] ** 2)
-        start[6 + bond] = n[0] * d[1] - n[1] * d[0] - d[2] - 2 * start[2]
-    solution = solve_ivp(
-        lambda _, y: sheet_rate(y.reshape(start.shape), kappa, eta).ravel(),
-        (0, tau[-1]), start.ravel(), method="DOP853", t_eval=tau, rtol=1e-11, atol=1e-12,
-    )  # fmt: skip
-    place = solution.y.reshape(*start.shape, -1)[:3, 0, 0]
-    return (to_xy.T @ place).T / amplitude
-
-
-ON_SHEETS = [
-    (*wave, eta) for wave in (("L", (1, 1)), ("TR", (1, 2)), ("RT", (-1, 2)), ("L", (2, 0))) for eta in (0.0, 0.01)
-]
-LEFT = [("RT", (-1, 2), 0.01), ("L", (2, 0), 0.0)]
-
-
-@pytest.mark.parametrize(
-    ("name", "cycles", "eta"), members(ON_SHEETS, *(each for each in ON_SHEETS if each not in LEFT))
-)
-def test_torus_is_a_periodic_sheet_in_any_direction(name, cycles, eta):
-    first, second = (2 * np.pi * c / size for c, size in zip(cycles, SHEET, strict=True))
-    k = np.array([first, (second - first / 2) * 2 / np.sqrt(3)])  # k·(1, 0) and k·(1/2, √3/2)
-    direction, wavenumber = np.degrees(np.arctan2(k[1], k[0])), np.sqrt(3) / 2 * np.hypot(*k)
-    mode = bloch.mode(name, wavenumber, direction, Contact(NU, overlap_ratio=eta))
-    tau = np.linspace(0, 30, 16)
-    sheet = on_a_sheet(mode, k, 0.2, tau, eta)
-    infinite = np.stack(lattice.torus(Wave(mode, 0.2, Contact(NU, overlap_ratio=eta)), tau, rtol=1e-12), axis=-1)
-    assert np.max(np.abs(sheet)) > 0.8  # something moves
-    assert np.allclose(sheet, infinite, rtol=0, atol=1e-9)  # a hundred times rtol
-    turned = bloch.mode(name, wavenumber, direction + 1, Contact(NU, overlap_ratio=eta))
-    other = np.stack(lattice.torus(Wave(turned, 0.2, Contact(NU, overlap_ratio=eta)), tau, rtol=1e-8), axis=-1)
-    assert np.max(np.abs(other - sheet)) > 1e-3  # one degree is seen
-
-
-@pytest.mark.parametrize("direction", [17.0, 90.0])
-@pytest.mark.parametrize("effects", [{}, {"overlap_ratio": 0.02, "prestress": 1.0, "restitution": 0.95}], ids=str)
-def test_a_crystal_turned_by_60_degrees_is_the_same(direction, effects):
-    linear = {name: value for name, value in effects.items() if name != "restitution"}
-    tau, turned = np.linspace(0, 40, 41), []
-    for turn in (0.0, 60.0, -120.0, 180.0):
-        mode = bloch.mode("TR", 1.1, direction + turn, Contact(NU, **linear))
-        turned.append(np.stack(lattice.torus(Wave(mode, 0.2, Contact(NU, **effects), 0.3), tau)))
-    assert np.allclose(turned[1:], turned[0], rtol=0, atol=1e-9)  # a hundred times rtol
-
-
-def test_a_mirror_turns_q_and_phi_round():
-    tau = np.linspace(0, 40, 41)
-    one, other = (bloch.mode("TR", 1.1, direction, Contact(NU)) for direction in (17.0, -17.0))
-    sign = np.sign(one.q * other.q)
-    p, q, phi = lattice.torus(Wave(one, 0.2, Contact(NU)), tau)
-    mirrored = lattice.torus(Wave(other, 0.2, Contact(NU), 0.0 if sign < 0 else np.pi), tau)
-    assert np.allclose(mirrored, [p, -q, -phi], rtol=0, atol=1e-9)
 
 
 def test_contacts_within_the_row_stretch_where_the_wave_runs_along_it():
@@ -525,14 +336,6 @@ def test_an_even_torus_is_refused(points):
         lattice.torus(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), [0.0, 1.0], points=points)
 
 
-@pytest.mark.parametrize(
-    "wrong", [dict(poisson_ratio=0.6), dict(law="mindlin"), dict(overlap_ratio=0.2), dict(inertia=0.0)]
-)
-def test_contacts_that_are_none_are_refused(wrong):
-    with pytest.raises(ValueError, match=next(iter(wrong))):
-        Contact(**{"poisson_ratio": NU} | wrong)
-
-
 def test_too_few_rows_are_refused():
     with pytest.raises(ValueError, match="rows"):
-        lattice.rows(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), [0.0, 1.0], rows=4)
+        paper_rows.rows(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), [0.0, 1.0], rows=4)

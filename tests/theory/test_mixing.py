@@ -1,6 +1,5 @@
 """The wave that two waves make, against the exact lattice on a periodic sheet, closed forms and symmetry."""
 
-from dataclasses import replace
 from functools import cache
 from itertools import product
 
@@ -9,12 +8,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from granular_analysis.measure.sheets import component
+from cases.fields import component
 from granular_analysis.theory import lattice
-from granular_analysis.theory.bloch import branch_index, frame, wavevector_of
+from granular_analysis.theory.bloch import branch_index, frame, in_plane, pair_of, wavevector_of
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.mixing import Pair, Tone, detunings, forced_amplitude, growth_rates, mixed_wave
 from granular_analysis.theory.neighbours import Neighbours, shifted
+from granular_analysis.theory.second_order import Mixed
 from granular_analysis.theory.selection import forbidden
 from granular_analysis.theory.wave import generated
 from tests.conftest import members
@@ -53,9 +52,9 @@ CONTACTS = {
 PAPER = Contact(SILICA)
 
 
-def pair_of(name: str, sign: int, contact: Contact = PAPER) -> Pair:
-    first, second = (Tone(on_sheet(x, y), branch) for x, y, branch in PAIRS[name])
-    return Pair(first, second, sign, contact)  # type: ignore[arg-type]  # a sign of a parametrised test
+def on_the_sheet(name: str, sign: int, contact: Contact = PAPER) -> Mixed:
+    first, second = ((on_sheet(x, y), branch) for x, y, branch in PAIRS[name])
+    return pair_of(first, second, sign, contact)
 
 
 def on_sheet(x: int, y: int) -> Floats:
@@ -131,9 +130,9 @@ MORE += ["along y, RT and TR", "difference phase-matched to 0.005"]
     ),
 )
 def test_ten_pairs_make_what_the_exact_lattice_makes(name: str, sign: int, measured: Measure) -> None:
-    pair = pair_of(name, sign)
-    seen = component(crossed_field(name, PAPER), SHEET.rest, pair.wavevector)
-    measured(relative(seen, mixed_wave(pair, TAU)))
+    pair = on_the_sheet(name, sign)
+    seen = component(crossed_field(name, PAPER), SHEET.rest, pair.wavevector[:2])
+    measured(relative(seen, in_plane(pair.signal(TAU))))
 
 
 # One pair of each contact is left to `make test`
@@ -145,9 +144,9 @@ REST = set(product(CONTACTS, OTHERS)) - set(LEFT)
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("contacts", "name"), members(product(CONTACTS, OTHERS), *REST))
 def test_so_they_do_with_other_contacts(contacts: str, name: str, sign: int) -> None:
-    pair = pair_of(name, sign, CONTACTS[contacts])
-    seen = component(crossed_field(name, CONTACTS[contacts]), SHEET.rest, pair.wavevector)
-    assert relative(seen, mixed_wave(pair, TAU)) < EXACT
+    pair = on_the_sheet(name, sign, CONTACTS[contacts])
+    seen = component(crossed_field(name, CONTACTS[contacts]), SHEET.rest, pair.wavevector[:2])
+    assert relative(seen, in_plane(pair.signal(TAU))) < EXACT
 
 
 @pytest.mark.parametrize("left_out", ["law", "overlap_ratio"])
@@ -155,12 +154,12 @@ def test_contacts_left_out_of_the_theory_are_seen(left_out: str) -> None:
     contact = CONTACTS["true normals, incremental"]
     wrong = Contact(SILICA, law="incremental") if left_out == "overlap_ratio" else Contact(SILICA, overlap_ratio=0.02)
     name = "oblique, lower and middle"
-    seen = component(crossed_field(name, contact), SHEET.rest, pair_of(name, 1).wavevector)
-    assert relative(seen, mixed_wave(pair_of(name, 1, wrong), TAU)) > 1e-2
+    seen = component(crossed_field(name, contact), SHEET.rest, on_the_sheet(name, 1).wavevector[:2])
+    assert relative(seen, in_plane(on_the_sheet(name, 1, wrong).signal(TAU))) > 1e-2
 
 
 def test_two_of_the_pairs_are_as_near_to_a_resonance_as_their_names_say() -> None:
-    near = [float(np.abs(detunings(pair_of(name, -1))).min()) for name in PAIRS if "phase-matched" in name]
+    near = [float(np.abs(on_the_sheet(name, -1).detunings).min()) for name in PAIRS if "phase-matched" in name]
     assert near == pytest.approx([0.00537, 0.00178], abs=1e-5)
 
 
@@ -177,11 +176,11 @@ def test_the_distance_sees_one_percent_and_a_wrong_sign() -> None:
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("name", members([name for name in PAIRS if name.startswith(("along", "mirrored"))], *MORE))
 def test_what_symmetry_forbids_is_not_in_the_exact_lattice(name: str, sign: int) -> None:
-    pair = pair_of(name, sign)
-    banned = forbidden(pair.mixed)
+    pair = on_the_sheet(name, sign)
+    banned = forbidden(pair)
     assert 0 < banned.sum() < 3
-    field = component(crossed_field(name, PAPER), SHEET.rest, pair.wavevector)
-    shapes = modes(pair.wavevector, PAPER)[1] * pair.contact.masses
+    field = component(crossed_field(name, PAPER), SHEET.rest, pair.wavevector[:2])
+    shapes = modes(pair.wavevector, PAPER)[1] * PAPER.masses
     shares = np.abs(field @ shapes.conj().T).max(axis=0)
     # Rounding, 1e-16 of a displacement a = 0.01, over a² = 1e-4, grown over 20 τ; and for the difference of mirrored
     # waves, which is forbidden to second order only, a⁶ and what extrapolation leaves of a⁴
@@ -214,14 +213,14 @@ WAVEVECTORS = {
 def test_symmetry_forbids_every_drive_that_vanishes_and_no_other(where: str) -> None:
     one, other = WAVEVECTORS[where]
     for contact, first, second, sign in product((PAPER, CONTACTS["incremental"]), range(3), range(3), (1, -1)):
-        pair = Pair(Tone(one, first), Tone(other, second), sign, contact)
-        if pair.mixed.winds:
+        pair = pair_of((one, first), (other, second), sign, contact)
+        if pair.winds:
             assert contact is not PAPER
             assert sign == -1
             continue
-        drives = np.abs(pair.mixed.steady)
+        drives = np.abs(pair.steady)
         # Rounding is 1e-16 of sums of nine numbers of order one; the smallest drive of these that is none is 1e-5
-        assert ((drives < 1e-12) == forbidden(pair.mixed)).all(), (first, second, sign)
+        assert ((drives < 1e-12) == forbidden(pair)).all(), (first, second, sign)
 
 
 @pytest.mark.parametrize("angle", [90.0, 0.0])
@@ -233,11 +232,9 @@ def test_waves_along_y_and_x_make_what_the_product_of_parities_says(
     angle: float, names: tuple[str, str], made: str
 ) -> None:
     one, other = turned(0.8, angle), turned(1.1, angle)
-    first, second = (Tone(k, branch_index(name, k, PAPER)) for k, name in zip((one, other), names, strict=True))
-    pair = Pair(first, second, 1, PAPER)
-    allowed = {
-        name for name in ("L", "TR", "RT") if not forbidden(pair.mixed)[branch_index(name, pair.wavevector, PAPER)]
-    }
+    first, second = ((k, branch_index(name, k, PAPER)) for k, name in zip((one, other), names, strict=True))
+    pair = pair_of(first, second, 1, PAPER)
+    allowed = {name for name in ("L", "TR", "RT") if not forbidden(pair)[branch_index(name, pair.wavevector, PAPER)]}
     assert ", ".join(sorted(allowed, reverse=True)) == made
 
 
@@ -249,8 +246,8 @@ def test_waves_along_y_and_x_make_what_the_product_of_parities_says(
 def test_a_wave_with_itself_makes_twice_its_second_harmonic(name: str, contacts: str) -> None:
     xi, contact = 0.9, CONTACTS[contacts]
     k = wavevector_of(xi, 90.0)
-    wave = Tone(k, branch_index(name, k, contact))
-    forced = forced_amplitude(Pair(wave, wave, 1, contact))
+    wave = (k, branch_index(name, k, contact))
+    forced = in_plane(pair_of(wave, wave, 1, contact).forced())
     # Of real fields one wave makes half of it. Rounding, of numbers of order one
     expected = 2j * generated(name, xi, contact)
     assert forced == pytest.approx(np.array([0.0, expected, 0.0]), rel=0, abs=1e-12)
@@ -258,42 +255,43 @@ def test_a_wave_with_itself_makes_twice_its_second_harmonic(name: str, contacts:
 
 def test_the_order_of_the_waves_of_a_sum_does_not_matter_and_that_of_a_difference_conjugates() -> None:
     contact = CONTACTS["true normals, incremental"]
-    one, other = Tone((1.1, 0.4), 1), Tone((-0.3, 0.8), 2)
+    one, other = ((1.1, 0.4), 1), ((-0.3, 0.8), 2)
     for sign in (1, -1):
-        there, back = (mixed_wave(Pair(*tones, sign, contact), TAU) for tones in ((one, other), (other, one)))
+        there, back = (in_plane(pair_of(*tones, sign, contact).signal(TAU)) for tones in ((one, other), (other, one)))
         assert there == pytest.approx(back if sign == 1 else back.conj(), rel=0, abs=1e-12)  # rounding of 20 τ
 
 
 def test_a_wave_vector_of_the_next_zone_names_the_same_wave() -> None:
     reciprocal = 2 * np.pi * np.array([1.0, -1.0 / np.sqrt(3.0)])
-    one, other = Tone((1.1, 0.4), 1), np.array([-0.3, 0.8])
-    inside, outside = (forced_amplitude(Pair(one, Tone(k, 0), 1, PAPER)) for k in (other, other + reciprocal))
+    one, other = ((1.1, 0.4), 1), np.array([-0.3, 0.8])
+    inside, outside = (in_plane(pair_of(one, (k, 0), 1, PAPER).forced()) for k in (other, other + reciprocal))
     assert np.abs(inside) == pytest.approx(np.abs(outside), rel=0, abs=1e-12)  # a mode's sign is that of its direction
 
 
 def test_arrays_of_waves_give_what_single_ones_give() -> None:
-    one, others = Tone((1.1, 0.4), 1), np.array([[-0.3, 0.8], [0.2, 0.9], [1.0, 0.1]])
-    together = Pair(one, Tone(others, [0, 1, 2]), -1, CONTACTS["true normals, incremental"])
+    one, others = ((1.1, 0.4), 1), np.array([[-0.3, 0.8], [0.2, 0.9], [1.0, 0.1]])
+    contact = CONTACTS["true normals, incremental"]
+    together = pair_of(one, (others, [0, 1, 2]), -1, contact)
     for index, k in enumerate(others):
-        single = Pair(one, Tone(k, index), -1, together.contact)
-        for function in (forced_amplitude, detunings, growth_rates):
-            assert function(together)[index] == pytest.approx(function(single), rel=0, abs=1e-12)  # rounding
+        single = pair_of(one, (k, index), -1, contact)
+        for of in (Mixed.forced, lambda pair: pair.detunings, Mixed.growth_rates):
+            assert of(together)[index] == pytest.approx(of(single), rel=0, abs=1e-12)  # rounding
 
 
 # ---- resonance
 
 
-def matched(sign: int, contact: Contact) -> tuple[Pair, int]:
+def matched(sign: int, contact: Contact) -> tuple[Mixed, int]:
     """A phase-matched pair off the mirror lines, found by the length of the second wave, and the branch it makes."""
     second, target = (0, 2) if sign == 1 else (1, 0)
 
-    def pair(length: float) -> Pair:
-        return Pair(Tone(turned(1.1, 17.0), 1), Tone(turned(length, 40.0), second), sign, contact)  # type: ignore[arg-type]
+    def pair(length: float) -> Mixed:
+        return pair_of((turned(1.1, 17.0), 1), (turned(length, 40.0), second), sign, contact)
 
     lengths = np.linspace(0.3, 3.0, 28)
-    gaps = np.array([detunings(pair(length))[target] for length in lengths])
+    gaps = np.array([pair(length).detunings[target] for length in lengths])
     index = int(np.flatnonzero(np.diff(np.signbit(gaps)))[0])
-    root = brentq(lambda length: detunings(pair(length))[target], lengths[index], lengths[index + 1], xtol=1e-13)
+    root = brentq(lambda length: pair(length).detunings[target], lengths[index], lengths[index + 1], xtol=1e-13)
     return pair(float(root)), target
 
 
@@ -301,36 +299,37 @@ def matched(sign: int, contact: Contact) -> tuple[Pair, int]:
 @pytest.mark.parametrize("sign", [1, -1])
 def test_where_a_pair_is_phase_matched_the_wave_grows_at_the_rate(sign: int, contacts: str) -> None:
     pair, target = matched(sign, CONTACTS[contacts])
-    shape = modes(pair.wavevector, pair.contact)[1][target]
+    shape = modes(pair.wavevector, CONTACTS[contacts])[1][target]
     times = np.array([1000.0, 2000.0])
-    weights = shape.conj() * pair.contact.masses
-    early, late = mixed_wave(pair, times) @ weights / (weights @ shape)
+    weights = shape.conj() * CONTACTS[contacts].masses
+    early, late = in_plane(pair.signal(times)) @ weights / (weights @ shape)
     phase = np.exp(1j * float(pair.frequency) * times)
     grown = abs(late * phase[1] - early * phase[0]) / 1000.0
     # The free wave of −Ω and the static part beat with it: numbers of order one, over 1000
-    assert grown == pytest.approx(growth_rates(pair)[target], rel=0.05)
+    assert grown == pytest.approx(pair.growth_rates()[target], rel=0.05)
     assert grown > 1e-2
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_next_to_a_resonance_the_forced_wave_is_the_rate_over_the_detuning(sign: int) -> None:
     pair, target = matched(sign, PAPER)
-    near = Pair(pair.first, Tone(1.0001 * np.asarray(pair.second.wavevector), pair.second.branch), sign, PAPER)  # type: ignore[arg-type]
-    rate, detuning = growth_rates(near)[target], detunings(near)[target]
+    vectors = pair.first.wavevector, 1.0001 * sign * pair.second.wavevector
+    near = pair_of(*zip(vectors, (1, 0 if sign == 1 else 1), strict=True), sign, PAPER)
+    rate, detuning = near.growth_rates()[target], near.detunings[target]
     # The other branches and −Ω add terms of order one to one of rate/detuning, some hundreds
-    assert np.linalg.norm(forced_amplitude(near)) == pytest.approx(rate / abs(detuning), rel=0.02)
+    assert np.linalg.norm(in_plane(near.forced())) == pytest.approx(rate / abs(detuning), rel=0.02)
     assert abs(detuning) < 1e-3
 
 
 def test_two_waves_of_the_paper_s_resonance_are_phase_matched() -> None:
     k = np.array([0.0, 2 * 1.476255486117 / np.sqrt(3)])  # ξ_res of silica
-    wave = Tone(k, 0)
-    assert abs(detunings(Pair(wave, wave, 1, PAPER))[1]) < 1e-11  # 12 decimals
+    wave = (k, 0)
+    assert abs(pair_of(wave, wave, 1, PAPER).detunings[1]) < 1e-11  # 12 decimals
 
 
 def test_rates_where_nothing_oscillates_are_no_number() -> None:
-    wave = Tone((1.1, 0.4), 1)
-    rates = growth_rates(Pair(wave, wave, -1, PAPER))  # at k = 0 two branches only translate
+    wave = ((1.1, 0.4), 1)
+    rates = pair_of(wave, wave, -1, PAPER).growth_rates()  # at k = 0 two branches only translate
     assert np.isnan(rates[:2]).all()
     assert np.isfinite(rates[2])
 
@@ -341,25 +340,27 @@ def test_rates_where_nothing_oscillates_are_no_number() -> None:
 @pytest.mark.parametrize(
     ("second", "sign", "contact", "said"),
     [
-        (Tone((0.2, 0.9), 0), 2, PAPER, r"sign is 2; allowed: 1 \(sum\), -1 \(difference\)"),
-        (Tone((0.2, 0.9), 3), 1, PAPER, "branch is 3; allowed: 0, 1, 2"),
-        (Tone((0.2, 0.9), 2), 1, CONTACTS["without rotation"], "branch is 2; allowed: 0, 1 "),
-        (Tone((0.2, 0.9), 0), 1, Contact(SILICA, viscosity=0.1), r"dashpot of the contact is 0\.1; allowed: 0"),
+        (((0.2, 0.9), 0), 2, PAPER, r"sign is 2; allowed: 1 \(sum\), -1 \(difference\)"),
+        (((0.2, 0.9), 3), 1, PAPER, "branch is 3; allowed: 0, 1, 2"),
+        (((0.2, 0.9), 2), 1, CONTACTS["without rotation"], "branch is 2; allowed: 0, 1 "),
+        (((0.2, 0.9), 0), 1, Contact(SILICA, viscosity=0.1), r"dashpot of the contact is 0\.1; allowed: 0"),
     ],
 )
-def test_what_is_not_held_is_refused(second: Tone, sign: int, contact: Contact, said: str) -> None:
+def test_what_is_not_held_is_refused(
+    second: tuple[tuple[float, float], int], sign: int, contact: Contact, said: str
+) -> None:
     with pytest.raises(ValueError, match=said):
-        mixed_wave(Pair(Tone((1.1, 0.4), 1), second, sign, contact), TAU)  # type: ignore[arg-type]
+        pair_of(((1.1, 0.4), 1), second, sign, contact)
 
 
 @pytest.mark.parametrize("contacts", ["incremental", "true normals, compressed"])
 def test_contacts_wind_up_between_mirrored_waves_and_nothing_is_steady(contacts: str) -> None:
-    pair = Pair(Tone((1.1, 0.4), 1), Tone((-1.1, 0.4), 1), -1, CONTACTS[contacts])
-    assert pair.mixed.winds
-    early, late = mixed_wave(pair, np.array([1000.0, 2000.0]))
+    pair = pair_of(((1.1, 0.4), 1), ((-1.1, 0.4), 1), -1, CONTACTS[contacts])
+    assert pair.winds
+    early, late = in_plane(pair.signal(np.array([1000.0, 2000.0])))
     assert np.linalg.norm(late) == pytest.approx(2 * np.linalg.norm(early), rel=0.1)  # beside what is bounded
-    for function in (forced_amplitude, growth_rates):
+    for steady in (pair.forced, pair.growth_rates):
         with pytest.raises(ValueError, match="slip winds up: two waves of one frequency"):
-            function(pair)
-    assert not Pair(pair.first, pair.first, -1, pair.contact).mixed.winds
-    assert not replace(pair, contact=PAPER).mixed.winds
+            steady()
+    assert not pair_of(((1.1, 0.4), 1), ((1.1, 0.4), 1), -1, CONTACTS[contacts]).winds
+    assert not pair_of(((1.1, 0.4), 1), ((-1.1, 0.4), 1), -1, PAPER).winds

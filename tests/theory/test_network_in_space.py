@@ -12,12 +12,13 @@ from granular_analysis.theory.cell import Cell
 from granular_analysis.theory.crystal import Crystal
 from granular_analysis.theory.crystal import Wall as Plane
 from granular_analysis.theory.network import Material, Network, Wall
-from granular_analysis.theory.network_ledger import energy, momentum
+from granular_analysis.theory.network_ledger import energy
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_outside import Drive
 from granular_analysis.theory.network_state import forces, present, searched_again, start
-from granular_analysis.theory.network_tangents import dot, frames, tangents, turned
+from granular_analysis.theory.network_tangents import combined, dot, frames, tangents, turned
 from tests.conftest import members
+from tests.theory.test_network import momentum
 
 SILICA, STEEL = Material(73e3, 0.17, 63.0), Material(200e3, 0.3, 100.0)  # MPa, mJ/m²: nm, ag, ns
 RADIUS, DENSITY = 500.0, 0.0022
@@ -138,13 +139,13 @@ def test_a_slip_carried_around_a_cone_turns_by_its_solid_angle() -> None:
         return np.array([np.sin(lean) * cos(angle), np.sin(lean) * sin(angle), np.cos(lean)])
 
     for angle in np.linspace(0, 2 * pi, 13):
-        first, second = np.moveaxis(tangents(frame, normal(angle)).along, 1, 0)
+        first, second = np.array(tangents(frame, normal(angle)).along)
         np.testing.assert_allclose(np.cross(first, second, axis=0), normal(angle), atol=1e-15)
 
     def rate(angle: float, shear: np.ndarray) -> np.ndarray:
         onward = np.sin(lean) * np.array([[-sin(angle)], [cos(angle)], [0.0]])
         here = tangents(frame, normal(angle))
-        return turned(shear, dot(here.along, onward), here.lean)
+        return np.array(turned(shear, [dot(each, onward) for each in here.along], here.lean))
 
     h = 2 * pi / steps
     for n in range(steps):  # the classical method of Runge and Kutta, of fourth order
@@ -163,7 +164,7 @@ def test_spheres_that_turn_about_their_line_leave_the_slip_where_it_was() -> Non
     state = start(network, [[0, 0, 0], [0.1, 0, 0]], 0.0, 0.0, 1e-2 * line / np.linalg.norm(line))
     spun = integrate(network, state, [100.0]).final
     now = present(network, spun)
-    vector = np.einsum("am,dam->d", now.shear, now.tangents.along)
+    vector = np.array(combined(now.shear, now.tangents.along))[:, 0]
     assert vector[0] > 0
     assert abs(vector[1]) < 1e-9 * vector[0]
 
@@ -179,8 +180,8 @@ def test_contacts_keep_their_shear_in_space_when_pairs_are_searched_again() -> N
     leaning = frames(leaning / np.sqrt(dot(leaning, leaning)))
     other = replace(state, pairs=replace(state.pairs, frame=leaning))
     before, after = (present(network, each) for each in (other, searched_again(network, other)))
-    vectors = [np.einsum("am,dam->dm", each.spring, each.tangents.along) for each in (before, after)]
-    assert np.abs(before.spring - after.spring).max() > 0.1 * np.abs(before.spring).max()
+    vectors = [np.array(combined(each.spring, each.tangents.along)) for each in (before, after)]
+    assert np.abs(np.subtract(before.spring, after.spring)).max() > 0.1 * np.abs(before.spring).max()
     np.testing.assert_allclose(vectors[1], vectors[0], rtol=0, atol=1e-12 * np.abs(vectors[0]).max())
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granular_analysis.theory import green
+from granular_analysis.theory import signals
 from granular_analysis.theory.network import Material, Network, Wall
 from granular_analysis.theory.network_motion import integrate
 from granular_analysis.theory.network_outside import Drive
@@ -72,7 +72,7 @@ def row(**changes) -> Network:
 
 
 def test_a_push_gives_its_momentum_and_its_work() -> None:
-    signal = green.burst(0.5, 2.0)
+    signal = signals.burst(0.5, 2.0)
     push = Drive(np.array([0]), 1, lambda t: 1e-3 * signal(t), longest=1.0, size=1e-3)
     network = row(drives=(push,))
     times = np.linspace(0, 20, 201)
@@ -84,7 +84,7 @@ def test_a_push_gives_its_momentum_and_its_work() -> None:
 
 @pytest.mark.parametrize("component", [0, 1, 2])
 def test_a_motion_is_prescribed_and_its_work_is_that_of_the_sphere_that_moves(component: int) -> None:
-    signal = green.tone(0.5, 10.0)
+    signal = signals.tone(0.5, 10.0)
     moving = Drive(np.array([0]), component, lambda t: 1e-3 * signal(t), moves=True, longest=1.0, size=1e-3)
     network = row(drives=(moving,))
     times = np.linspace(0, 20, 201)
@@ -103,7 +103,7 @@ def test_drag_takes_velocity_and_spin_at_its_rate() -> None:
 
 def test_a_crystal_under_a_weak_push_is_the_linear_one() -> None:
     # Hertz's law of a loaded contact is linear to the share of the motion in the overlap, 1e-4
-    signal = green.burst(0.8, 2.0)
+    signal = signals.burst(0.8, 2.0)
     push = Drive(np.array([0]), 1, lambda t: 1e-8 * signal(t), longest=1.0, size=1e-8)
     weak = row(drives=(push,))
     strong = replace(weak, drives=(replace(push, signal=lambda t: 2e-8 * signal(t), size=2e-8),))

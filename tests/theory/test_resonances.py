@@ -53,8 +53,8 @@ def test_the_papers_crystal_has_one_resonance_and_one_antiresonance(overlap_rati
     assert np.abs(late).max() / 1e4 == pytest.approx(resonance.rate, rel=1e-3)
     forbidden = {each.forbidden for each in found if each.kind == "resonance" and not each.rate}
     assert forbidden == {
-        "a mirror: even + even is even, and this branch is odd",
-        "a mirror: odd + odd is even, and this branch is odd",
+        "forbidden by a mirror: even + even is even, and this branch is odd",
+        "forbidden by a mirror: odd + odd is even, and this branch is odd",
     }
 
 
@@ -200,17 +200,15 @@ ALONG_A_ROW |= {"wave.wavenumber": 1.540018, "wave.amplitude": 0.005}
 def test_lammps_has_the_growth_of_the_best_layers_and_along_a_row(values: dict[str, Any], tmp_path: Path) -> None:
     short = {"time.duration": 30.0, "time.sample": 1.0, "output.particles": 1.0}
     scene = Scene.load("tr_periodic").with_values(short | values)
-    folders = [tmp_path / f"{phase:.0f}" for phase in (pi, 0)]
-    for phase, folder in zip((pi, 0.0), folders, strict=True):
-        run(scene.with_values({"wave.phase": phase}), folder)
-    (records,) = growth.pairs(list(map(str, folders)))
+    runs = [run(scene.with_values({"wave.phase": phase}), tmp_path / f"{phase:.0f}") for phase in (pi, 0.0)]
+    (records,) = growth.pairs(runs)
     each = growth.Growing.of(scene)
     found = growth.measured(each, records)
     assert found == pytest.approx(each.theory, rel=1e-2)
     assert found != pytest.approx(1.03 * each.theory, rel=1e-2)
     assert found > 5 * growth.UNIFORM
     with pytest.raises(ValueError, match="needs one partner whose wave.phase is larger by pi"):
-        growth.pairs([str(folders[0])])
+        growth.pairs(runs[:1])
 
 
 @pytest.mark.usefixtures("drawn_once")

@@ -6,13 +6,13 @@ from itertools import product
 import numpy as np
 import pytest
 
+from cases.driven import waves as driven
 from cases.pull_off import jkr
 from granular_analysis import second_harmonic as sh
 from granular_analysis.theory import bonds, third_order
-from granular_analysis.theory import driven as driven
 from granular_analysis.theory.bloch import hexagonal
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.creep import creep, winding_rate
+from granular_analysis.theory.creep import creep
 from granular_analysis.theory.crystal import Crystal, Wall, find_contacts
 from granular_analysis.theory.network import Material, Network, mixed
 from granular_analysis.theory.network_motion import integrate
@@ -472,7 +472,10 @@ def test_slip_winds_up_at_the_rate_of_its_formula() -> None:
         one = wave(crystal, [0.3 / A, 0.8 / A, 0], branch).times(0.1 * D)
         strain, bonds = crystal.bonds.strain(one.shape, one.wavevector), crystal.bonds
         wound = bonds.quadratic(strain, Mixed(crystal, one, one.reversed).strains[1], (one.frequency, -one.frequency))
-        pushed = bonds.law.shear[:, None] * winding_rate(crystal, one)
+        turned = strain.sideways * bonds.curving[:, None]
+        twisted = np.cross(bonds.normal, strain.twist[:, None].conj() * turned)
+        rate = 0.5 * float(one.frequency) * np.imag(strain.stretch[:, None].conj() * turned + twisted)
+        pushed = bonds.law.shear[:, None] * rate
         np.testing.assert_allclose(0.5 * wound.winding[:, 0, :3].real, pushed, atol=1e-12 * np.abs(pushed).max())
 
 

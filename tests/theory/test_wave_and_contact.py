@@ -1,20 +1,19 @@
 """One contact and one wave: checked once, and what does not belong together is refused, never taken for another."""
 
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks import paper_rows
 from granular_analysis import second_harmonic as sh
-from granular_analysis.second_harmonic import ModeName
-from granular_analysis.theory import bloch, lattice
+from granular_analysis.theory import bloch
 from granular_analysis.theory.bloch import hexagonal
-from granular_analysis.theory.contact import LAWS, Contact, Law, ratios_of
+from granular_analysis.theory.contact import Contact, ratios_of
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.hierarchy import hierarchy_orders
-from granular_analysis.theory.timestep import limit, stepped
-from granular_analysis.theory.wave import Wave, residual, second_harmonic
+from granular_analysis.theory.wave import Wave, residual
 from granular_lmp import Scene
 
 NU = 0.17
@@ -107,66 +106,10 @@ def test_the_closed_form_is_given_the_paper_s_contact_alone() -> None:
             _ = contact.closed
 
 
-def test_the_potential_law_is_never_taken_for_the_secant_law() -> None:
-    tau = np.linspace(0, 30, 16)
-    for name in get_args(ModeName):
-        waves = [Wave.of_mode(name, 0.9, 0.1, Contact(NU, law=law)) for law in ("potential", "secant")]  # type: ignore[arg-type]
-        potential, secant = (second_harmonic(wave, tau)[0] for wave in waves)
-        assert np.abs(secant - potential).max() > 1e-2 * np.abs(potential).max()
-
-
-def test_the_linear_lattice_does_not_depend_on_the_law() -> None:
-    laws: tuple[Law, ...] = LAWS
-    modes = [Wave.of_mode("TR", 1.1, 0.2, Contact(NU, law=law)).mode for law in laws]
-    assert modes[0] == modes[1] == modes[2]
-
-
-def test_what_is_stepped_or_set_on_rows_is_a_wave_along_y() -> None:
-    contact = Contact(NU, overlap_ratio=0.01)
-    right = Wave.of_mode("TR", 1.1, 0.2, contact)
-    oblique = Wave(bloch.mode("TR", 1.1, 17.0, contact), 0.2, contact)
+def test_what_is_set_on_rows_is_a_wave_along_y() -> None:
+    oblique = Wave(bloch.mode("TR", 1.1, 17.0, Contact(NU)), 0.2, Contact(NU))
     with pytest.raises(ValueError, match=r"direction = 17\.0 of the mode is not 90"):
-        lattice.rows(oblique, [0.0, 1.0], rows=7)
-    wrong: list[tuple[list[Wave], str]] = [
-        ([oblique], r"direction = 17\.0 of the mode is not 90"),
-        ([replace(right, phase=0.3)], r"phase = 0\.3 must be 0"),
-        ([Wave.of_mode("TR", 1.1, 0.2, Contact(NU))], r"overlap_ratio = 0\.0 must be above 0"),
-    ]
-    for waves, message in wrong:
-        with pytest.raises(ValueError, match=message):
-            stepped(waves, 2, records=2)
-
-
-def test_waves_in_contacts_of_two_kinds_are_stepped_in_one_call() -> None:
-    waves = [Wave.of_mode("TR", xi, 0.2, Contact(nu, overlap_ratio=1e-3 * xi)) for xi, nu in ((0.8, NU), (2.1, -0.5))]
-    together, apart = stepped(waves, 4, records=40), [stepped([wave], 4, records=40)[0] for wave in waves]
-    np.testing.assert_array_equal(together, apart)
-    assert np.max(np.abs(together[0] - together[1])) > 0.1
-
-
-@pytest.mark.parametrize(
-    "effects",
-    [{"shear": False}, {"rotation": False}, {"viscosity": 0.01}, {"restitution": 0.9, "prestress": 1.0}],
-    ids=str,
-)
-def test_waves_of_any_contact_are_stepped_to_their_limit(effects: dict[str, Any]) -> None:
-    wave = Wave.of_mode("L", 0.8, 0.2, Contact(NU, overlap_ratio=1e-3, **effects))
-    (coarse,), (fine,) = (stepped([wave], count, records=40) for count in (8, 16))
-    (exact,) = limit([wave], 0.5 * np.arange(41))
-    errors = [np.max(np.abs(run - exact)[:, 0]) for run in (coarse, fine)]
-    # The steps are of second order; dashpots, whose force takes the velocity of mid-step, of first
-    assert errors[0] / errors[1] == pytest.approx(2 if effects.keys() & {"viscosity", "restitution"} else 4, rel=0.1)
-
-
-def test_the_limits_of_waves_side_by_side_are_those_of_each_alone() -> None:
-    tau = np.linspace(0, 20, 41)
-    # The smallest of them is off by no more of its own size
-    kinds = (("RT", 0.8, 0.2, NU), ("TR", 2.1, 0.01, -0.5), ("L", 0.3, 0.1, 0.4))
-    waves = [Wave.of_mode(name, xi, a, Contact(nu, overlap_ratio=1e-3)) for name, xi, a, nu in kinds]
-    together, apart = limit(waves, tau), [np.stack(lattice.torus(wave, tau), axis=-1) for wave in waves]
-    # 50 rtol, as it says, at τ = 120
-    np.testing.assert_allclose(together, apart, rtol=0, atol=50 * 1e-10)
-    assert np.max(np.abs(together[0] - together[1])) > 0.1
+        paper_rows.rows(oblique, [0.0, 1.0], rows=7)
 
 
 @pytest.mark.parametrize("contact", CONTACTS.values(), ids=CONTACTS)

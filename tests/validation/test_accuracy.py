@@ -17,8 +17,8 @@ from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.lattice import torus
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
+from granular_lmp.accuracy.estimates import richardson
 from granular_lmp.accuracy.ladder import with_step
-from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.accuracy.rounding import grain, noise_floor
 from tests.conftest import PAPER, members
 
@@ -92,12 +92,6 @@ def test_extrapolated_runs_meet_the_lattice_with_lammps_s_geometry(
     assert error["phi"] < bounds[1]
 
 
-@pytest.mark.parametrize(("xi", "bound"), [(0.802, 2e-3), pytest.param(1.475, 8e-3, marks=pytest.mark.more)])
-def test_the_plain_step_is_good_to_a_percent(xi: float, bound: float, paper_run: Callable[..., Record]) -> None:
-    record = paper_run({"wave.wavenumber": xi})
-    assert errors(record, lattice(record, 0.0))["p"] < bound
-
-
 def test_geometry_moves_p_by_a_fifth_at_the_antiresonance(pair: Callable[[float], Record]) -> None:
     assert 0.15 < errors(pair(2.127), lattice(pair(2.127), 0.0))["p"] < 0.3
 
@@ -131,27 +125,6 @@ def test_the_closed_form_differs_from_lammps_by_the_square_of_the_amplitude(pape
             found[name].append(error)
     for name, series in found.items():
         assert slope(amplitudes, series) == pytest.approx(2.0, abs=0.1), (name, series)
-
-
-@pytest.mark.parametrize("xi", members([0.802, 1.475], 1.475))
-def test_at_small_amplitude_the_closed_form_is_lammps_to_two_in_ten_thousand(
-    xi: float, paper_run: Callable[..., Record]
-) -> None:
-    changes = {"wave.amplitude": 0.02, "wave.wavenumber": xi, "time.duration": 60.0}
-    record = richardson(paper_run(changes), paper_run(changes | {"time.timestep": 0.025}))
-    constants = ratios(NU, overlap_ratio=ETA)
-    error = errors(record, second_order(mode("TR", xi, constants), constants, 0.02, record.tau))
-    assert error["p"] < 2e-4
-
-
-def test_without_the_geometry_the_closed_form_stops_at_its_floor(paper_run: Callable[..., Record]) -> None:
-    changes = {"wave.amplitude": 0.025, "wave.wavenumber": 1.3, "time.duration": 40.0}
-    record = richardson(paper_run(changes), paper_run(changes | {"time.timestep": 0.025}))
-    with_geometry, without = (
-        errors(record, second_order(mode("TR", 1.3, c), c, 0.025, record.tau))["p"]
-        for c in (ratios(NU, overlap_ratio=ETA), ratios(NU))
-    )
-    assert without > 2 * with_geometry
 
 
 def test_richardson_refuses_records_that_are_no_pair(paper_run: Callable[..., Record]) -> None:

@@ -1,7 +1,6 @@
 """Contacts and crystals by the JKR law in LAMMPS: forces, waves, guards, monitors, and a run that is resumed."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from math import pi
 from pathlib import Path
@@ -11,23 +10,22 @@ import numpy as np
 import pytest
 
 from cases.adhesion_laws import case as figure
+from cases.rows import FORMS
+from cases.spectrum.points import point
 from granular_analysis.measure.norms import relative_error
 from granular_analysis.measure.reference import Reference
-from granular_analysis.measure.spectrum import point
 from granular_analysis.theory import catalogue
-from granular_analysis.theory.choice import THEORIES, holding, refuse_less, traits, trajectory, wave_of
-from granular_analysis.theory.errors import TheoryError
+from granular_analysis.theory.choice import THEORIES, holding, traits, trajectory, wave_of
 from granular_analysis.theory.lattice import torus
-from granular_analysis.theory.timestep import phase_error, stepped
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.rounding import noise_floor
-from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps import contact
 from granular_lmp.units import NANO
 from tests.instance import silent_lammps
+from tests.stepped import phase_error, stepped
 from tests.validation.test_contact_law import touch
 
 PERIODIC = Scene.load("tr_periodic")
@@ -201,26 +199,13 @@ def test_a_monitor_records_contacts_that_hold_beyond_their_end(tmp_path: Path) -
     np.testing.assert_allclose(force, LAW.force(overlap), rtol=0, atol=1e-9 * sphere.pull_off_force)
 
 
-@pytest.mark.more  # as the run that is resumed in test_unequal_jkr_in_lammps
-def test_a_run_that_is_resumed_while_contacts_hold_beyond_their_end_is_the_same(
-    tmp_path: Path, stop: Callable[[Scene, Path], None]
-) -> None:
-    values = {"sphere.adhesion_law": "jkr", "packing.rows": 24, "wave.wavenumber": pi / 2, "wave.mode": "L"}
-    scene = PERIODIC.with_values(values | {"wave.amplitude": 0.9, "time.duration": 100.0, "time.timestep": 0.02})
-    whole = run(scene, tmp_path / "whole")
-    assert whole.info["smallest_overlap"] < -0.05
-    stop(scene, tmp_path / "parts")
-    np.testing.assert_array_equal(resume(tmp_path / "parts").p, whole.p)
-
-
 def test_theories_that_leave_the_law_out_refuse_it_by_name(tmp_path: Path) -> None:
     record = waves(tmp_path / "run", 4, output_particles=10.0)
     wave = wave_of(record)
     assert holding(wave) == list(THEORIES)
     for name, held in catalogue.HOLDS.items():
         assert (catalogue.JKR in held) != (catalogue.JKR in catalogue.missing(name, traits(wave)))
-    with pytest.raises(TheoryError, match="'granular-analysis driven' leaves out .*sphere.adhesion_law = 'jkr'"):
-        refuse_less("granular-analysis driven", traits(wave))
+    assert all(catalogue.JKR not in held for held in FORMS.values())
     # Two theories, of a plane wave and of all spheres, in D0: each step is integrated to 1e-9, and some dozens add up
     network, lattice = Reference.named("network", record, wave).signals, trajectory("exact-lattice", wave, record.tau)
     assert network is not None

@@ -103,15 +103,6 @@ def test_head_on_impacts_have_the_published_overlap_force_and_time(
     assert result.restitution == pytest.approx(1, abs=1e-10)
 
 
-def test_a_wrong_published_number_would_be_seen(collide: Collide) -> None:
-    result = collide("test1_glass", {"contact.normal": "hertz"})
-    assert relative(result.largest_overlap * 1e6, 274.1127) < 1e-5 < relative(result.largest_overlap * 1e6, 274.1090)
-    stiffer = collide("test1_glass", {"sphere.youngs_modulus": 48.003e9})
-    assert relative(stiffer.largest_overlap * 1e6, 274.1127) > 1e-5
-    same_material = collide("test2", {"sphere.youngs_modulus": 35e9})  # as if the plane were not rigid
-    assert relative(same_material.largest_overlap * 1e6, 49.71718) > 0.3
-
-
 def test_the_error_of_the_step_is_of_second_order_and_told(collide: Collide) -> None:
     exact = hertz(collide("test2").collision)
     names = ("largest_overlap_m", "largest_force_N", "contact_time_s")
@@ -195,13 +186,6 @@ def test_what_is_left_in_test_4_is_the_friction_of_the_pull_of_the_damping(colli
     spin = -5 / 2 * 0.092 * 1.98 * 3.9 * cos(radians(45)) / 2.5e-3
     assert 5e-5 < excess < 1e-4
     assert result.spin[-1, 0] / spin - 1 == pytest.approx(excess, rel=0.1)  # 500 records of a contact, at its end
-
-
-@pytest.mark.parametrize("shear", members(LAWS, "incremental"))
-def test_a_sphere_that_sticks_is_off_the_sliding_branch(shear: str, collide: Collide) -> None:
-    result = collide("test4", oblique(20.0) | {"contact.shear": shear})
-    sliding = 1 - 0.092 * 1.98 / tan(radians(20))
-    assert result.velocity[-1, 0, 1] / result.velocity[0, 0, 1] > sliding + 0.1
 
 
 @verifies(
@@ -310,12 +294,14 @@ def test_equal_spins_are_slowed_down(collide: Collide) -> None:
 # ---------------------------------------------------------------- adhesion
 
 
+MICROMETRE = {
+    "sphere": {"radius": 0.5e-6, "youngs_modulus": 73e9, "poisson_ratio": 0.17, "density": 2200.0},
+    "collision": {"partner": "sphere", "normal_velocity": 0.5, "steps": 20_000},
+}
+
+
 def test_an_adhesive_impact_is_elastic_and_deeper(tmp_path: Path) -> None:
-    tables = {
-        "sphere": {"radius": 0.5e-6, "youngs_modulus": 73e9, "poisson_ratio": 0.17, "density": 2200.0},
-        "collision": {"partner": "sphere", "normal_velocity": 0.5, "steps": 20_000},
-    }
-    hertz_only = Collision.from_dict(tables)
+    hertz_only = Collision.from_dict(MICROMETRE)
     adhesive = hertz_only.with_values({"sphere.work_of_adhesion": 0.063})
     result = run(adhesive, tmp_path / "adhesive")
     depth, force = result.largest_overlap, result.normal_force.min()
@@ -335,17 +321,8 @@ KICKS = [*product([1e-3, 1e-2, 0.1], [5000, 7919, 20_000])]
 def test_the_parting_velocity_of_an_adhesive_contact_is_known_to_one_kick(
     velocity: float, steps: int, tmp_path: Path
 ) -> None:
-    tables = {
-        "sphere": {
-            "radius": 0.5e-6,
-            "youngs_modulus": 73e9,
-            "poisson_ratio": 0.17,
-            "work_of_adhesion": 0.063,
-            "density": 2200.0,
-        },
-        "collision": {"partner": "sphere", "normal_velocity": velocity, "steps": steps},
-    }
-    collision = Collision.from_dict(tables)
+    impact = {"collision.normal_velocity": velocity, "collision.steps": steps, "sphere.work_of_adhesion": 0.063}
+    collision = Collision.from_dict(MICROMETRE).with_values(impact)
     kick = collision.pull_off_force / collision.effective_mass * collision.elastic_contact_time / steps
     parting = run(collision, tmp_path / "run").restitution * collision.closing_speed
     # Half a kick is missing at the first touch and up to a half too many is given at the last

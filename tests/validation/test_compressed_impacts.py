@@ -10,10 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from cases.solitary import case as figure
-from granular_analysis.measure.norms import slope
-from granular_analysis.theory.chain import Chain, End, compressed, energies, spheres
-from granular_analysis.theory.chain_motion import integrate, march, peak
-from granular_analysis.theory.solitary import long_wave_speed, solitary_wave, sound
+from cases.solitary.chain import compressed
+from cases.solitary.chain_motion import integrate, peak
+from cases.solitary.travelling import long_wave_speed, solitary_wave, sound
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.crystal.scale import collision_time
 from granular_lmp.errors import SceneError
@@ -35,87 +34,12 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Runs:
     return make
 
 
-def model(scene: ImpactScene) -> Chain:
-    """The chain of the theory in the units of the impact: spheres of R = m = 1, A over that of two of them."""
-    ends: tuple[End, End] = (scene.packing.first, scene.packing.last)  # type: ignore[assignment]
-    balls = spheres(np.ones(scene.packing.rows), 1 / (4 / 3 * np.pi), 1.0, 0.0, ends=ends)
-    force = scene.packing.contact_force * scene.scale.time / (scene.scale.mass * scene.scale.velocity)
-    return compressed(balls.mass, balls.stiffness / balls.stiffness[1], force)
-
-
-# --- chains -----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("force", [WEAK, STRONG])
-@pytest.mark.parametrize("ends", [("free", "free"), ("free", "wall"), ("wall", "held")])
-def test_a_compressed_chain_moves_as_velocity_verlet_moves_it(run: Runs, force: float, ends: tuple[str, str]) -> None:
-    changes = {"packing.contact_force": force, "packing.first": ends[0], "packing.last": ends[1]}
-    changes |= {"striker.1.rows": [5, 5], "time.timestep": 0.05, "time.sample": 0.5, "time.duration": 30.0}
-    record, v = run(CHAIN, changes), np.eye(20)[5]
-    u, v = march(model(record.scene), 0 * v, v, 0.05, 600, every=10)
-    # Positions of 4e3 ℓ carry 5e-13, summed over 600 steps of accelerations of 4 at most
-    assert record.velocity[1:, :, 1] == pytest.approx(v, abs=1e-8)
-    assert record.displacement[1:, :, 1] == pytest.approx(u, abs=1e-7)
-    assert not record.velocity[..., 0].any()
-    assert np.max(np.abs(record.velocity[1:, :, 1] - 1.001 * v)) > 4e-4
-    said = record.info["at_rest"]
-    chain = model(record.scene)
-    assert said["contact_force_over_impact"] == pytest.approx(chain.overlap[2] ** 1.5, rel=1e-9)
-    spacing = 2 * CHAIN.sphere.radius - said["overlap_m"]
-    rate = sound(1.0, 1.0, float(chain.overlap[2])) / record.scale.time
-    assert said["sound_m_s"] == pytest.approx(rate * spacing, rel=1e-9)
-
-
-@pytest.mark.parametrize("ends", [("held", "free"), ("wall", "wall")])
-def test_unequal_spheres_are_at_rest_and_have_the_forces_of_the_theory(run: Runs, ends: tuple[End, End]) -> None:
-    scene = ImpactScene.from_dict(
-        CHAIN.with_values({"packing.rows": 13, "packing.first": ends[0], "packing.last": ends[1]}).to_dict()
-        | {
-            "inclusion": [
-                {"rows": [1, 11], "every": 2, "youngs_modulus": 70e9, "poisson_ratio": 0.33, "density": 2700.0},
-                {"spheres": [[4, 0], [12, 0]], "radius": 8e-3},
-            ]
-        }
-    )
-    changes = {"packing.contact_force": 50.0, "striker.1.rows": [6, 6]}
-    changes |= {"time.timestep": 0.02, "time.sample": 0.2, "time.duration": 20.0}
-    record = run(scene, changes)
-    odd = np.arange(13) % 2 == 1
-    modulus, ratio, density = np.where(odd, 70e9, 200e9), np.where(odd, 0.33, 0.3), np.where(odd, 2700.0, 7800.0)
-    radius = np.where(np.isin(np.arange(13), [4, 12]), 8e-3, 5e-3)
-    # A later inclusion wins whole: its spheres are of the other material again
-    chain, scale = spheres(radius, density, modulus, ratio, ends=ends, force=50.0), record.scale
-    v = np.eye(13)[6]
-    us, vs = march(chain, 0 * v, scale.velocity * v, record.scene.time.step * scale.time, 1000, every=10)
-    assert record.velocity[1:, :, 1] == pytest.approx(vs / scale.velocity, abs=1e-8)
-    each = energies(chain, us, vs) / (scale.mass * scale.velocity**2)
-    # Energies above rest of 0.5 in all, with the errors of the displacements
-    assert record.energies()[1:] == pytest.approx(each, abs=1e-9)
-    assert np.max(np.abs(record.energies()[1:] - 1.001 * each)) > 1e-4
-    # Rounding of the places, 1e-15 of 26 radii, over the overlap of 1e-3 of one: 1e-11 of the force
-    rest = record.info["at_rest"]
-    assert rest["residual_force_over_impact"] < 1e-10 * rest["contact_force_over_impact"]
-    assert (record.velocity[:, 0] == 0).all() == (ends[0] == "held")
-
-
 def test_nothing_moves_in_a_compressed_chain_before_the_wave_is_there(run: Runs) -> None:
     changes = {"packing.rows": 60, "packing.contact_force": WEAK, "packing.last": "wall"}
     record = run(CHAIN, changes | {"time.sample": 20.0, "time.duration": 20.0})
     # The front is at sphere 25; a chain that is not balanced to the last bit would tremble by 1e-12
     assert not record.velocity[-1, 50:-1].any()
     assert record.velocity[-1, 10, 1] != 0
-
-
-def test_the_error_of_the_step_is_of_second_order(run: Runs) -> None:
-    changes = {"packing.contact_force": WEAK, "time.sample": 24.0, "time.duration": 24.0}
-    steps = (0.1, 0.05, 0.025)
-    records = [run(CHAIN, changes | {"time.timestep": step}) for step in steps]
-    v = np.eye(20)[0]
-    _, (exact,) = integrate(model(records[0].scene), 0 * v, v, [24.0], 1e-12)
-    errors = [float(np.sqrt(np.mean((each.velocity[-1, :, 1] - exact) ** 2))) for each in records]
-    assert errors[1] < 1e-3
-    # Verlet's 2; the front opens no contact here, and few open at the end, with 5/2
-    assert 1.9 < slope(steps, errors) < 2.2
 
 
 @pytest.mark.parametrize("rest", [1e-3, 0.1, 1.0, 30.0])
@@ -126,7 +50,7 @@ def test_the_shortest_collision_is_never_too_long(rest: float) -> None:
     times = np.linspace(0.1, 1.0, 500) * collision_time(0.5)
     us, _ = integrate(pair, np.zeros(2), np.array([0.5, -0.5]), times)
     true = times[np.argmax(us[:, 0] < us[:, 1])] if rest > 1e-2 else collision_time(0.5)
-    assert 0.82 * true < problem.collisions.shortest_collision < 1.01 * true
+    assert 0.82 * true < problem.rest.shortest_collision < 1.01 * true
 
 
 def test_rounding_that_would_move_a_chain_is_refused() -> None:
@@ -134,7 +58,7 @@ def test_rounding_that_would_move_a_chain_is_refused() -> None:
     changes = {"packing.contact_force": 1e4, "time.timestep": 1e-4}
     with pytest.raises(SceneError, match=r"packing.contact_force = 10000.0: rounding of the places leaves a force of"):
         prepare(ImpactScene.from_dict(CHAIN.with_values(changes | {"striker.1.velocity": 1e-7}).to_dict() | stiff))
-    assert prepare(ImpactScene.from_dict(CHAIN.with_values(changes).to_dict() | stiff)).collisions.residual_force < 1e-8
+    assert prepare(ImpactScene.from_dict(CHAIN.with_values(changes).to_dict() | stiff)).rest.residual_force < 1e-8
 
 
 def test_a_chain_that_is_pressed_too_deep_is_refused() -> None:
@@ -150,7 +74,7 @@ def front(run: Runs, force: float, rows: int, velocity: float = 1.0) -> tuple[fl
     """Speed of the front in that of sound, and its height in the overlap at rest at two places 40 spheres apart."""
     found = []
     unit = CHAIN.with_values({"packing.contact_force": force, "striker.1.velocity": velocity})
-    rest = prepare(unit).collisions.rest_overlap[0]
+    rest = prepare(unit).rest.rest_overlap[0]
     fast = max(sound(1.0, 1.0, rest), 0.84)
     spots = [[at, 0] for at in (rows - 61, rows - 60, rows - 21, rows - 20)]
     shared = {"packing.rows": rows, "output.spheres": spots, "time.sample": 0.06}
@@ -168,7 +92,7 @@ def test_a_struck_chain_carries_the_exact_wave_of_its_compression(run: Runs, for
     speed, one, other = front(run, force, rows)
     assert one == pytest.approx(other, rel=1e-6)  # it does not change any more
     unit = CHAIN.with_values({"packing.contact_force": force})
-    rest = prepare(unit).collisions.rest_overlap[0]
+    rest = prepare(unit).rest.rest_overlap[0]
     wave = solitary_wave(speed * sound(1.0, 1.0, rest), rest=rest)
     # Left of the step is its fourth order, 0.06⁴ = 1e-5 times a hundredth
     assert wave.largest_overlap / rest == pytest.approx(one, rel=1e-5)
@@ -215,7 +139,7 @@ def test_the_figure_has_the_points_of_its_runs(run: Runs, tmp_path: Path, monkey
     changes = {"packing.rows": 90, "packing.contact_force": 10.0, "output.spheres": spots}
     record = run(CHAIN, changes | {"time.sample": 0.12, "time.duration": 110.0})
     found = figure.front(record)
-    rest = float(record.problem.collisions.rest_overlap[0])
+    rest = float(record.problem.rest.rest_overlap[0])
     wave = solitary_wave(found.speed * sound(1.0, 1.0, rest), rest=rest)
     # The error of one step of 0.03
     assert found.second == pytest.approx(wave.largest_overlap / rest, rel=1e-3)
@@ -240,17 +164,3 @@ def test_the_figure_refuses_other_runs(run: Runs, changes: dict[str, Any], messa
     record = run(CHAIN, spots | {"time.duration": 1.0} | changes)
     with pytest.raises(SystemExit, match=re.escape(message)):
         figure.main([str(record.folder), "-o", str(tmp_path / "a.png")])
-
-
-def test_the_guards_of_a_compressed_chain_count_the_overlap_at_rest(run: Runs) -> None:
-    changes = {"packing.contact_force": WEAK, "packing.last": "wall", "time.sample": 0.1, "time.duration": 40.0}
-    record = run(CHAIN, changes)
-    u, rest = record.displacement[..., 1], float(record.problem.collisions.rest_overlap[0])
-    wall = float(np.max(record.problem.collisions.on_walls[-1][1] + u[:, -1]))
-    deepest = max(float(np.max(rest + u[:, :-1] - u[:, 1:])), wall)
-    unit = record.scale.length / (2 * CHAIN.sphere.radius)
-    # The guards look at each record and between; thermo columns have eight digits, and a crest is flat over 0.1 t0
-    assert (1 - 1e-6) * deepest * unit <= record.info["guards"]["largest_overlap"]["value"] < 1.02 * deepest * unit
-    rate = np.sqrt(3 * np.sqrt(2) * np.sqrt(wall))  # the wall is the stiffest: (3/2) 2√2 A √δ, m = 1
-    assert record.info["guards"]["step_in_contact"]["value"] >= record.scene.time.step * rate * (1 - 1e-6)
-    assert deepest > rest + 0.5

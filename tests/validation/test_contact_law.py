@@ -10,15 +10,17 @@ from math import log, pi, sqrt
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from granular_lmp import Scene, build
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps import contact
-from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.units import MICRO, NANO, SI, Units, units_for
+from tests.instance import silent_lammps
 from tests.manual import Measure, Mutant, off, verifies
 
+Floats = NDArray[np.float64]
 PAPER = Scene.load("tr_resonant")
 SILICA = PAPER.sphere
 FRICTION = 10.0
@@ -28,11 +30,16 @@ EXACT = 1e-12
 
 @dataclass(frozen=True)
 class Contact:
-    """Repulsion of the first sphere, force on it across the contact, and its torque; in deck units."""
+    """Repulsion of the first sphere, force on it across the contact, and the torques on all; in deck units."""
 
     normal: float
     shear: float
-    torque: float
+    torques: Floats
+
+    @property
+    def torque(self) -> float:
+        """Return the torque on the first sphere."""
+        return float(self.torques[0])
 
 
 @dataclass(frozen=True)
@@ -54,28 +61,37 @@ class Formulas:
 
 
 def touch(
-    commands: str, sphere: Sphere, overlap: float, *moves: tuple[float, float], slide: float = 0.0, plane: bool = False
+    commands: str,
+    sphere: Sphere,
+    overlap: float,
+    *moves: tuple[float, float],
+    slide: bool = False,
+    other: Sphere | None = None,
 ) -> Contact:
     """The contact after some moves without force, each of a shear and a change of the overlap, all in deck units.
 
-    With `slide`, the shear of the moves comes from a translation across and not from spins.
+    With `slide`, the shear of the moves comes from a translation across and not from spins. The second body is another
+    sphere, by default an equal one; a wall if the commands have one.
     """
-    units = units_for(sphere.radius)
-    radius = units.number(sphere.radius, length=1)
-    first, second = -(radius - overlap) if plane else -(2 * radius - overlap), 0.0
-    lammps = lammps_module().lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
-    try:
+    units, plane = units_for(sphere.radius), "wall/gran" in commands
+    radii = [units.number(each.radius, length=1) for each in (sphere, *([] if plane else [other or sphere]))]
+    radius, kinds, size = radii[0], 1 if other is None else 2, 9 * radii[0]
+    first = -(sum(radii) - overlap)
+    bodies = [
+        f"""create_atoms {min(number, kinds)} single {first if number == 1 else 0.0!r} 0 0
+            set atom {number} diameter {2 * each!r} density {units.number(own.density, mass=1, length=-3)!r}"""
+        for number, (each, own) in enumerate(zip(radii, (sphere, other or sphere), strict=False), 1)
+    ]
+    with silent_lammps() as lammps:
         lammps.commands_string(f"""
             units {units.style}
             boundary f f f
             atom_style sphere
             atom_modify map array
             comm_modify vel yes
-            region box block {-9 * radius!r} {9 * radius!r} {-9 * radius!r} {9 * radius!r} {-radius!r} {radius!r}
-            create_box 1 box
-            create_atoms 1 single {first!r} 0 0
-            {"" if plane else f"create_atoms 1 single {second!r} 0 0"}
-            set group all diameter {2 * radius!r} density {units.number(sphere.density, mass=1, length=-3)!r}
+            region box block {-size!r} {size!r} {-size!r} {size!r} {-radius!r} {radius!r}
+            create_box {kinds} box
+            {chr(10).join(bodies)}
             neighbor {radius / 10!r} bin
             timestep 1.0
             variable friction index {FRICTION!r}
@@ -84,18 +100,17 @@ def touch(
             """)
         lammps.commands_string(commands)
         for shear, deeper in moves:
-            spin = shear / radius if plane else shear / radius / 2
+            for number, each in enumerate(radii, 1):
+                spin = 0.0 if slide else shear / each / len(radii)
+                lammps.command(f"set atom {number} omega 0 0 {spin!r}")
             lammps.commands_string(f"""
-                set group all omega 0 0 {0.0 if slide else spin!r}
                 set atom 1 vx {deeper!r} vy {shear if slide else 0.0!r}
                 run 1 post no
                 """)
-        force, torque = (lammps.numpy.extract_atom(name)[0].copy() for name in ("f", "torque"))
-        place = lammps.numpy.extract_atom("x")[0].copy()
-    finally:
-        lammps.close()
+        force, place = (lammps.numpy.extract_atom(name)[0].copy() for name in ("f", "x"))
+        torques = lammps.numpy.extract_atom("torque")[: len(radii), 2].copy()
     along = np.array([1.0, 0.0]) if plane else -place[:2] / np.hypot(*place[:2])
-    return Contact(-force[:2] @ along, along[0] * force[1] - along[1] * force[0], torque[2])
+    return Contact(-force[:2] @ along, along[0] * force[1] - along[1] * force[0], torques)
 
 
 def deck_commands(scene: Scene) -> str:
@@ -152,8 +167,8 @@ def test_restitution_with_adhesion_is_refused_as_lammps_refuses_it(normal: str) 
     reason="some ten roundings on either side, and up to 2e-13 where LAMMPS takes the root of a distance",
     mutant=Mutant(
         "granular_lmp/lammps/contact.py",
-        "units.number(sphere.work_of_adhesion / 2, mass=1, time=-2)",
-        "units.number(sphere.work_of_adhesion, mass=1, time=-2)",
+        "units.number(pressing * sphere.work_of_adhesion / 2, mass=1, time=-2)",
+        "units.number(pressing * sphere.work_of_adhesion, mass=1, time=-2)",
     ),
 )
 def test_normal_force_of_the_deck_is_dmt(overlap: float, measured: Measure) -> None:
@@ -206,7 +221,7 @@ def test_pull_off_is_2_pi_w_rc() -> None:
 @pytest.mark.parametrize("shear", SHEARS)
 def test_spheres_that_slide_shear_as_spheres_that_turn(shear: float) -> None:
     """The slip of a translation is its part across the normal at the end of the step."""
-    there = touch(deck_commands(PAPER), SILICA, 0.25, (shear, 0.0), slide=1.0)
+    there = touch(deck_commands(PAPER), SILICA, 0.25, (shear, 0.0), slide=True)
     apart = 1000.0 - 0.25
     distance = np.hypot(apart, shear)
     overlap = 1000.0 - distance
@@ -354,7 +369,7 @@ def test_a_rigid_plane_has_twice_the_moduli_and_the_whole_radius(normal: str, me
     adhesion = 2 * pi * 0.063 * 0.5e-6 * 1e12 if normal == "dmt" else 0.0
     E, nu = SILICA.youngs_modulus * 1e-6, SILICA.poisson_ratio  # MPa
     for sphere, share in ((SILICA, 0.5), (contact.rigid(SILICA), 1.0)):  # a wall of the same material: half of each
-        there = touch(wall(sphere), SILICA, overlap, (shear, 0.0), plane=True)
+        there = touch(wall(sphere), SILICA, overlap, (shear, 0.0))
         stiff = 4 / 3 * share * E / (1 - nu**2) * sqrt(500.0)
         shear_stiff = 8 * share * E / (2 * (1 + nu) * (2 - nu)) * sqrt(500.0)
         measured(off(there.normal, stiff * overlap**1.5 - adhesion))
@@ -372,9 +387,8 @@ def test_a_plane_has_the_law_of_any_two_bodies(name: str, stiffer: float, shear_
     words = contact.model(sphere, NANO, normal=name, friction=FRICTION, shear_modulus=shear_modulus)
     rest, shear = law.overlap_under(0.0), 2.0**-10
     overlap = round(rest * 1e9 * 2**14) / 2**14 + 0.125  # nm, a multiple of what positions are
-    there = touch(
-        contact.pair(words) + "\n" + contact.wall(words, "xplane NULL 0.0"), SILICA, overlap, (shear, 0.0), plane=True
-    )
+    commands = contact.pair(words) + "\n" + contact.wall(words, "xplane NULL 0.0")
+    there = touch(commands, SILICA, overlap, (shear, 0.0))
     metres = overlap * 1e-9
     assert there.normal == pytest.approx(law.force(metres) * 1e12, rel=1e-9)  # JKR's equation is solved by LAMMPS
     assert there.shear == pytest.approx(-law.shear_stiffness(metres) * shear * 1e3, rel=1e-9)

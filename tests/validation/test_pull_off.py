@@ -20,11 +20,11 @@ from cases.pull_off.jkr import Contact
 from granular_analysis.theory.integrator import dop853
 from granular_lmp import run as run_scene
 from granular_lmp.cli import main
+from granular_lmp.crystal.adhesion_laws import SKIN
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.problem import prepare
-from granular_lmp.rest.refusals import SKIN
 from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import Result, course, run, scene_of
 from granular_lmp.units import NANO

@@ -8,8 +8,8 @@ not be read, nor could the constants of their spheres, which are those of handbo
 import numpy as np
 import pytest
 
-from granular_analysis.theory.chain import energies, spheres
-from granular_analysis.theory.chain_motion import integrate
+from cases.solitary.chain import energies, spheres
+from cases.solitary.chain_motion import integrate
 
 TUNGSTEN_CARBIDE, ALUMINIUM = 1, 2
 CHAIN_1 = [2, 1, 2, 2, 1, 1, 2, 2, 1, 1, 1, 1, 1, 2, 2, 1, 2, 1, 2, 2, 1, 1, 2, 2, 2, 1, 2, 1, 1, 1, 2, 1]

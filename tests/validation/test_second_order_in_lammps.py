@@ -9,15 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.theory.crystal import PLANE, Crystal
-from granular_analysis.theory.network import Material
-from granular_analysis.theory.scenes import Setting, signals
+from granular_analysis.theory.crystal import Crystal
+from granular_analysis.theory.network import Material, Network
+from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.second_order import second_order, wave
 from granular_lmp import Record, Scene, run
-from granular_lmp.lammps.contact import model, pair
-from granular_lmp.units import NANO
+from tests.by_commands import moved, padded
 from tests.conftest import members
-from tests.instance import silent_lammps
 from tests.manual import Measure, Mutant, verifies
 
 LAYERS = [{"rows": [0, 23], "every": 2, "density": 4400.0}]
@@ -114,23 +112,6 @@ def test_another_density_is_seen(even: Callable[[str], tuple[Record, np.ndarray]
     assert np.linalg.norm(found - theory) > 1e-2 * np.linalg.norm(theory)
 
 
-def test_one_call_says_which_theory_answers_for_a_scene() -> None:
-    tau = np.linspace(0, 30, 31)
-    by = {}
-    for name, (shipped, values) in CASES.items():
-        scene = Scene.load(shipped).with_values({"wave.phase": 0.3} | values)
-        answer = signals(scene, tau)
-        by[name] = answer.theory
-        if answer.theory == "closed form":
-            first, second = Setting(scene).signals(tau)
-            # Two derivations: rounding of places a thousand overlaps long
-            np.testing.assert_allclose(answer.first, first, rtol=0, atol=1e-9)
-            np.testing.assert_allclose(answer.second, second, rtol=0, atol=1e-7 * np.abs(second).max())
-    assert {name for name, theory in by.items() if theory == "closed form"} == {"secant"}
-    with pytest.raises(ValueError, match="disorder"):
-        signals(Scene.load("tr_periodic").with_values({"disorder.vacancies": 0.01}), tau)
-
-
 def test_what_is_no_pattern_of_rows_is_refused() -> None:
     scene = Scene.load("tr_periodic").with_values(COLUMNS)
     for inclusion, words in (
@@ -148,7 +129,7 @@ def test_what_is_no_pattern_of_rows_is_refused() -> None:
 
 SILICA = Scene.load("tr_periodic").sphere
 NANOMETRE = 1e-9
-FRICTION = 0.5  # μ: a few times what the wave needs; more would keep LAMMPS from turning the slip with its contact
+MATERIAL = Material(SILICA.youngs_modulus / 1e6, SILICA.poisson_ratio, SILICA.work_of_adhesion * 1e3)
 
 
 def honeycomb() -> tuple[Crystal, np.ndarray, np.ndarray]:
@@ -156,50 +137,9 @@ def honeycomb() -> tuple[Crystal, np.ndarray, np.ndarray]:
     a, radius = SILICA.lattice_constant / NANOMETRE, SILICA.radius / NANOMETRE
     cell = a * np.array([np.sqrt(3), 3.0])
     basis = a * np.array([[0, 0], [np.sqrt(3) / 2, 0.5], [np.sqrt(3) / 2, 1.5], [0, 2]])
-    material = Material(SILICA.youngs_modulus / 1e6, SILICA.poisson_ratio, SILICA.work_of_adhesion * 1e3)
-    crystal = Crystal.of(np.diag(cell), basis, radius, SILICA.density * 1e-6, [material])
+    crystal = Crystal.of(np.diag(cell), basis, radius, SILICA.density * 1e-6, [MATERIAL])
     shifts = cell * np.array([[i, j] for i in range(4) for j in range(3)])
     return crystal, (shifts[:, None] + basis).reshape(-1, 2), cell * [4, 3]
-
-
-def in_lammps(place: np.ndarray, box: np.ndarray, field: np.ndarray, rate: np.ndarray, step: float, times: int) -> Any:
-    """Return u_x, u_y (times, N, 2) of spheres that start with (u_x, u_y, Rθ) (N, 3) and its rate, each 64 steps."""
-    radius, mu = SILICA.radius / NANOMETRE, FRICTION
-    contact = model(SILICA, NANO, friction=mu)
-    left, bottom = (-box / 16).tolist()  # no sphere is on the border
-    right, top = (box * 15 / 16).tolist()
-    commands = [
-        "units nano\natom_style sphere\natom_modify map array\ndimension 2\nboundary p p p\ncomm_modify vel yes",
-        f"region all block {left!r} {right!r} {bottom!r} {top!r} -50 50\ncreate_box 1 all",
-        *(f"create_atoms 1 single {x!r} {y!r} 0" for x, y in place.tolist()),
-        f"set group all diameter {2 * radius!r}\nset group all density {SILICA.density * 1e-6!r}",
-        f"neighbor 50 bin\n{pair(contact)}\nfix plane all enforce2d\nthermo 1000000\ntimestep {step!r}",
-    ]
-
-    with silent_lammps() as lammps:
-
-        def values(name: str) -> tuple[np.ndarray, np.ndarray]:
-            """Return an array of LAMMPS, and the places of the spheres in it, which LAMMPS may have sorted."""
-            return lammps.numpy.extract_atom(name), np.argsort(lammps.numpy.extract_atom("id")[: len(place)])
-
-        def moving(speed: np.ndarray) -> None:
-            for name, columns, value in (("v", [0, 1], speed[:, :2]), ("omega", [2], speed[:, 2:] / radius)):
-                array, order = values(name)
-                array[order[:, None], columns] = value
-
-        lammps.commands_string("\n".join(commands))
-        lammps.command("run 0 post no")
-        moving(field / step)
-        lammps.commands_string("fix move all nve/noforce\nrun 1 post no\nunfix move\nfix move all nve/sphere")
-        moving(rate)
-        seen = []
-        for sample in range(times):
-            if sample:
-                lammps.command("run 64 post no")
-            array, order = values("x")
-            seen.append(array[order, :2] - place)
-        apart = np.array(seen)
-        return apart - box * np.round(apart / box)
 
 
 def test_lammps_has_the_second_order_of_honeycomb() -> None:
@@ -209,12 +149,19 @@ def test_lammps_has_the_second_order_of_honeycomb() -> None:
     size, sample = 0.02 * SILICA.static_overlap / NANOMETRE, 0.6
     cells = len(place) // len(crystal)
     field = size * np.tile(one.shape, (cells, 1)) * np.exp(1j * (place @ k) + 0.3j)[:, None]
+    radius, alike = SILICA.radius / NANOMETRE, np.ones(len(place))
+    spheres = Network(place, radius * alike, SILICA.density * 1e-6 * alike, (MATERIAL,), cell=tuple(box))
+    begin, rate = (
+        np.array([padded(part[:, :2], 0, 1), padded(part[:, 5:], 2) / radius])
+        for part in (field.real, one.frequency * field.imag)
+    )
+    # μ: a few times what the wave needs; more would keep LAMMPS from turning the slip with its contact
+    law = "* * dmt 73e3 0.0 0.17 31.5 tangential mindlin NULL 0.0 0.5 damping velocity"
     even = np.zeros(1)
     for count, weight in ((1, 1 / 3), (2, -2.0), (4, 8 / 3)):
         for sign in (1, -1):
-            u, v = (sign * part.real[:, list(PLANE)] for part in (field, -1j * one.frequency * field))
-            seen = in_lammps(place, box, u, v, sample / 64 / count, 20 * count + 1)
-            even = even + weight / 2 * seen[::count]
+            seen = moved(spheres, law, sign * begin, sign * rate, sample / 64 / count, 64 * count, 20)
+            even = even + weight / 2 * seen[..., :2]
     start = size * np.exp(0.3j)
     theory = second_order(crystal, [one.times(start)], sample * np.arange(21), place[:: len(crystal)])[1]
     expected = np.concatenate(theory, axis=1)[..., :2]

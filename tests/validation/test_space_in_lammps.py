@@ -11,18 +11,17 @@ from scipy.optimize import curve_fit
 from granular_analysis.theory.creep import creep
 from granular_analysis.theory.crystal import Crystal, Wall
 from granular_analysis.theory.lattices import LATTICES, Lattice
-from granular_analysis.theory.network import Material, mixed
+from granular_analysis.theory.network import Material, Network, mixed
 from granular_analysis.theory.phase_matching import Match, matches
 from granular_analysis.theory.second_order import Mixed, Wave, second_order, wave
 from granular_analysis.theory.surface_wave import Coupled, HalfSpace
+from tests.by_commands import moved
 from tests.conftest import members
-from tests.instance import silent_lammps
 
 SILICA = Material(73e3, 0.17, 63.0)  # MPa, mJ/m²: lengths in nm, masses in ag, times in ns
 RADIUS, DENSITY = 500.0, 2.2e-3
 ROOT2, ROOT3, ROOT6 = np.sqrt(2), np.sqrt(3), np.sqrt(6)
 ENDLESS = np.inf  # of a box: without a period
-BORDER = 60.0  # by which a box begins before its first sphere: no sphere is there
 
 
 def overlap(radius: float) -> float:
@@ -118,53 +117,15 @@ class Run:
         """Return the displacements (T, N, 3) in LAMMPS, with some steps between two times; drag in ag/ns."""
         place, kind = self.places
         field = size * self.wave.shape[kind] * np.exp(1j * (place @ self.wave.wavevector))[:, None]
-        rate = -1j * self.wave.frequency * field
-        step = float(times[1] / substeps)
-        box = self.box
-        with silent_lammps() as lammps:
-
-            def values(name: str) -> tuple[np.ndarray, np.ndarray]:
-                return lammps.numpy.extract_atom(name), np.argsort(lammps.numpy.extract_atom("id")[: len(place)])
-
-            def moving(speed: np.ndarray) -> None:
-                for name, value in (("v", speed[:, :3]), ("omega", speed[:, 3:] / RADIUS)):
-                    array, order = values(name)
-                    array[order] = value
-
-            lammps.commands_string("\n".join(commands(place, box, step, 5 * abs(size) / DEPTH)))
-            lammps.command("run 0 post no")
-            moving(field.real / step)  # one step without forces loads the springs of the displaced lattice
-            lammps.commands_string("fix move all nve/noforce\nrun 1 post no\nunfix move\nfix move all nve/sphere")
-            if drag:
-                lammps.command(f"fix drag all viscous {drag!r}")
-            moving(rate.real)
-            seen = []
-            for sample in range(len(times)):
-                if sample:
-                    lammps.command(f"run {substeps} post no")
-                array, order = values("x")
-                seen.append(array[order] - place)
-        moved = np.array(seen)
-        periods = np.where(np.isfinite(box), box, 1e9)
-        return np.asarray(moved - periods * np.round(moved / periods))
-
-
-def commands(place: np.ndarray, box: np.ndarray, step: float, friction: float) -> list[str]:
-    """Return the commands of spheres at rest; friction is a few times what a wave needs, as more would freeze slips."""
-    low = np.where(np.isfinite(box), -BORDER, -2 * RADIUS).tolist()
-    high = np.where(np.isfinite(box), box - BORDER, 4 * RADIUS).tolist()
-    young, ratio, adhesion = SILICA.youngs_modulus, SILICA.poisson_ratio, SILICA.work_of_adhesion / 2
-    law = f"dmt {young!r} 0.0 {ratio!r} {adhesion!r} tangential mindlin NULL 0.0 {float(friction)!r} damping velocity"
-    floor = not np.isfinite(box[2])
-    return [
-        f"units nano\natom_style sphere\natom_modify map array\nboundary p p {'f' if floor else 'p'}",
-        f"comm_modify vel yes\nregion all block {low[0]!r} {high[0]!r} {low[1]!r} {high[1]!r} {low[2]!r} {high[2]!r}",
-        "create_box 1 all",
-        *(f"create_atoms 1 single {x!r} {y!r} {z!r}" for x, y, z in place.tolist()),
-        f"set group all diameter {2 * RADIUS!r}\nset group all density {DENSITY!r}\nneighbor 50 bin",
-        f"pair_style granular\npair_coeff * * {law}\nthermo 1000000\ntimestep {step!r}",
-        *([f"fix floor all wall/gran granular {law} zplane {SUNK - RADIUS!r} NULL"] if floor else []),
-    ]
+        start, rate = ((part[:, :3], part[:, 3:] / RADIUS) for part in (field.real, self.wave.frequency * field.imag))
+        one, walls = np.ones(len(place)), (FLOOR,) if self.floor else ()
+        spheres = Network(place, RADIUS * one, DENSITY * one, (SILICA,), cell=tuple(self.box), walls=walls)
+        # Friction is a few times what a wave needs, as more would freeze slips
+        law = (
+            f"* * dmt 73e3 0.0 0.17 31.5 tangential mindlin NULL 0.0 {float(5 * abs(size) / DEPTH)!r} damping velocity"
+        )
+        more = f"fix drag all viscous {drag!r}" if drag else ""
+        return moved(spheres, law, start, rate, float(times[1] / substeps), substeps, len(times) - 1, more)[..., :3]
 
 
 def left(run: Run, amplitude: float, periods: int = 2, turned: float = 0.25) -> float:

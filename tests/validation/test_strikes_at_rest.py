@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,79 +17,14 @@ from granular_lmp.problem import prepare
 from granular_lmp.rest.refusals import require_wave
 from granular_lmp.runs.readouts import drive_of
 from granular_lmp.studies.sweep import sweep
-from tests.conftest import PAPER, members
-from tests.matrix import compared
+from tests.conftest import members
 from tests.matrix.compared import outcome
-
-TABLES: dict[str, Any] = {
-    "name": "struck",
-    "sphere": PAPER.to_dict()["sphere"],
-    "packing": {"lattice": "hexagonal", "rows": 13, "columns": 9},
-    "time": {"duration": 8.0, "sample": 1.0},
-    "striker": [{"spheres": [[6, 4]], "velocity": 1e-3, "direction": 30.0}],
-}
-BASE = Scene.from_dict(TABLES)
-STILL = {"packing.first": "held", "packing.last": "held", "packing.sides": "periodic"}
-PUSH = {"spheres": [[6, 4]], "force": "y", "amplitude": 0.02}
-DISORDERED = {"disorder.radius": 5e-5, "disorder.density": 0.05, "disorder.vacancies": 0.03}
-# One scene for each part that a strike meets
-SCENES: dict[str, dict[str, Any]] = {
-    "free sheet": {},
-    "held sheet": STILL | {"packing.sides": "held"},
-    "even rows": {"packing.rows": 12},
-    "periodic cell": {"packing.rows": 12, "packing.ends": "periodic", "packing.sides": "periodic"},
-    "square": {"packing.lattice": "square"},
-    "chain": {
-        "packing.lattice": "chain",
-        "packing.columns": 1,
-        "striker.1.spheres": [[6, 0]],
-        "striker.1.direction": "y",
-    },
-    "disorder": DISORDERED,
-    "jkr": {"sphere.adhesion_law": "jkr"} | DISORDERED,
-    "inclusions": {"inclusion": [{"spheres": [[3, 2]], "density": 4e3}, {"spheres": [[4, 2]], "radius": 5.001e-7}]},
-    "state": {"striker": [], "start.state": [[5, 4, 1e-12, 2e-12, 1e-3, 0.0, 100.0]]},
-    "noise": {"start.noise": 1e-3},
-    "pressed": STILL | {"sphere.work_of_adhesion": 0.0, "packing.contact_force": 1e-7},
-    "source alone": {"striker": [], "source": [PUSH | {"signal": "burst", "frequency": 0.5}]},
-    "source": {"source": [PUSH | {"signal": "step"}], "monitor": [{"name": "m", "rows": [4, 5], "what": "flux"}]},
-    "quiet ends": STILL
-    | {"striker": [], "packing.rows": 37, "absorb.rows": 10, "absorb.reflection": 0.45}
-    | {"source": [{"rows": [18, 18], "force": "y", "amplitude": 0.02, "frequency": 0.5}]},
-    "opening": {"striker.1.velocity": 5.0, "effects.friction": 0.3, "time.duration": 4.0},
-    "viscosity": {"effects.viscosity": 1e-7},
-    "no shear": {"effects.shear": False},
-}
-
-
-# Faces, sources and unequal spheres stand beside in other scenes, the free sheet with some features more; contacts open
-# in tests/validation/test_impacts.py
-MORE = "jkr", "opening", "even rows", "held sheet", "source alone", "free sheet"
-
-
-@pytest.mark.parametrize("name", members(SCENES, *MORE))
-def test_a_strike_alone_moves_as_its_network(name: str, tmp_path: Path) -> None:
-    found = outcome(BASE.with_values(SCENES[name]), tmp_path)
-    assert not found.refused
-    # Dashpots and contacts that open leave an error of first order, or none that is a series
-    assert found.departure <= (found.bound if name in ("viscosity", "opening") else 1e-6), found
-
-
-def test_a_strike_beside_another_network_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    first = compared.first_snapshot
-
-    def heavier(record: Record) -> Any:
-        found = first(record)
-        return replace(found, network=replace(found.network, density=1.01 * found.network.density))
-
-    monkeypatch.setattr(compared, "first_snapshot", heavier)
-    assert not outcome(BASE, tmp_path).holds
-
+from tests.validation.test_beside_network import PUSH, SPREAD, STILL, STRIKE, STRIKES
 
 # --- what runs are made of --------------------------------------------------------------------------------------------
 
 
-WATCHED = BASE.with_values(DISORDERED | {"monitor": [{"name": "m", "rows": [4, 5], "what": "contacts"}]})
+WATCHED = STRIKE.with_values(SPREAD | {"monitor": [{"name": "m", "rows": [4, 5], "what": "contacts"}]})
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +34,7 @@ def watched(tmp_path_factory: pytest.TempPathFactory) -> Record:
 
 def test_units_are_those_of_the_crystal_at_rest(watched: Record) -> None:
     scene = watched.scene
-    assert not scene.loose
+    assert scene.held_at_rest
     assert (scene.scale.length, scene.scale.time) == (scene.sphere.static_overlap, scene.sphere.time_scale)
     first = np.linalg.norm(watched.velocity[0], axis=1)
     assert first.max() * scene.scale.velocity == pytest.approx(1e-3, rel=1e-12)
@@ -113,11 +47,11 @@ def test_effects_follow_the_bound_of_the_strike(watched: Record) -> None:
     effects = watched.info["effects"]
     assert effects["shear"]["on"]
     assert not effects["contact_opening"]["called_for"]
-    strong = BASE.with_values({"striker.1.velocity": 5.0, "effects.friction": 0.3})
+    strong = STRIKE.with_values({"striker.1.velocity": 5.0, "effects.friction": 0.3})
     found = {each.name: each for each in prepare(strong).effects}
     assert found["contact_opening"].called_for
     assert found["sliding"].called_for
-    pressed = BASE.with_values(STILL | SCENES["pressed"] | {"striker.1.velocity": 5.0})
+    pressed = STRIKE.with_values(STILL | STRIKES["pressed"] | {"striker.1.velocity": 5.0})
     for faces in ("held", "wall"):
         with pytest.raises(SceneError, match="in a strike this strong, contacts slide before they open"):
             prepare(pressed.with_values({"packing.first": faces, "packing.last": faces}))
@@ -149,7 +83,7 @@ def test_monitors_have_the_unit_of_forces_of_the_crystal(watched: Record) -> Non
 
 
 def test_tolerance_bounds_the_departure_from_the_network(tmp_path: Path) -> None:
-    scene = BASE.with_values({"time.tolerance": 1e-4} | DISORDERED)
+    scene = STRIKE.with_values({"time.tolerance": 1e-4} | SPREAD)
     found = outcome(scene, tmp_path)
     assert found.departure < 1e-4
     errors = load(tmp_path / "stepNone").info["error_estimate"]
@@ -157,7 +91,7 @@ def test_tolerance_bounds_the_departure_from_the_network(tmp_path: Path) -> None
 
 
 def test_sweeps_and_exports_take_such_scenes(watched: Record, tmp_path: Path) -> None:
-    rows = sweep(BASE, {"striker.1.velocity": [1e-3, 2e-3]}, tmp_path / "sweep").rows
+    rows = sweep(STRIKE, {"striker.1.velocity": [1e-3, 2e-3]}, tmp_path / "sweep").rows
     assert [row["status"] for row in rows] == ["finished"] * 2
     for suffix in ("csv", "nc", "xyz"):
         assert export(watched, tmp_path / f"out.{suffix}") or (tmp_path / f"out.{suffix}").is_file()
@@ -170,18 +104,18 @@ def test_compare_takes_the_network(watched: Record, capsys: pytest.CaptureFixtur
 
 
 def test_a_tone_is_read_off_without_a_wave() -> None:
-    tone = BASE.with_values({"striker": [], "source": [PUSH | {"frequency": 0.5}]})
+    tone = STRIKE.with_values({"striker": [], "source": [PUSH | {"frequency": 0.5}]})
     assert drive_of(tone) == (0.5, 20.0)
     with pytest.raises(ReadoutError, match="wave: missing table: nothing drives the crystal at one frequency"):
-        drive_of(BASE)
+        drive_of(STRIKE)
 
 
 # --- what a file means ------------------------------------------------------------------------------------------------
 
 
 def test_a_scene_reads_back_as_it_was_written() -> None:
-    for changes in SCENES.values():
-        scene = BASE.with_values(changes)
+    for changes in STRIKES.values():
+        scene = STRIKE.with_values(changes)
         assert Scene.loads(scene.to_toml()) == scene
         assert Scene.loads(scene.to_toml(full=True)) == scene
 
@@ -208,17 +142,17 @@ def test_a_scene_reads_back_as_it_was_written() -> None:
 )
 def test_what_a_crystal_at_rest_cannot_be_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=re.escape(message)):
-        BASE.with_values(changes)
+        STRIKE.with_values(changes)
 
 
 def test_a_value_of_a_wave_alone_is_refused_where_there_is_none() -> None:
-    for scene in (BASE, Scene.load("solitary_chain")):
+    for scene in (STRIKE, Scene.load("solitary_chain")):
         with pytest.raises(
             SceneError, match=r"^wave\.amplitude: the scene has no \[wave\]; wave\.mode, wave\.wavenumber must"
         ):
             scene.with_values({"wave.amplitude": 0.1})
     wave = {"wave.mode": "TR", "wave.amplitude": 0.1, "wave.frequency": 2e8, "time.allow_echo": True}
-    assert BASE.with_values(wave | {"striker.1.spheres": [[5, 4]]}).wave.mode == "TR"
+    assert STRIKE.with_values(wave | {"striker.1.spheres": [[5, 4]]}).wave.mode == "TR"
 
 
 def test_a_theory_says_what_it_leaves_out_as_a_file_has_it() -> None:
@@ -229,4 +163,4 @@ def test_a_theory_says_what_it_leaves_out_as_a_file_has_it() -> None:
 
 def test_what_needs_a_wave_says_so() -> None:
     with pytest.raises(SceneError, match=r"wave: missing table; .* which kick and scatter do not take"):
-        require_wave(BASE)
+        require_wave(STRIKE)

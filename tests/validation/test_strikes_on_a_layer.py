@@ -12,73 +12,24 @@ import pytest
 from granular_analysis.tools.compare import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import SceneError
-from tests.conftest import members
-
-SILICA = {"youngs_modulus": 73e9, "poisson_ratio": 0.17, "work_of_adhesion": 0.063}
-LAYER: dict[str, Any] = {
-    "sphere": {"radius": 5e-7, "density": 2200.0, **SILICA},
-    "packing": {"lattice": "hexagonal", "rows": 8, "columns": 5, "ends": "periodic", "sides": "periodic"},
-    "substrate": SILICA,
-    "time": {"duration": 5.0, "sample": 0.5, "tolerance": 1e-6},
-}
-UP = {"striker": [{"spheres": [[4, 3]], "velocity": 1e-3, "direction": "z"}]}
-STATE = {"start": {"state": [[4, 3, 1e-12, 0.0, 0.0, 1e-3, 500.0, 2e-12, -1e-3, 1000.0, 2000.0]]}}
-TORQUE = {"source": [{"spheres": [[2, 2]], "force": "torque_x", "signal": "tone", "frequency": 0.8, "amplitude": 0.1}]}
-SHAKEN = {"source": [{"spheres": [[2, 2]], "force": "z", "signal": "burst", "frequency": 1.6, "amplitude": 0.1}]}
-
-
-def layer(**tables: Any) -> Scene:
-    """Return the scene of the layer with some tables; keys join those of a table that is there."""
-    joined = {name: LAYER.get(name, {}) | table if isinstance(table, dict) else table for name, table in tables.items()}
-    return Scene.from_dict({"name": "layer", **LAYER, **joined})
-
-
-SCENES = {
-    "struck from above": layer(**UP),
-    "struck along y at a free end": layer(
-        striker=[{"rows": [0, 0], "velocity": 1e-3}],
-        packing={"rows": 9, "ends": "fixed", "first": "free", "last": "held", "sides": "free"},
-    ),
-    "state": layer(**STATE),
-    "noise": layer(start={"noise": 1e-3, "seed": 3}),
-    "pushed": layer(**SHAKEN),
-    "turned, struck": layer(**TORQUE, **UP),
-    "chain": layer(
-        packing={"lattice": "chain", "rows": 15, "columns": 1, "ends": "fixed", "sides": "free"},
-        striker=[{"rows": [0, 0], "velocity": 1e-3}],
-    ),
-    "honeycomb": layer(packing={"lattice": "honeycomb", "columns": 8}, **UP),
-    "with vacancies": layer(disorder={"vacancies": 0.1, "density": 0.1, "seed": 2}, **UP),
-    "by the JKR law": layer(sphere={"adhesion_law": "jkr"}, **UP),
-}
+from tests.validation.test_beside_network import LAYERS, STATE, UP, layer
 
 
 @pytest.fixture(scope="module")
 def record_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Record]:
-    """Runs of the scenes, each made once."""
+    """Runs of the scenes to a tolerance, each made once."""
 
     @cache
     def make(name: str) -> Record:
-        return run(SCENES[name], tmp_path_factory.mktemp("layer") / "run")
+        scene = LAYERS[name].with_values({"time.tolerance": 1e-6})
+        return run(scene, tmp_path_factory.mktemp("layer") / "run")
 
     return make
 
 
-# As for sheets in test_strikes_at_rest
-MORE = "struck along y at a free end", "noise", "chain", "with vacancies"
-
-
-@pytest.mark.parametrize("name", members(SCENES, *MORE))
-def test_a_layer_moves_as_in_its_network(name: str, record_of: Callable[[str], Record]) -> None:
-    record = record_of(name)
-    assert record.displacement.shape[2] == record.spin.shape[2] == 3
-    assert np.abs(record.displacement[..., 2]).max() > 1e-6 * np.abs(record.displacement).max()
-    # Of the largest of each, step extrapolated
-    assert max(compare(record).error.values()) < 1e-6
-
-
-def test_another_motion_is_seen(record_of: Callable[[str], Record]) -> None:
+def test_the_network_is_met_to_the_tolerance_and_another_motion_is_seen(record_of: Callable[[str], Record]) -> None:
     record = record_of("struck from above")
+    assert max(compare(record).error.values()) < 1e-6
     signals = record.signals["displacement"].copy()
     signals[..., 2] *= 1 + 1e-4
     assert max(compare(record.with_signals(displacement=signals)).error.values()) > 1e-5
@@ -92,13 +43,13 @@ def test_spheres_that_do_not_turn_have_the_spin_0(record_of: Callable[[str], Rec
 
 def test_an_export_is_a_state_in_space(record_of: Callable[[str], Record], tmp_path: Path) -> None:
     """A file of one time of a run is where another one may begin; here the shear of contacts is 0 at the start."""
-    first = record_of("state")
+    first = record_of("a state in space")
     columns = {name: values[: len(first.spheres)] for name, values in first.si.items()}
     assert {"uz_m", "vz_m_s", "spinx_rad_s", "spiny_rad_s", "spin_rad_s"} <= columns.keys()
     file = tmp_path / "state.csv"
     lines = zip(*(map(repr, values.tolist()) for values in columns.values()), strict=True)
     file.write_text("\n".join([",".join(columns), *map(",".join, lines)]))
-    again = run(layer(start={"state": str(file)}), tmp_path / "again")
+    again = run(layer(start={"state": str(file)}, time={"tolerance": 1e-6}), tmp_path / "again")
     np.testing.assert_allclose(again.displacement, first.displacement, atol=1e-9)
 
 
@@ -125,11 +76,8 @@ def test_the_force_on_a_sphere_has_three_components(tmp_path: Path) -> None:
     ids=str,
 )
 def test_what_does_not_go_is_said(tables: dict[str, Any], said: str, tmp_path: Path) -> None:
-    kept = {name: table for name, table in tables.items() if table is not None}
-    without = {name: table for name, table in LAYER.items() if name not in tables or tables[name] is not None}
-    joined = {name: without.get(name, {}) | table if isinstance(table, dict) else table for name, table in kept.items()}
     with pytest.raises(SceneError, match=said):
-        run(Scene.from_dict({"name": "layer", **without, **joined}), tmp_path / "run")
+        run(layer(**tables), tmp_path / "run")
 
 
 @pytest.mark.parametrize("on", [{"spheres": [[2, 1]], "layers": [2, 2]}, {"rows": [2, 2], "layers": [0, 1]}])

@@ -4,7 +4,6 @@ One step from a state that is known exactly, as in ``tests/validation/test_conta
 each by its own share of the shear. Positions are multiples of 2^-14 nm.
 """
 
-from dataclasses import dataclass
 from math import sqrt
 
 import ase
@@ -13,10 +12,10 @@ import pytest
 
 from granular_lmp.crystal.contacts import Contacts, find_contacts
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.units import NANO
 from tests.crystal.test_sphere import SILICA
 from tests.manual import Measure, Mutant, verifies
+from tests.validation.test_contact_law import Contact, touch
 
 STEEL = Sphere(radius=0.25e-6, youngs_modulus=210e9, poisson_ratio=0.3, work_of_adhesion=0.4, density=7850.0)
 OVERLAP = 0.375  # nm
@@ -25,6 +24,7 @@ FRICTION = 10.0
 # The overlap of `find_contacts` is what is left of 750 nm, and its force what is left of repulsion less adhesion
 FROM_POSITIONS = 1e-11
 EXACT = 1e-12
+NEWTON = NANO.number(1.0, mass=1, length=1, time=-2)
 
 
 def law(sphere: Sphere, stiffness: str = "NULL") -> str:
@@ -56,46 +56,9 @@ def written_out() -> str:
     return f"{MIXED_BY_LAMMPS}\npair_coeff 1 2 {law(pair, repr(stiffness))}"
 
 
-@dataclass(frozen=True)
-class Forces:
-    """Repulsion of the first sphere, force on it across the contact, and the torques on both; in N and N m."""
-
-    normal: float
-    shear: float
-    torques: tuple[float, float]
-
-
-def touch(coefficients: str, shear: float) -> Forces:
-    """Return the forces on a sphere of silica at the left and one of steel at the right that have slipped."""
-    lammps = lammps_module().lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
-    try:
-        lammps.commands_string(f"""
-            units nano
-            boundary f f f
-            atom_style sphere
-            atom_modify map array
-            comm_modify vel yes
-            region box block -2048 2048 -2048 2048 -512 512
-            create_box 2 box
-            create_atoms 1 single {-(750.0 - OVERLAP)!r} 0 0
-            create_atoms 2 single 0 0 0
-            set type 1 diameter 1000.0 density {NANO.number(SILICA.density, mass=1, length=-3)!r}
-            set type 2 diameter 500.0 density {NANO.number(STEEL.density, mass=1, length=-3)!r}
-            neighbor 50 bin
-            timestep 1.0
-            pair_style granular
-            {coefficients}
-            fix move all nve/noforce
-            thermo_style custom step
-            set type 1 omega 0 0 {shear / 2 / 500.0!r}
-            set type 2 omega 0 0 {shear / 2 / 250.0!r}
-            run 1 post no
-            """)
-        force, torque = (lammps.numpy.extract_atom(name).copy() for name in ("f", "torque"))
-    finally:
-        lammps.close()
-    newton, newton_metre = NANO.number(1.0, mass=1, length=1, time=-2), NANO.number(1.0, mass=1, length=2, time=-2)
-    return Forces(-force[0, 0] / newton, force[0, 1] / newton, tuple(torque[:2, 2] / newton_metre))
+def there(coefficients: str, shear: float) -> Contact:
+    """Return the contact of a sphere of silica at the left and one of steel at the right that have slipped."""
+    return touch(f"pair_style granular\n{coefficients}", SILICA, OVERLAP, (shear, 0.0), other=STEEL)
 
 
 def ours() -> Contacts:
@@ -107,10 +70,10 @@ def ours() -> Contacts:
 
 @pytest.mark.parametrize("coefficients", [MIXED_BY_LAMMPS, written_out()], ids=["mixed by LAMMPS", "written out"])
 def test_normal_force_of_two_materials_is_that_of_the_contact(coefficients: str) -> None:
-    there, here = touch(coefficients, 0.0), ours()
+    seen, here = there(coefficients, 0.0), ours()
     repulsion = here.contact_force[0] + here.adhesive_force[0]
-    assert abs(there.normal - here.contact_force[0]) < FROM_POSITIONS * repulsion
-    assert there.shear == 0
+    assert abs(seen.normal / NEWTON - here.contact_force[0]) < FROM_POSITIONS * repulsion
+    assert seen.shear == 0
 
 
 @verifies(
@@ -125,27 +88,27 @@ def test_normal_force_of_two_materials_is_that_of_the_contact(coefficients: str)
     ),
 )
 def test_shear_force_and_torques_of_two_materials_written_out_are_those_of_the_contact(measured: Measure) -> None:
-    there, here = touch(written_out(), SHEAR), ours()
+    seen, here = there(written_out(), SHEAR), ours()
     expected = -here.shear_stiffness[0] * SHEAR * 1e-9
-    measured(there.shear / expected - 1)
+    measured(seen.shear / NEWTON / expected - 1)
     # The arm of the torque is that of each sphere, R − δ/2
-    arms = (500.0 - OVERLAP / 2) * 1e-9, (250.0 - OVERLAP / 2) * 1e-9
-    for torque, arm in zip(there.torques, arms, strict=True):
-        assert abs(torque / (there.shear * arm) - 1) < EXACT
+    arms = 500.0 - OVERLAP / 2, 250.0 - OVERLAP / 2
+    for torque, arm in zip(seen.torques, arms, strict=True):
+        assert abs(torque / (seen.shear * arm) - 1) < EXACT
 
 
 def test_lammps_itself_mixes_another_shear_modulus() -> None:
     """LAMMPS makes G* from the mixed E* and ν = √(νi νj) as of equal spheres: so unlike pairs are written out."""
-    there, here = touch(MIXED_BY_LAMMPS, SHEAR), ours()
+    seen, here = there(MIXED_BY_LAMMPS, SHEAR), ours()
     compliance = sum((1 - s.poisson_ratio**2) / s.youngs_modulus for s in (SILICA, STEEL))
     nu = sqrt(SILICA.poisson_ratio * STEEL.poisson_ratio)
     wrong = 1 / compliance / (4 * (1 + nu) * (2 - nu))
     curvature = 1 / SILICA.radius + 1 / STEEL.radius
     stiffness = 8 * wrong * sqrt(OVERLAP * 1e-9 / curvature)
-    assert abs(there.shear / (-stiffness * SHEAR * 1e-9) - 1) < EXACT
+    assert abs(seen.shear / NEWTON / (-stiffness * SHEAR * 1e-9) - 1) < EXACT
     assert abs(stiffness / here.shear_stiffness[0] - 1) > 0.1
 
 
 def test_a_wrong_constant_would_be_seen() -> None:
-    there, here = touch(written_out(), SHEAR), ours()
-    assert abs(there.shear / (-here.shear_stiffness[0] * (1 + 1e-10) * SHEAR * 1e-9) - 1) > FROM_POSITIONS
+    seen, here = there(written_out(), SHEAR), ours()
+    assert abs(seen.shear / NEWTON / (-here.shear_stiffness[0] * (1 + 1e-10) * SHEAR * 1e-9) - 1) > FROM_POSITIONS

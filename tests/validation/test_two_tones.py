@@ -13,14 +13,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from granular_analysis.measure.sheets import component, fields_of, rest_of
+from cases.fields import component, fields_of, rest_of
+from granular_analysis.theory.bloch import in_plane
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.mixing import Pair, Tone, mixed_wave
+from granular_analysis.theory.second_order import Mixed
 from granular_analysis.theory.selection import forbidden
 from granular_lmp import Deck, Scene, build, run
 from tests.conftest import members
 from tests.polarisations import modes
-from tests.theory.test_mixing import PAIRS, SHEET, SIGNS, on_sheet, relative
+from tests.theory.test_mixing import PAIRS, SHEET, SIGNS, on_sheet, on_the_sheet, relative
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -72,12 +73,11 @@ def crossed_run(name: str) -> tuple[Floats, Floats, Floats]:
     return rest_of(snapshots), snapshots.tau, (4 * fine - coarse) / 3
 
 
-def seen_and_pair(name: str, sign: int) -> tuple[Complexes, Pair, Floats]:
+def seen_and_pair(name: str, sign: int) -> tuple[Complexes, Mixed, Floats]:
     """Return the amplitude in LAMMPS (T, 3) at the sum or the difference of a pair, the pair, and τ (T,)."""
     rest, tau, crossed = crossed_run(name)
-    first, second = (Tone(on_sheet(x, y), branch) for x, y, branch in PAIRS[name])
-    pair = Pair(first, second, sign, contact())  # type: ignore[arg-type]  # a parametrised sign
-    return component(crossed, rest, pair.wavevector), pair, tau
+    pair = on_the_sheet(name, sign, contact())
+    return component(crossed, rest, pair.wavevector[:2]), pair, tau
 
 
 # A pair of the same directions with another branch stands beside each of these
@@ -90,23 +90,23 @@ MORE += ["difference phase-matched to 0.005", "along y, TR and TR", "along x, lo
 def test_in_lammps_two_waves_make_what_the_closed_form_says(name: str, sign: int) -> None:
     seen, pair, tau = seen_and_pair(name, sign)
     # Fourth order is a few times a² = 4e-4 (9e-4 is the largest seen); extrapolation leaves (Ωh/2)⁴ = 1e-4
-    assert relative(seen, mixed_wave(pair, tau)) < 3e-3
+    assert relative(seen, in_plane(pair.signal(tau))) < 3e-3
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("name", members([name for name in PAIRS if name.startswith(("along", "mirrored"))], *MORE))
 def test_in_lammps_nothing_is_made_that_symmetry_forbids(name: str, sign: int) -> None:
     seen, pair, _ = seen_and_pair(name, sign)
-    banned = forbidden(pair.mixed)
-    assert banned.any() == (not pair.mixed.winds)  # contacts that wind up know which wave is which
-    shares = np.abs(seen @ (modes(pair.wavevector, pair.contact)[1] * pair.contact.masses).conj().T).max(axis=0)
+    banned = forbidden(pair)
+    assert banned.any() == (not pair.winds)  # contacts that wind up know which wave is which
+    shares = np.abs(seen @ (modes(pair.wavevector, contact())[1] * contact().masses).conj().T).max(axis=0)
     # Rounding of positions, 1e-16 of 1e4 nm, over a²Δ0 = 1e-4 nm: 1e-8, grown over 20 τ and doubled by extrapolation
     assert shares[banned].max(initial=0.0) < 1e-6 * shares.max()
 
 
 def test_what_winds_up_between_mirrored_waves_is_seen_in_lammps() -> None:
     seen, pair, tau = seen_and_pair("mirrored", -1)
-    flat = replace(pair, contact=Contact(pair.contact.poisson_ratio))
+    flat = on_the_sheet("mirrored", -1, Contact(contact().poisson_ratio))
     # The paper's geometry has no winding, which is 3 % of the field by τ = 20; and the theory that has it is ten times
     # closer than that
-    assert relative(seen, mixed_wave(flat, tau)) > 10 * relative(seen, mixed_wave(pair, tau))
+    assert relative(seen, in_plane(flat.signal(tau))) > 10 * relative(seen, in_plane(pair.signal(tau)))

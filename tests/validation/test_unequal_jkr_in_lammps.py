@@ -22,7 +22,6 @@ from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.crystal.contacts import law_between
 from granular_lmp.effects import openings
 from granular_lmp.rest.at_rest import crystal_of
-from tests.conftest import members
 from tests.manual import Measure, Mutant, verifies
 from tests.matrix.features import WAVES
 
@@ -40,7 +39,6 @@ SHEET = Scene.load("tr_periodic").with_values(
 )
 STRETCHED = {"disorder.radius": 1.5e-4}  # s = 0.9: at rest seven contacts are pulled beyond an overlap of 0
 CHAIN = {"packing.lattice": "chain", "packing.columns": 1, "wave.mode": "L", "disorder.radius": 3e-5}
-OTHER = {"rows": [10, 11], "density": 2500.0, "youngs_modulus": 60e9, "work_of_adhesion": 0.05}
 # Relative. Verlet advances a phase by (Ωh)²/24 of itself: at the top of the branches, Ω = 2.2, 8e-5 of the 7 rad until
 # τ = 3, and 3e-6 of 1 rad at the wave's 0.45. A third of the former is allowed, as that branch has a part of the motion
 SIGNALS = 2e-4
@@ -50,32 +48,6 @@ def agrees(record: Record) -> bool:
     result = compare(record)
     assert result.theory == "network"
     return all(error is None or error < SIGNALS for error in result.error.values())
-
-
-# --- each pair of the matrix, once ---
-
-
-FEATURES = "radii", "densities", "vacancies", "rows of another", "another sphere"
-
-
-@pytest.mark.parametrize("feature", members(FEATURES, "densities", "vacancies", "another sphere"))
-def test_a_crystal_that_is_not_perfect_moves_as_its_network(feature: str, tmp_path: Path) -> None:
-    assert agrees(run(SHEET.with_values(WAVES[feature]), tmp_path / "run"))
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        # Its like stands above; at rest a contact is pulled so hard that it may open between two looks
-        pytest.param({"inclusion": [OTHER], "effects.contact_opening": True}, marks=pytest.mark.more),
-        CHAIN,
-        {"packing.contact_force": 5e-8},
-        pytest.param({"packing.relax_friction": 0.3}, marks=pytest.mark.more),
-        {"effects.shear_law": "incremental", "wave.form": "standing", "striker": [{"rows": [4, 4], "velocity": 1e-3}]},
-    ],
-)
-def test_materials_chains_compression_and_other_starts_combine(changes: dict[str, Any], tmp_path: Path) -> None:
-    assert agrees(run(SHEET.with_values(STRETCHED | changes), tmp_path / "run"))
 
 
 # --- contacts that are stretched at rest ---

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_analysis.measure import sheets
-from granular_analysis.measure.rows import load_form
-from granular_analysis.tools import driven, standing
+from cases.driven import case as driven
+from cases.rows import load_form
+from cases.sheets import case as sheets
+from cases.standing import case as standing
 from granular_lmp import Scene, build, run
 from tests.conftest import PAPER, members
 from tests.manual import Measure, Mutant, verifies

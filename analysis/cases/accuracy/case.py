@@ -1,23 +1,22 @@
 """The cost of accuracy: every setting that `granular-lmp cost` has measured, beside the theories, error against time.
 
-    granular-analysis accuracy runs/cost [-o FILE] [--wanted 1e-3] [--json FILE]
+    granular-analysis accuracy runs/cost [-o FILE]
 
-prints which setting gives which accuracy in how many seconds, and draws error over time, a marker for each group.
+prints the levels of model, and draws error over time, a marker for each group.
 
 Two references. A setting of a run is measured against LAMMPS extrapolated from two fine steps: what it lacks is its own
 fault. The level of model, a formula, the exact lattice at some tolerance of its integrator, LAMMPS, is measured against
 the exact lattice, integrated with 1e-12. The two references are one thing as far as LAMMPS's row of that table says.
 
 The Pareto front joins the settings that none beats in both (by a tenth in the error; less is not worth a word). What
-is recommended is the tolerance that was asked for, on the fewest spheres, although some other setting may be cheaper:
-it says by itself how good it is.
+is recommended is a tolerance, on the fewest spheres, although some other setting may be cheaper: it says by itself how
+good it is.
 """
 
-import argparse
 import json
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import groupby
 from math import inf
 from pathlib import Path
@@ -32,9 +31,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from cases.runner import script
 from granular_analysis.measure.runs import load
 from granular_analysis.measure.signals import errors
-from granular_analysis.plotting import parser, save, start, write
 from granular_analysis.theory.catalogue import missing
 from granular_analysis.theory.choice import THEORIES, Trajectory, holding, traits_of, wave_of
 from granular_analysis.theory.lattice import torus
@@ -42,7 +41,7 @@ from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")
-WANTED = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+MARKED = 1e-3  # in the figure
 RTOL = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)  # tolerances of the integrator of the exact lattice
 FINEST = 1e-12
 REPEATS = 9
@@ -104,6 +103,10 @@ class Study:
         """Settings that have an error in each component that the reference has."""
         there = [name for name, value in self.floor.items() if value is not None]
         return [setting for setting in self.settings if all(setting.error[name] is not None for name in there)]
+
+
+# A study, and the levels of model
+Measured = tuple[Study, Sequence[Setting]]
 
 
 def _setting(row: dict[str, Any]) -> Setting:
@@ -174,43 +177,24 @@ def _error(setting: Setting, component: str | None) -> float:
     return inf if value is None else value
 
 
-def cheapest(settings: Iterable[Setting], wanted: float) -> Setting | None:
-    """The fastest of the settings whose p, q and φ are all as good as wanted; None if there is none."""
-    return min((s for s in settings if s.worst <= wanted), key=lambda setting: setting.seconds, default=None)
+def recommended(study: Study) -> Setting | None:
+    """Return the tolerance that is marked in the figure, if it was measured and met."""
+    asked = [s for s in study.complete if s.family == TOLERANCE and np.isclose(float(s.name), MARKED)]
+    return next((s for s in asked if s.worst <= MARKED), None)
 
 
-def recommended(study: Study, wanted: float) -> Setting | None:
-    """The tolerance that is wanted, or where it was not measured or not met the fastest setting that is as good."""
-    asked = [s for s in study.complete if s.family == TOLERANCE and np.isclose(float(s.name), wanted)]
-    # A looser tolerance that happens to be as good has not promised it
-    others = [s for s in study.complete if s.family != TOLERANCE or float(s.name) < wanted]
-    return cheapest(asked, wanted) or cheapest(others, wanted)
-
-
-def table(study: Study, levels: Sequence[Setting]) -> str:
-    """Accuracy wanted → what gives it, in seconds: recommended, one plain run, any setting, exact lattice, formula."""
-    plain = [s for s in study.complete if s.family == "time step"]
-    columns: dict[str, Callable[[float], Setting | None]] = {
-        "recommended": lambda wanted: recommended(study, wanted),
-        "one plain run": lambda wanted: cheapest(plain, wanted),
-        "fastest": lambda wanted: cheapest(study.complete, wanted),
-        LATTICE: lambda wanted: cheapest([s for s in levels if s.family == LATTICE], wanted),
-        FORMULA: lambda wanted: cheapest([s for s in levels if s.family == FORMULA], wanted),
-    }
-    cells = [["wanted", *columns]]
-    cells += [[f"{wanted:.0e}", *(_cell(choose(wanted)) for choose in columns.values())] for wanted in WANTED]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    lines = ["  ".join(map(str.ljust, line, widths)).rstrip() for line in cells]
-    lines += ["", f"{'level of model':16}{'':18}{'s, median':>10}" + "".join(f"{name:>10}" for name in COMPONENTS)]
+def table(found: Measured) -> str:
+    """Return the levels of model with their seconds and errors, and the error of the reference of the settings."""
+    study, levels = found
+    lines = [f"{'level of model':16}{'':18}{'s, median':>10}" + "".join(f"{name:>10}" for name in COMPONENTS)]
     for s in levels:
-        found = ("-" if value is None else f"{value:.1e}" for value in s.error.values())
-        lines.append(f"{s.family:16}{s.name:18}{s.seconds:10.2g}" + "".join(f"{error:>10}" for error in found))
+        errors_of = ("-" if value is None else f"{value:.1e}" for value in s.error.values())
+        lines.append(f"{s.family:16}{s.name:18}{s.seconds:10.2g}" + "".join(f"{error:>10}" for error in errors_of))
     known = ", ".join(f"{name} {value:.1e}" for name, value in study.floor.items() if value is not None)
-    return "\n".join([*lines, "", f"error of the reference of the settings, estimated: {known}"])
-
-
-def _cell(setting: Setting | None) -> str:
-    return "-" if setting is None else f"{setting.name} ({setting.family}) {setting.seconds:.2g} s"
+    lines += ["", f"error of the reference of the settings, estimated: {known}"]
+    if left_out := unheld(study.record):
+        lines.append(f"no theory here holds {', '.join(left_out)}: LAMMPS stands alone")
+    return "\n".join(lines)
 
 
 # --- figure ----------------------------------------------------------------------------------------------------------
@@ -237,16 +221,17 @@ NAMES: dict[str, tuple[tuple[float, float], str]] = {
 TITLES = {"p": "$p$ (second harmonic)", "q": "$q$ (fundamental)", "phi": r"$\phi$ (rotation)"}
 
 
-def draw(study: Study, levels: Sequence[Setting], wanted: float) -> Figure:
+def draw(found: Measured) -> Figure:
     """Error of p and of q over the seconds; bars from the fastest to the slowest round.
 
     Settings that are the scene as it is declared share one run, and one marker. Grey below: what the reference of the
     settings cannot tell; theories have another.
     """
+    study, levels = found
     shown = [name for name in COMPONENTS if study.floor[name] is not None][:2]
     figure = Figure(figsize=(5.2 * len(shown), 6.4), layout="constrained")
     panels = figure.subplots(1, len(shown), sharex=True, squeeze=False)[0]
-    star = recommended(study, wanted)
+    star = recommended(study)
     for axes, name in zip(panels, shown, strict=True):
         axes.set(xscale="log", yscale="log", xlabel="seconds, median", title=f"error of {TITLES[name]}")
         _panel(axes, study, [s for s in levels if s.family != LAMMPS], name)
@@ -259,7 +244,7 @@ def draw(study: Study, levels: Sequence[Setting], wanted: float) -> Figure:
     handles: list[Artist] = [Line2D([], [], label=name, **_look(name)) for name in STYLES if name in there]
     handles.append(Line2D([], [], label="Pareto front of the settings", **FRONT))
     if star is not None:
-        handles.append(Line2D([], [], label=f"recommended for {wanted:g}: {star.family}, {star.name}", **STAR))
+        handles.append(Line2D([], [], label=f"recommended for {MARKED:g}: {star.family}, {star.name}", **STAR))
     handles.append(Patch(label="below the error of the reference", **BELOW))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     return figure
@@ -310,34 +295,10 @@ def _look(family: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    options = parser(__doc__, "figures/accuracy.png")
-    options.add_argument("study", metavar="DIR", help="folder of granular-lmp cost")
-    options.add_argument("--wanted", type=_accuracy, default=1e-3, metavar="ERROR", help="marked (default: 1e-3)")
-    options.add_argument("--json", metavar="FILE", help="write the level of model as JSON")
-    chosen = options.parse_args(argv)
-    study = Study.load(chosen.study)
-    levels = models(study)
-    print(table(study, levels))
-    if left_out := unheld(study.record):
-        print(f"no theory here holds {', '.join(left_out)}: LAMMPS stands alone")
-    save(draw(study, levels, chosen.wanted), chosen.output)
-    print(chosen.output)
-    if chosen.json:
-        write(Path(chosen.json), json.dumps([asdict(level) for level in levels], indent=2) + "\n")
-    return 0
+def measure(folder: str) -> Measured:
+    """Return a study and the levels of model."""
+    study = Study.load(folder)
+    return study, models(study)
 
 
-def _accuracy(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0 < value < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} must be a number between 0 and 1")
-    return value
-
-
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, measure, table, draw, ("folder", "of granular-lmp cost"))

@@ -5,7 +5,7 @@
 Each SWEEP is the folder of a sweep of TR waves over ``sphere.adhesion_law`` and wave number, and over two time steps h
 and h/2 if Richardson's extrapolation is wanted; ``make adhesion`` makes them. The table has the second harmonic of the
 runs beside theory, and where resonance and antiresonance are, by theory and by the runs
-(`granular_analysis.measure.spectrum`). The two panels below are theory alone, in the paper's geometry.
+(`cases.spectrum.points`). The two panels below are theory alone, in the paper's geometry.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,21 +16,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granular_analysis.measure.runs import sweep
-from granular_analysis.measure.spectrum import (
-    Point,
-    extrapolated,
-    locate_antiresonance,
-    locate_resonance,
-    point,
-    refusal,
-)
-from granular_analysis.plotting import SILICA, letter, parser, show, start
+from cases.runner import script
+from cases.spectrum.case import refuse
+from cases.spectrum.points import Point, extrapolated, locate_antiresonance, locate_resonance, point
+from granular_analysis.plotting import SILICA, letter
 from granular_analysis.theory.adhesion import Adhesion
 from granular_analysis.theory.choice import wave_of
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import antiresonance, generated, nonlinearity, resonance
-from granular_analysis.tools.spectrum import one_crystal
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -59,13 +52,11 @@ def by_law(records: Sequence[Record]) -> dict[Adhesion, list[Record]]:
     """
     groups: dict[Adhesion, list[Record]] = {}
     for record in records:
-        if reason := refusal(record):
-            raise ValueError(f"{record.folder}: {reason}")
         if record.scene.wave.mode != "TR":
             raise ValueError(f"{record.folder}: wave.mode = {record.scene.wave.mode!r}: must be 'TR'")
         groups.setdefault(wave_of(record).contact.adhesion_law, []).append(record)
     for runs in groups.values():
-        one_crystal(runs)
+        refuse(runs)
     return {
         law: sorted({round(each.scene.wavenumber, 9): each for each in extrapolated(runs)}.values(), key=_wavenumber)
         for law, runs in sorted(groups.items())
@@ -147,12 +138,4 @@ def _draw_places(axes: Axes, over: Floats, contacts: Mapping[Adhesion, Sequence[
     axes.set(ylabel=r"$\xi$ (rad per row)", ylim=(1, np.pi))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table and draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/adhesion_laws.png", sweeps="folders of sweeps over sphere.adhesion_law")
-    chosen = options.parse_args(arguments)
-    return show(lambda: by_law([one for folder in chosen.sweeps for one in sweep(folder)]), table, draw, chosen.output)
-
-
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, by_law, table, draw, ("sweeps", "sweeps over sphere.adhesion_law"))

@@ -27,10 +27,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granular_analysis.measure.rows import waves
-from granular_analysis.measure.runs import all_but, sweep
-from granular_analysis.measure.sheets import fields_of
-from granular_analysis.plotting import parser, show, start
+from cases.fields import fields_of
+from cases.rows import waves
+from cases.runner import script
+from granular_analysis.measure.runs import all_but
 from granular_analysis.theory.rows import Rows
 from granular_analysis.theory.transfer import running, scattering
 from granular_analysis.tools.scatter import rows_at_rest
@@ -226,13 +226,4 @@ def draw(found: Parts) -> Figure:
     return figure
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table and draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/behind.png")
-    options.add_argument("sweep", metavar="SWEEP", help="sweep over the first row of an inclusion")
-    chosen = options.parse_args(arguments)
-    return show(lambda: parts(sweep(chosen.sweep)), table, draw, chosen.output)
-
-
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, parts, table, draw, ("sweeps", "a sweep over the first row of an inclusion"))

@@ -15,7 +15,7 @@ next to no p and `hierarchy` has the orders it takes. q and φ of L are zero in 
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -23,8 +23,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from cases.runner import script
 from granular_analysis.measure.norms import relative_error, slope
-from granular_analysis.plotting import parser, save, start
 from granular_analysis.second_harmonic import Mode, ModeName, Ratios, mode, ratios, second_order
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.lattice import Floats, torus_trajectories
@@ -154,13 +154,9 @@ def draw(curves: Iterable[Curve]) -> Figure:
     return figure
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table and draw the figure into a file."""
-    options = parser(__doc__, "figures/convergence.png").parse_args(arguments)
-    curves = list(convergence())
-    print(table(curves))
-    save(draw(curves), options.output)
+def measure() -> list[Curve]:
+    """Return all curves."""
+    return list(convergence())
 
 
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, measure, table, draw)

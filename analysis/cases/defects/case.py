@@ -26,20 +26,18 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cases.defects.born import CELL, group_speed, impurity_width
-from granular_analysis.measure.runs import load
-from granular_analysis.measure.sheets import Sheet, fields_of
+from cases.fields import Sheet, fields_of
+from cases.oblique.case import HELD as OF_A_WAVE
+from cases.runner import script
 from granular_analysis.measure.snapshot import first_snapshot
-from granular_analysis.plotting import parser, show, start
-from granular_analysis.theory import catalogue
+from granular_analysis.theory.catalogue import OBLIQUE
 from granular_analysis.theory.choice import contact_of, traits_of
 from granular_analysis.theory.network_motion import integrate
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 
-HELD = catalogue.HOLDS["granular-analysis oblique"] - {catalogue.OBLIQUE} | {
-    f"inclusion.{name}" for name in ("spheres", "vacancy", "density")
-}
+HELD = OF_A_WAVE - {OBLIQUE} | {f"inclusion.{name}" for name in ("spheres", "vacancy", "density")}
 SETTLED = 20.0  # τ: by then the defect and its neighbours move as they go on to do
 RTOL = 1e-9  # for the witness
 
@@ -214,18 +212,10 @@ def _energy(axes: Axes, each: Scattering) -> None:
     axes.legend(frameon=False, fontsize="small")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table and draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/defects.png", run="run folder of the perfect crystal")
-    options.add_argument("defects", nargs="+", metavar="DEFECT", help="run folders of the same with one defect")
-    chosen = options.parse_args(arguments)
-
-    def found() -> list[Scattering]:
-        perfect = load(chosen.run)
-        return [compare(perfect, load(folder)) for folder in chosen.defects]
-
-    return show(found, table, draw, chosen.output)
+def measure(records: Sequence[Record]) -> list[Scattering]:
+    """Return the scattering of each defect beside the perfect crystal, whose run is the first."""
+    perfect, *others = records
+    return [compare(perfect, each) for each in others]
 
 
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, measure, table, draw, ("runs", "the perfect crystal, then the same with a defect"))

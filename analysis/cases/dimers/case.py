@@ -21,8 +21,10 @@ from cases.dimers.front import (
     resonance,
     struck,
 )
-from granular_analysis.measure.strikes import Sites, densities, require
-from granular_analysis.plotting import letter, parser, show, start
+from cases.runner import script
+from cases.strikes import recorded, require
+from granular_analysis.measure.strikes import Sites, densities
+from granular_analysis.plotting import letter
 from granular_lmp.runs.record import Record
 
 RATIOS = np.sort(
@@ -63,7 +65,7 @@ def measured(record: Record) -> tuple[float, float, float]:
     if spacing > STEP * (1 + 1e-9):
         raise ValueError(f"{name}: time.sample = {spacing:g}: must be at most {STEP}")
     velocity = np.full((len(record.tau), len(mass)), np.nan)
-    velocity[:, sites.recorded(scene)] = record.velocity[..., 1]
+    velocity[:, recorded(scene)] = record.velocity[..., 1]
     watched = slice(2 * CELLS[0], 2 * (CELLS[1] + 3) + 1)
     if np.isnan(velocity[:, watched]).any():
         raise ValueError(f"{name}: output.rows: must hold the rows {watched.start} to {watched.stop - 1}")
@@ -105,13 +107,9 @@ def table(runs: Sequence[tuple[float, float, float]]) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table and draw the figure into a file; returns the exit status."""
-    chosen = parser(__doc__, "figures/dimers.png", runs="run folder of a chain of heavy and light spheres").parse_args(
-        arguments
-    )
-    return show(lambda: [measured(Record.load(folder)) for folder in chosen.runs], table, draw, chosen.output)
+def measure(records: Sequence[Record]) -> list[tuple[float, float, float]]:
+    """Return what the runs have."""
+    return [measured(record) for record in records]
 
 
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, measure, table, draw, ("runs", "runs of chains of heavy and light spheres"))

@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
-from granular_analysis.theory.chain import Chain, compressed
-from granular_analysis.theory.chain_motion import SIXTH, first_peak, march
+from cases.solitary.chain import Chain, compressed
+from cases.solitary.chain_motion import SIXTH, first_peak, march
 
 Floats = NDArray[np.float64]
 # A third of it changes resonances by 2e-5 at most, and λ by 4e-6 or, at ε below 0.06, by 1 %

@@ -5,11 +5,10 @@
 Each SWEEP is the folder of a sweep over `disorder.seed` (``granular-lmp sweep``); ``make disorder`` makes all. What
 runs are for follows from their scenes: without snapshots they give the contacts that are left; with `disorder.density`
 the attenuation, beside Born's theory (`cases.defects.born`); L waves with `disorder.radius` the sound speed;
-TR waves, run with `wave.phase` 0 and π, the second harmonic. `granular_analysis.measure.disordered` says how each is
-read.
+TR waves, run with `wave.phase` 0 and π, the second harmonic. `cases.disorder.measures` says how each is read.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,9 +18,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cases.defects.born import long_wave, scattered
-from granular_analysis.measure.disordered import (
+from cases.disorder.measures import (
     Key,
-    Value,
     Waves,
     attenuation,
     contacts_left,
@@ -29,14 +27,12 @@ from granular_analysis.measure.disordered import (
     half,
     measured,
     perfect_strength,
-    refuse,
     resonance,
     second_harmonics,
-    strength,
-    whole_strength,
 )
-from granular_analysis.measure.runs import sweep
-from granular_analysis.plotting import COLOURS, parser, show, start
+from cases.runner import script
+from granular_analysis.measure.disordered import Value, refuse, strength, whole_strength
+from granular_analysis.plotting import COLOURS
 from granular_analysis.theory.wave import resonance as perfect_resonance
 from granular_lmp.runs.record import Record
 
@@ -373,12 +369,4 @@ def _antiresonance(axes: Axes, found: Found) -> None:
     axes.legend(frameon=False, fontsize="small", loc="lower right", bbox_to_anchor=(1, 0.08), handlelength=1.2)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table and draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/disorder.png", sweeps="folders of sweeps over disorder.seed")
-    chosen = options.parse_args(arguments)
-    return show(lambda: read([one for folder in chosen.sweeps for one in sweep(folder)]), table, draw, chosen.output)
-
-
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, read, table, draw, ("sweeps", "sweeps over disorder.seed"))

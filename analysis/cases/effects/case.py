@@ -18,9 +18,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from cases.runner import script
 from granular_analysis.measure.runs import sweep
 from granular_analysis.measure.signals import measured_amplitude
-from granular_analysis.plotting import parser, save, start
 from granular_analysis.theory.catalogue import OBLIQUE, missing
 from granular_analysis.theory.choice import holding, traits_of, trajectory, wave_of
 from granular_analysis.theory.contact import Contact
@@ -122,25 +122,20 @@ def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
     return figure
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/effects.png", sweeps=f"folders of sweeps, at most {len(STYLES)}")
-    chosen = options.parse_args(arguments)
-    if len(chosen.sweeps) > len(STYLES):
-        options.error(f"{len(chosen.sweeps)} sweeps; at most {len(STYLES)} can be told apart")
-    sweeps = [sweep(folder) for folder in chosen.sweeps]
+def measure(folders: Sequence[str]) -> list[list[Record]]:
+    """Return the runs of each sweep.
+
+    Raises ValueError for more than can be told apart, and for runs that the exact lattice along y leaves out.
+    """
+    if len(folders) > len(STYLES):
+        raise ValueError(f"{len(folders)} sweeps; at most {len(STYLES)} can be told apart")
+    sweeps = [sweep(folder) for folder in folders]
     for record in (record for records in sweeps for record in records):
-        traits = traits_of(record)
-        if left_out := missing("exact-lattice", traits):
-            options.error(f"{record.folder}: the exact lattice leaves out {', '.join(left_out)}")
-        if OBLIQUE in traits:
-            options.error(
-                f"{record.folder}: its wave is not along y, as those drawn are; granular-analysis oblique takes it"
-            )
-    print(table(sweeps))
-    save(draw(sweeps), chosen.output)
-    return 0
+        if left_out := missing("exact-lattice", traits_of(record)):
+            raise ValueError(f"{record.folder}: the exact lattice leaves out {', '.join(left_out)}")
+        if OBLIQUE in traits_of(record):
+            raise ValueError(f"{record.folder}: its wave is not along y, as those drawn are")
+    return sweeps
 
 
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, measure, table, draw, ("folders", f"sweeps, at most {len(STYLES)}"))

@@ -12,7 +12,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from granular_analysis.plotting import COLOURS, parser, save, spheres, start
+from cases.runner import POISSON_RATIO, script
+from granular_analysis.plotting import COLOURS
 from granular_analysis.second_harmonic import (
     Ratios,
     antiresonance,
@@ -89,14 +90,4 @@ def _amplitudes(axes: Axes, name: str, constants: Ratios) -> None:
     axes.legend(fontsize="small", loc="upper left" if name == "RT" else "lower left")
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    contact, output = spheres(parser(__doc__, "figures/figure2.png"), argv)
-    constants = ratios(contact.poisson_ratio)
-    print(table(constants))
-    save(draw(constants), output)
-    return 0
-
-
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, ratios, table, draw, options=POISSON_RATIO)

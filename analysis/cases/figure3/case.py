@@ -17,11 +17,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from granular_analysis.measure.runs import load
+from cases.runner import script
 from granular_analysis.measure.signals import COMPONENTS, errors
-from granular_analysis.plotting import parser, save, start
 from granular_analysis.theory.choice import best, trajectory, wave_of
-from granular_analysis.theory.errors import TheoryError
 from granular_lmp.runs.record import Record
 
 ROWS = 4
@@ -97,22 +95,11 @@ def table(records: Sequence[Record]) -> str:
     return "\n".join(lines)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    options = parser(__doc__, "figures/figure3.png")
-    options.add_argument("runs", nargs="+", metavar="RUN", help="run folders, one a column")
-    chosen = options.parse_args(argv)
-    if ROWS * len(chosen.runs) > len(ascii_lowercase):
-        options.error(f"{len(chosen.runs)} runs: at most {len(ascii_lowercase) // ROWS} fit into one figure")
-    try:
-        records = [load(folder) for folder in chosen.runs]
-        print(table(records))
-        figure = draw(records)
-    except TheoryError as error:
-        raise SystemExit(f"{' '.join(chosen.runs)}: {error}") from error
-    save(figure, chosen.output)
-    return 0
+def measure(records: list[Record]) -> list[Record]:
+    """Return the runs; ValueError for more than have letters."""
+    if ROWS * len(records) > len(ascii_lowercase):
+        raise ValueError(f"{len(records)} runs: at most {len(ascii_lowercase) // ROWS} fit into one figure")
+    return records
 
 
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, measure, table, draw, ("runs", "one a column"))

@@ -14,16 +14,18 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from granular_analysis.measure.front import Front, front
-from granular_analysis.measure.strikes import Sites, require
-from granular_analysis.plotting import letter, parser, show, start
+from cases.fronts.front import Front, front
+from cases.runner import script
+from cases.strikes import recorded, require
+from granular_analysis.measure.strikes import Sites
+from granular_analysis.plotting import letter
 from granular_lmp.runs.record import Record
 
 DIRECTIONS = (0, 30, 60, 90)  # degrees from the edge
 NEAREST, FARTHEST = 10.0, 0.6  # distances of neighbours; share of the rows, so that no echo is in the fit
 ASIDE = 0.85  # share of the way to the nearer side: the head of the front, 3 distances, has no echo at its crest there
 FEWEST = 4  # spheres of a fit
-CHAIN = 0.907470  # V/v^{1/5} of the solitary wave of a chain (granular_analysis.theory.solitary)
+CHAIN = 0.907470  # V/v^{1/5} of the solitary wave of a chain (cases.solitary.travelling)
 _STYLES = {0: "o", 30: "s", 60: "^", 90: "D"}
 
 
@@ -38,7 +40,7 @@ def fronts(record: Record) -> dict[int, Front]:
     if len(strikers) != 1:
         raise ValueError(f"{record.scene.name}: {len(strikers)} spheres strike; must be one")
     centres = sites.place
-    places = (centres[sites.recorded(scene)] - centres[strikers[0]]) / 2
+    places = (centres[recorded(scene)] - centres[strikers[0]]) / 2
     room = np.abs(np.array([centres[:, 0].min(), centres[:, 0].max()]) - centres[strikers[0], 0]).min() / 2
     found = {}
     for degrees in DIRECTIONS:
@@ -82,16 +84,9 @@ def table(runs: dict[str, dict[int, Front]]) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table and draw the figure into a file; returns the exit status."""
-    chosen = parser(__doc__, "figures/fronts.png", runs="run folder of an impact on a sheet").parse_args(arguments)
-    return show(
-        lambda: {Path(folder).name: fronts(Record.load(folder)) for folder in chosen.runs},
-        table,
-        draw,
-        chosen.output,
-    )
+def measure(records: Sequence[Record]) -> dict[str, dict[int, Front]]:
+    """Return the fronts of the runs by name."""
+    return {Path(record.folder or "").name: fronts(record) for record in records}
 
 
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, measure, table, draw, ("runs", "impacts on a sheet"))

@@ -22,14 +22,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granular_analysis.measure.runs import all_but, load
-from granular_analysis.plotting import parser, save, start
+from cases.runner import script
+from granular_analysis.measure.runs import all_but
 from granular_analysis.theory.crystal import PLANE, Crystal
 from granular_analysis.theory.phase_matching import matches
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.second_order import Wave
 from granular_analysis.theory.variation import Spot, Varied, resonance
-from granular_lmp.runs.record import GranularError, Record, Scene
+from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -146,14 +146,14 @@ def fitted(
     return np.asarray(np.linalg.lstsq(np.stack(basis, axis=1), values)[0])
 
 
-def pairs(folders: Sequence[str]) -> list[tuple[Record, Record]]:
+def pairs(records: Sequence[Record]) -> list[tuple[Record, Record]]:
     """Return the runs of opposite phases, that with the smaller one first; ValueError for a run without a partner."""
     alike: dict[str, list[Record]] = {}
-    for record in map(load, folders):
+    for record in records:
         alike.setdefault(repr(all_but(record, "wave.phase", "name")), []).append(record)
     found = []
-    for records in alike.values():
-        one, *others = sorted(records, key=lambda each: each.scene.wave.phase)
+    for runs in alike.values():
+        one, *others = sorted(runs, key=lambda each: each.scene.wave.phase)
         if len(others) != 1 or abs(others[0].scene.wave.phase - one.scene.wave.phase - np.pi) > 1e-9:
             raise ValueError(f"{one.folder}: needs one partner whose wave.phase is larger by pi")
         found.append((one, others[0]))
@@ -191,19 +191,10 @@ def draw(found: Sequence[tuple[Growing, float]]) -> Figure:
     return figure
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table, and draw the figure."""
-    options = parser(__doc__, "growth.png", runs="of opposite phases, with snapshots").parse_args(arguments)
-    try:
-        found = []
-        for one, other in pairs(options.runs):
-            growing = Growing.of(one.scene)
-            found.append((growing, measured(growing, (one, other))))
-        print(table(found))
-        save(draw(found), options.output)
-    except (GranularError, ValueError) as error:
-        raise SystemExit(str(error)) from error
+def measure(records: Sequence[Record]) -> list[tuple[Growing, float]]:
+    """Return the resonance of each pair of runs, and how fast it grows in them."""
+    found = [(Growing.of(one.scene), (one, other)) for one, other in pairs(records)]
+    return [(growing, measured(growing, both)) for growing, both in found]
 
 
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, measure, table, draw, ("runs", "of opposite phases, with snapshots"))

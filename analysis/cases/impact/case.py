@@ -22,9 +22,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granular_analysis.plotting import letter, parser, save, start
-from granular_analysis.theory.chain import compressed, energies, uniform
-from granular_analysis.theory.chain_motion import SIXTH, VERLET, Scheme, collision_time, integrate, march
+from cases.runner import script
+from cases.solitary.chain import compressed, energies, uniform
+from cases.solitary.chain_motion import SIXTH, VERLET, Scheme, collision_time, integrate, march
+from granular_analysis.plotting import letter
 
 Floats = NDArray[np.float64]
 
@@ -201,29 +202,18 @@ def draw(runs: dict[str, list[Run]]) -> Figure:
 
 
 def table(runs: dict[str, list[Run]]) -> str:
-    """Return the runs, a line each."""
+    """Return the runs, a line each, and the energy errors between walls."""
     lines = [f"{'':22}{'steps/T':>8}{'error':>10}{'seconds':>10}"]
     lines += [
         f"{name:22}{run.steps or '':>8}{error:10.1e}{run.seconds:10.4f}"
         for name, found in runs.items()
         for run, error in zip(found, errors(found), strict=True)
     ]
+    for force, says in ((1.0, "compressed, contacts stay closed"), (0.0, "touching, contacts open")):
+        between_walls = energy_errors(force, MANY, 50)
+        first, last = between_walls[:100].mean(), between_walls[-100:].mean()
+        lines.append(f"energy error in {MANY:.0e} steps of T/50, {says}: first {first:.1e}, last {last:.1e}")
     return "\n".join(lines)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    options = parser(__doc__, "figures/impact.png").parse_args(argv)
-    runs = impact()
-    print(table(runs))
-    for force, says in ((1.0, "compressed, contacts stay closed"), (0.0, "touching, contacts open")):
-        found = energy_errors(force, MANY, 50)
-        first, last = found[:100].mean(), found[-100:].mean()
-        print(f"energy error in {MANY:.0e} steps of T/50, {says}: first {first:.1e}, last {last:.1e}")
-    save(draw(runs), options.output)
-    print(options.output)
-    return 0
-
-
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, impact, table, draw)

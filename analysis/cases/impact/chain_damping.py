@@ -1,6 +1,6 @@
 """Dashpots in a chain of spheres that just touch: the energy that they take from two spheres, a wave, any motion.
 
-The dashpots of `granular_analysis.theory.chain` have no velocity of their own: v' = λ v on times λ^{−1/5} and overlaps
+The dashpots of `cases.solitary.chain` have no velocity of their own: v' = λ v on times λ^{−1/5} and overlaps
 λ^{4/5} solves the same equations. A solitary wave therefore loses the same share of its energy to each contact that it
 passes,
 
@@ -19,8 +19,8 @@ from functools import cache
 
 import numpy as np
 
-from granular_analysis.theory.chain import Array, Chain, Floats, dashpot_forces, rates
-from granular_analysis.theory.solitary import solitary_wave
+from cases.solitary.chain import Array, Chain, Floats, dashpot_forces, rates
+from cases.solitary.travelling import solitary_wave
 
 
 def power(chain: Chain, u: Array, v: Array) -> Array:

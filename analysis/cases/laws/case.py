@@ -6,7 +6,6 @@ Above stands the amplitude of the generated wave for TR, by theory (lines) and e
 p(τ) of the exact lattice at a wave number next to the antiresonance of the secant law, where the laws differ most.
 """
 
-from collections.abc import Sequence
 from functools import cache
 from typing import Final
 
@@ -14,7 +13,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from granular_analysis.plotting import SILICA, parser, save, spheres, start
+from cases.runner import POISSON_RATIO, script
+from granular_analysis.plotting import SILICA
 from granular_analysis.theory.contact import LAWS, Contact, Law
 from granular_analysis.theory.lattice import torus
 from granular_analysis.theory.wave import Wave, antiresonance, generated, nonlinearity, resonance, second_harmonic
@@ -125,12 +125,9 @@ def draw(poisson_ratio: float) -> Figure:
     return figure
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Draw the figure into a file."""
-    contact, output = spheres(parser(__doc__, "figures/laws.png"), arguments)
-    print(table(contact.poisson_ratio))
-    save(draw(contact.poisson_ratio), output)
+def checked(poisson_ratio: float) -> float:
+    """Return Poisson's ratio; ValueError for one that no material has."""
+    return Contact(poisson_ratio).poisson_ratio
 
 
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, checked, table, draw, options=POISSON_RATIO)

@@ -13,10 +13,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from granular_analysis.measure.runs import sweep
-from granular_analysis.plotting import parser, save, start
+from cases.layer.monolayer import Layer
+from cases.runner import script
 from granular_analysis.theory.crystal import Crystal
-from granular_analysis.theory.monolayer import Layer
 from granular_analysis.theory.phase_matching import zone_edge
 from granular_analysis.theory.scenes import Setting
 from granular_lmp.runs.record import Record
@@ -27,6 +26,7 @@ MEGAHERTZ = 2e6 * np.pi
 MOTIONS = {"up and down": (0.90, 0.62, 0.0), "in the plane": (0.0, 0.62, 0.45), "turning": (0.34, 0.20, 0.60)}
 AROUND = 0.02  # a frequency is looked for within this share of it
 POINTS = 120
+Measured = tuple[Sequence[Record], Sequence[tuple[float, float]]]  # frequencies by theory, by the run
 
 
 def frequency(record: Record, near: float) -> float:
@@ -54,18 +54,21 @@ def closed(crystal: Crystal) -> Layer:
     return Layer(bonds.apart[pairs, :2], crystal.mass[0, 0], *map(float, stiffness))
 
 
-def table(records: Sequence[Record]) -> tuple[str, list[tuple[float, float]]]:
-    """Return the table, and wave number and frequency of each run, rad per row and MHz."""
-    lines, points, worst = [f"{'branch':>6}{'xi':>10}{'theory, MHz':>14}{'LAMMPS, MHz':>14}{'share':>11}"], [], 0.0
-    for record in records:
-        theory = float(Setting(record.scene).mode().frequency)
-        measured = frequency(record, theory)
-        points.append((record.scene.wavenumber, measured / MEGAHERTZ))
+def frequencies(records: Sequence[Record]) -> Measured:
+    """Return runs, and the frequency of each by theory and by itself, rad/s."""
+    theory = [float(Setting(record.scene).mode().frequency) for record in records]
+    return records, [(each, frequency(record, each)) for record, each in zip(records, theory, strict=True)]
+
+
+def table(found: Measured) -> str:
+    """Return the frequency of each run beside the theory's, and what the closed form says."""
+    lines, worst = [f"{'branch':>6}{'xi':>10}{'theory, MHz':>14}{'LAMMPS, MHz':>14}{'share':>11}"], 0.0
+    for record, (theory, measured) in zip(*found, strict=True):
         share = measured / theory - 1
         worst = max(worst, abs(share))
         name, xi = record.scene.wave.mode, record.scene.wavenumber
         lines.append(f"{name:>6}{xi:10.5f}{theory / MEGAHERTZ:14.6f}{measured / MEGAHERTZ:14.6f}{share:11.1e}")
-    setting = Setting(records[0].scene)
+    setting = Setting(found[0][0].scene)
     crystal, vertical = setting.crystal(), closed(setting.crystal()).resonances()
     k = np.array([setting.wavevector(xi) for xi in np.linspace(0.05, 3.1, 62)])
     both = np.sort(np.concatenate(closed(crystal).frequencies(k), axis=-1), axis=-1)
@@ -73,11 +76,13 @@ def table(records: Sequence[Record]) -> tuple[str, list[tuple[float, float]]]:
     at_rest = np.array([vertical.vertical, *vertical.rocking, vertical.torsion]) / MEGAHERTZ
     lines.append(f"largest share of a run {worst:.1e}; of the closed form {apart:.2e}")
     lines.append("at k = 0: vertical {:.2f} MHz, rocking {:.2f} and {:.2f}, torsion {:.2f}".format(*at_rest))
-    return "\n".join(lines), points
+    return "\n".join(lines)
 
 
-def draw(setting: Setting, points: Sequence[tuple[float, float]]) -> Figure:
+def draw(found: Measured) -> Figure:
     """Return the figure: branches in the colour of their motion, runs as circles."""
+    records, measured = found
+    setting = Setting(records[0].scene)
     crystal, along = setting.crystal(), setting.wavevector(1.0)
     edge = zone_edge(crystal, along) / setting.unit
     numbers = edge * np.arange(1, POINTS + 1) / POINTS
@@ -89,7 +94,8 @@ def draw(setting: Setting, points: Sequence[tuple[float, float]]) -> Figure:
     axes = figure.subplots()
     for branch in range(modes.frequencies.shape[1]):
         axes.scatter(numbers, modes.frequencies[:, branch] / MEGAHERTZ, 9, colours[:, branch], linewidths=0)
-    axes.plot(*np.array(points).T, "o", color="black", markerfacecolor="none", markersize=7, label="LAMMPS")
+    places, own = [each.scene.wavenumber for each in records], [each / MEGAHERTZ for _, each in measured]
+    axes.plot(places, own, "o", color="black", markerfacecolor="none", markersize=7, label="LAMMPS")
     for name, colour in MOTIONS.items():
         axes.plot([], [], ".", color=colour, markersize=9, label=name)
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel="frequency (MHz)", xlim=(0, edge), ylim=(0, None))
@@ -97,20 +103,4 @@ def draw(setting: Setting, points: Sequence[tuple[float, float]]) -> Figure:
     return figure
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table and draw the figure; returns the exit status."""
-    options = parser(__doc__, "figures/layer.png")
-    options.add_argument("sweep", metavar="SWEEP", help="sweep over branches and wave numbers of a layer")
-    chosen = options.parse_args(arguments)
-    records = sweep(chosen.sweep)
-    try:
-        said, points = table(records)
-    except ValueError as error:
-        options.error(f"{chosen.sweep}: {error}")
-    print(said)
-    save(draw(Setting(records[0].scene), points), chosen.output)
-    return 0
-
-
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, frequencies, table, draw, ("sweeps", "a sweep over branches and wave numbers of a layer"))

@@ -22,7 +22,6 @@ The titles give the names of the paper's modes on Γ–M, waves along y. Elsewhe
 its frequency names it.
 """
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -33,7 +32,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from granular_analysis.plotting import parser, save, spheres, start
+from cases.runner import POISSON_RATIO, script
 from granular_analysis.theory.bloch import branch_index, hexagonal, real_modes
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.second_order import Mixed, branch_of
@@ -142,12 +141,17 @@ def draw(contact: Contact) -> Figure:
     return figure
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Draw the maps into a file."""
-    contact, output = spheres(parser(__doc__, "figures/map.png"), arguments, geometry=True)
-    print(table(contact))
-    save(draw(contact), output)
+GEOMETRY = {
+    "overlap_ratio": (float, 0.0, "static overlap over the diameter of a sphere, 0 to 0.1; 0: the paper's points"),
+    "prestress": (float, 0.0, "share of compression in the force that holds a contact, 0 to 1; needs an overlap ratio"),
+}
 
 
-if __name__ == "__main__":
-    start(main)
+def contact_of(poisson_ratio: float, overlap_ratio: float, prestress: float) -> Contact:
+    """Return the contact; ValueError for a prestress between points of contact, where it changes no wave."""
+    if prestress and not overlap_ratio:
+        raise ValueError(f"--prestress {prestress:g}: needs --overlap-ratio above 0; between points it changes no wave")
+    return Contact(poisson_ratio, overlap_ratio=overlap_ratio, prestress=prestress)
+
+
+main = script(__name__, contact_of, table, draw, options={**POISSON_RATIO, **GEOMETRY})

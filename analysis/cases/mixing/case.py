@@ -4,7 +4,7 @@
 
 The star is the first wave. A panel holds the second waves of one branch: above for the sum of the two, below for their
 difference, the first less the second. A line is where Ω1 ± Ω2 is the frequency of a branch at k1 ± k2. Its colour says
-of which, its width how fast that wave grows (`granular_analysis.theory.mixing.growth_rates`).
+of which, its width how fast that wave grows (`granular_analysis.theory.second_order.Mixed.growth_rates`).
 
 How to read it. A point on a wide line is a second wave that makes, with the first, a third one of the size of both in
 τ = 1/(rate·a), a = D0/Δ0. Where a line thins out the drive has a zero. On Γ–M and Γ–K symmetry forbids some drives
@@ -16,7 +16,7 @@ What it leaves out: nothing says here how far from a line two waves still mix; a
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from contourpy import contour_generator
@@ -25,13 +25,15 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
+from numpy.typing import NDArray
 
 from cases.map.case import BRANCHES, CORNER, EDGE, wave_vectors
-from granular_analysis.plotting import SILICA, parser, save, start
-from granular_analysis.theory.bloch import branch_index, wavevector_of
+from cases.runner import POISSON_RATIO, script
+from granular_analysis.theory.bloch import branch_index, pair_of, wavevector_of
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.mixing import Floats, Pair, Tone, detunings, growth_rates
 
+Floats = NDArray[np.float64]
+Tone = tuple[Floats, int]  # a wave vector, and its branch
 POINTS = 240  # per axis; even, so that Γ, where all of a static wave is 0/0, falls between grid points
 COLOURS: Final = ("tab:blue", "black", "tab:red")  # by the branch that grows, lower to upper
 SHOWN = (0.01, 0.03, 0.1)  # rates of the legend
@@ -60,42 +62,56 @@ def partners(
     the branch that grows; wave vectors (N, 2) of a line; rates (N,) per τ and a
     """
     k = wave_vectors(points)
-    gaps = detunings(Pair(first, Tone(k, branch), sign, contact))
+    gaps = pair_of(first, (k, branch), sign, contact).detunings
     for target in range(gaps.shape[-1]):
         for line in contour_generator(k[..., 0], k[..., 1], gaps[..., target]).lines(0.0):
             vectors = np.asarray(line, dtype=float)
-            yield target, vectors, growth_rates(Pair(first, Tone(vectors, branch), sign, contact))[:, target]
+            yield target, vectors, pair_of(first, (vectors, branch), sign, contact).growth_rates()[:, target]
 
 
-def measured(first: Tone, contact: Contact) -> dict[tuple[str, int], list[tuple[int, Floats, Floats]]]:
-    """Return the `partners` of a wave by sign and branch."""
-    branches = range(3 if contact.turns else 2)
-    return {
+class Found(NamedTuple):
+    """The first wave, its `partners` by sign and branch, and both in words."""
+
+    first: Tone
+    partners: Mapping[tuple[str, int], Sequence[tuple[int, Floats, Floats]]]
+    title: str
+
+
+def measured(poisson_ratio: float, mode: str, wavenumber: float, direction: float) -> Found:
+    """Return the partners of a wave; ValueError for one that the lattice does not have."""
+    contact, k = Contact(poisson_ratio), wavevector_of(wavenumber, direction)
+    first = k, int(branch_index(mode, k, contact))
+    found = {
         (name, branch): list(partners(first, branch, sign, contact, POINTS))
         for sign, name in SIGNS.items()
-        for branch in branches
+        for branch in range(3 if contact.turns else 2)
     }
+    return Found(
+        first,
+        found,
+        rf"partners of {mode}, $\xi$ = {wavenumber:g} at {direction:g}°, $\nu$ = {poisson_ratio:g}",
+    )
 
 
-def table(found: Mapping[tuple[str, int], Sequence[tuple[int, Floats, Floats]]]) -> str:
+def table(found: Found) -> str:
     """Return a line for each sign and branch: points on the lines of its partners, and the highest rate there."""
     lines = [f"{'with the branch':24}{'points':>8}{'rate':>10}"]
-    for (name, branch), drawn in found.items():
+    for (name, branch), drawn in found.partners.items():
         rates = np.concatenate([rates for _, _, rates in drawn]) if drawn else np.zeros(1)
         count = sum(len(line) for _, line, _ in drawn)
         lines.append(f"{f'{name}, {BRANCHES[branch]}':24}{count:8d}{np.nanmax(rates):10.4f}")
     return "\n".join(lines)
 
 
-def draw(first: Tone, found: Mapping[tuple[str, int], Sequence[tuple[int, Floats, Floats]]], title: str) -> Figure:
+def draw(found: Found) -> Figure:
     """Return the figure of the partners of one wave."""
-    branches = sorted({branch for _, branch in found})
+    branches = sorted({branch for _, branch in found.partners})
     figure = Figure(figsize=(3.4 * len(branches) + 0.4, 7.6), layout="constrained")
     panels = figure.subplots(2, len(branches), sharex=True, sharey=True)
     for row, name in zip(panels, SIGNS.values(), strict=True):
         for branch, panel in zip(branches, row, strict=True):
-            _zone(panel, first)
-            for target, line, rates in found[name, branch]:
+            _zone(panel, found.first)
+            for target, line, rates in found.partners[name, branch]:
                 pieces = np.stack([line[:-1], line[1:]], axis=1)
                 drawn = LineCollection(
                     list(pieces),
@@ -113,7 +129,7 @@ def draw(first: Tone, found: Mapping[tuple[str, int], Sequence[tuple[int, Floats
     keys += [("0.4", float(width(rate)), rf"at the rate {rate:g} $D_0/\Delta_0$ per $\tau$") for rate in SHOWN]
     handles = [Line2D([], [], color=colour, linewidth=points, label=label) for colour, points, label in keys]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
-    figure.suptitle(title)
+    figure.suptitle(found.title)
     return figure
 
 
@@ -126,33 +142,13 @@ def _zone(panel: Axes, first: Tone) -> None:
     for name, place in (("Γ", (0.0, 0.0)), ("M", (0.0, EDGE)), ("K", (CORNER, 0.0))):
         panel.plot(*place, ".", color="0.4", markersize=4, clip_on=False)
         panel.annotate(name, place, (4, 2), textcoords="offset points", color="0.4", fontsize=9)
-    panel.plot(*np.asarray(first.wavevector), "*", color="tab:orange", markersize=12, markeredgecolor="black", zorder=5)
+    panel.plot(*np.asarray(first[0]), "*", color="tab:orange", markersize=12, markeredgecolor="black", zorder=5)
     panel.set(xlim=(-1.12 * CORNER, 1.12 * CORNER), ylim=(-1.12 * EDGE, 1.12 * EDGE), aspect="equal")
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Draw the partners of one wave into a file."""
-    command = parser(__doc__, "figures/mixing.png")
-    command.add_argument("--poisson-ratio", type=float, default=SILICA, metavar="NU", help=f"default: {SILICA}")
-    command.add_argument("--mode", default="TR", choices=("L", "TR", "RT"), help="of the first wave (default: TR)")
-    command.add_argument("--wavenumber", type=float, default=0.802, metavar="XI", help="ξ of it (default: 0.802)")
-    command.add_argument(
-        "--direction", type=float, default=90.0, metavar="DEG", help="of it, from a close-packed row (default: 90, y)"
-    )
-    options = command.parse_args(arguments)
-    try:
-        contact, k = Contact(options.poisson_ratio), wavevector_of(options.wavenumber, options.direction)
-    except ValueError as error:
-        command.error(str(error))
-    first = Tone(k, int(branch_index(options.mode, k, contact)))
-    title = (
-        rf"partners of {options.mode}, $\xi$ = {options.wavenumber:g} at {options.direction:g}°,"
-        rf" $\nu$ = {options.poisson_ratio:g}"
-    )
-    found = measured(first, contact)
-    print(table(found))
-    save(draw(first, found, title), options.output)
-
-
-if __name__ == "__main__":
-    start(main)
+WAVE = {
+    "mode": (str, "TR", "of the first wave: L, TR or RT"),
+    "wavenumber": (float, 0.802, "ξ of it"),
+    "direction": (float, 90.0, "of it, degrees from a close-packed row"),
+}
+main = script(__name__, measured, table, draw, options={**POISSON_RATIO, **WAVE})

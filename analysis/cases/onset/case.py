@@ -18,8 +18,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cases.onset.onset import Event, Onset, onset
-from granular_analysis.measure.runs import all_but, sweep
-from granular_analysis.plotting import SILICA, parser, show, start
+from cases.runner import script
+from granular_analysis.measure.runs import all_but
+from granular_analysis.plotting import SILICA
 from granular_lmp.runs.record import Record
 
 MARKERS = {"running": ("o", 4), "standing": ("s", 6), "pulse": ("^", 8)}  # with its size, in points
@@ -36,6 +37,9 @@ class Point:
     wavenumber: float
     opening: Onset | None
     sliding: Onset | None
+
+
+Measured = tuple[Sequence[Record], Sequence[Point]]  # runs, and the onsets in those without sliding
 
 
 def form_of(record: Record) -> str:
@@ -57,8 +61,9 @@ def points(records: Sequence[Record]) -> list[Point]:
     return [Point(*wave, onset(runs, "opening"), onset(runs, "sliding")) for wave, runs in waves(records).items()]
 
 
-def table(found: Sequence[Point]) -> str:
+def table(runs: Measured) -> str:
     """Return the onsets, measured and by the linear rule, a line for each wave."""
+    _, found = runs
     lines = [f"{'form':9}{'nu':>6}{'xi':>8}" + f"{'opens at a':>22}{'rule':>8}" + f"{'slides at a':>22}{'rule':>8}"]
     for each in found:
         line = f"{each.form:9}{each.poisson_ratio:6g}{each.wavenumber:8.4f}"
@@ -71,15 +76,16 @@ def table(found: Sequence[Point]) -> str:
     return "\n".join(lines)
 
 
-def draw(records: Sequence[Record], found: Sequence[Point]) -> Figure:
+def draw(runs: Measured) -> Figure:
     """Return the figure: onset of opening, onset of sliding, the second harmonic over amplitude and over friction.
 
     Raises ValueError for runs without sliding of several frictions, and runs with sliding that differ in more than it.
     """
+    records, found = runs
     figure = Figure(figsize=(10.0, 7.0), layout="constrained")
     (opens, slides), (beyond, rubbed) = figure.subplots(2, 2)
     _map(opens, found, "opening", "(a) contacts open")
-    frictions = sorted({run.scene.effects.friction for runs in waves(records).values() for run in runs})
+    frictions = sorted({run.scene.effects.friction for own in waves(records).values() for run in own})
     if len(frictions) > 1:
         raise ValueError(f"effects.friction = {frictions}: must be one in the runs without sliding")
     _map(slides, found, "sliding", f"(b) contacts slide, friction {frictions[0]:g}")
@@ -150,15 +156,11 @@ def _frictions(axes: Axes, records: Sequence[Record]) -> None:
     axes.legend(frameon=False, fontsize=8)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table and draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/onset.png", sweeps="folders of sweeps over wave.amplitude or effects.friction")
-    chosen = options.parse_args(arguments)
-    runs = [record for folder in chosen.sweeps for record in sweep(folder)]
+def measure(runs: Sequence[Record]) -> Measured:
+    """Return runs, and the onsets; ValueError where all runs have sliding."""
     if not waves(runs):
-        options.error(f"{chosen.sweeps[0]}: no finished runs with effects.sliding = false")
-    return show(lambda: points(runs), table, lambda found: draw(runs, found), chosen.output)
+        raise ValueError("no finished runs with effects.sliding = false")
+    return runs, points(runs)
 
 
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, measure, table, draw, ("sweeps", "sweeps over wave.amplitude or effects.friction"))

@@ -25,7 +25,8 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from cases.pull_off.jkr import PARTS, TOUCH, Contact, Parting
-from granular_analysis.plotting import COLOURS, letter, parser, show, start
+from cases.runner import script
+from granular_analysis.plotting import COLOURS, letter
 
 Floats = NDArray[np.float64]
 POINTS = 60  # records of a loop that are drawn, about
@@ -201,11 +202,4 @@ def table(collisions: Sequence[Collision]) -> str:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table and draw the figure into a file; returns the exit status."""
-    chosen = parser(__doc__, "figures/pull_off.png", runs="folder of a collision").parse_args(arguments)
-    return show(lambda: read(chosen.runs), table, draw, chosen.output)
-
-
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, read, table, draw, ("folders", "collisions"))

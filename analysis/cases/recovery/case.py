@@ -1,6 +1,6 @@
 """Known keys of scenes, found again from synthetic frequencies with noise: coverage of the intervals, and bias.
 
-    granular-analysis recovery [FOLDER] [--sets N] [-o FILE]
+    granular-analysis recovery RUN [--sets N] [-o FILE]
 
 For each scene and noise, N sets of frequencies are made from the theory with the true keys, each with Gaussian noise of
 a share of the frequency, and fitted from a start that is wrong by 10 %. Coverage is the share of sets whose 95 %
@@ -9,8 +9,9 @@ width of an interval; it scatters by 0.51/√N.
 
 Frequencies by the JKR law, fitted by the DMT law, show what the residuals say of a wrong model.
 
-FOLDER holds a sheet that LAMMPS has run (``granular-lmp kick``). The peaks of its spectrum along y are the points of
-one more set, without errors, and what its time step shifts is taken back: Ω = (2/h) sin(Ω'h/2) by velocity Verlet.
+RUN is the folder of a sheet that LAMMPS has run (``granular-lmp kick``). The peaks of its spectrum along y are the
+points of one more set, without errors, and what its time step shifts is taken back: Ω = (2/h) sin(Ω'h/2) by velocity
+Verlet.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,10 +24,10 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from granular_analysis.measure.dispersion import Sheet, density, peaks
+from cases.dispersion.density import Sheet, density, peaks
+from cases.runner import script
 from granular_analysis.measure.fitting import Fit
 from granular_analysis.measure.points import Point
-from granular_analysis.plotting import parser, save, start
 from granular_analysis.theory.estimation import Estimate
 from granular_lmp.runs.record import Record, Scene
 
@@ -168,17 +169,34 @@ def told(folder: str) -> str:
     return "\n".join(lines + [f"{f'kicked {key}':30}{value:13.6g}{off:11.2f}" for key, value, off in rows])
 
 
-def table(rows: Sequence[tuple[str, float, str, float, float]]) -> str:
-    """Return a line for each scene, noise and key."""
+Found = tuple[Mapping[tuple[str, float, str], Floats], str]  # departures by scene, noise, key; of the sheet in words
+
+
+def measure(folder: str, sets: int) -> Found:
+    """Return the departures of all scenes and noises, and what a kicked sheet gives back."""
+    of_sheet = told(folder)
+    found = {
+        (setup.name, noise, key): own
+        for setup in setups()
+        for noise in NOISES
+        for key, own in zip(setup.truth, setup.departures(noise, sets).T, strict=True)
+    }
+    return found, of_sheet
+
+
+def table(found: Found) -> str:
+    """Return a line for each scene, noise and key, and the residuals of the wrong law and the kicked sheet."""
+    departures, of_sheet = found
     lines = [f"{'scene':9}{'noise':>7}  {'key':24}{'coverage':>9}{'bias':>9}"]
-    lines += [
-        f"{f'{name} {noise:.1%}':18}{key:24}{coverage:9.3f}{bias:9.3f}" for name, noise, key, coverage, bias in rows
-    ]
-    return "\n".join(lines)
+    for (name, noise, key), each in departures.items():
+        coverage, bias = judged(each)
+        lines.append(f"{f'{name} {noise:.1%}':18}{key:24}{coverage:9.3f}{bias:9.3f}")
+    return "\n".join([*lines, told_of_law(), of_sheet])
 
 
-def draw(found: Mapping[tuple[str, float, str], Floats]) -> Figure:
+def draw(measured: Found) -> Figure:
     """Return the share of sets up to each departure, beside the Gaussian one, a panel for each scene."""
+    found, _ = measured
     names = list(dict.fromkeys(name for name, _, _ in found))
     drawing = Figure(figsize=(10, 3.8), layout="constrained")
     panels = drawing.subplots(1, len(names), sharey=True)
@@ -209,25 +227,6 @@ def named(key: str, keys: Sequence[str]) -> str:
     return name.replace("_", " ") + (f"\nof the {table}" if alike else "")
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Print coverage and bias, and draw the departures."""
-    command = parser(__doc__, "figures/recovery.png")
-    command.add_argument("folder", nargs="?", metavar="FOLDER", help="run folder of a kicked sheet")
-    command.add_argument("--sets", type=int, default=SETS, metavar="N", help=f"of each noise (default: {SETS})")
-    options = command.parse_args(arguments)
-    found, rows = {}, []
-    for setup in setups():
-        for noise in NOISES:
-            departures = setup.departures(noise, options.sets)
-            for key, coverage, bias, each in zip(setup.truth, *judged(departures), departures.T, strict=True):
-                rows.append((setup.name, noise, key, float(coverage), float(bias)))
-                found[setup.name, noise, key] = each
-    print(table(rows))
-    print(told_of_law())
-    if options.folder:
-        print(told(options.folder))
-    save(draw(found), options.output)
-
-
-if __name__ == "__main__":
-    start(main)
+main = script(
+    __name__, measure, table, draw, ("folder", "of a kicked sheet"), options={"sets": (int, SETS, "of each noise")}
+)

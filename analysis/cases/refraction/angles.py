@@ -5,7 +5,7 @@ next row at 30° from y, and two of its own row that it does not press. Rows are
 
     A_rows = 2 cos(30°)^{5/2} A,   V = (√3/2) · 0.9074701 (A_rows/m)^{2/5} v^{1/5}   in diameters
 
-and the exact wave of `granular_analysis.theory.solitary`. Fronts of other directions φ have V = C(φ) v^{1/5} with a C
+and the exact wave of `cases.solitary.travelling`. Fronts of other directions φ have V = C(φ) v^{1/5} with a C
 of their own, up to 3.5 % more along a row of contacts (`cases.refraction.plane_front`).
 
 **The law of angles.** Beyond a straight interface spheres have the mass M in place of 1. Fronts keep their trace along
@@ -35,7 +35,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from cases.refraction.plane_front import scaled_speed
-from granular_analysis.theory.solitary import solitary_wave
+from cases.solitary.travelling import solitary_wave
 
 ROWS = 2 * 0.75**1.25  # A of a chain of rows
 LIGHTEST, HEAVIEST = 0.1, 10.0  # M

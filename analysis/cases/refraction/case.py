@@ -16,9 +16,11 @@ from matplotlib.figure import Figure
 
 from cases.refraction.angles import angle, quasi_particle
 from cases.refraction.refraction import FrontsAtInterface, fronts_at_interface
-from granular_analysis.measure.strikes import Sites, require
-from granular_analysis.plotting import letter, parser, show, start
-from granular_analysis.theory import scattering
+from cases.runner import script
+from cases.solitary import scattering
+from cases.strikes import recorded, require
+from granular_analysis.measure.strikes import Sites
+from granular_analysis.plotting import letter
 from granular_lmp.runs.record import Record
 
 MASSES = np.geomspace(1 / 8, 8.0, 13)
@@ -48,7 +50,7 @@ def measured(record: Record) -> tuple[float, FrontsAtInterface]:
         )
     require(record, "inclusion")
     row, column, incidence = beyond.half_plane
-    places, seen = sites.place, sites.recorded(scene)
+    places, seen = sites.place, recorded(scene)
     corner = places[(sites.row == row) & (sites.column == column)][0]
     # The line in the middle of the sheet, where no wave from its ends has come
     across = places[:, 0].mean() - corner[0]
@@ -128,13 +130,9 @@ def table(runs: Sequence[tuple[float, FrontsAtInterface]]) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table and draw the figure into a file; returns the exit status."""
-    chosen = parser(__doc__, "figures/refraction.png", runs="run folder of a front that meets an interface").parse_args(
-        arguments
-    )
-    return show(lambda: [measured(Record.load(folder)) for folder in chosen.runs], table, draw, chosen.output)
+def measure(records: Sequence[Record]) -> list[tuple[float, FrontsAtInterface]]:
+    """Return what the runs have."""
+    return [measured(record) for record in records]
 
 
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, measure, table, draw, ("runs", "fronts that meet an interface"))

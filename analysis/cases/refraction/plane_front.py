@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from granular_analysis.theory.chain_motion import peak
+from cases.solitary.chain_motion import peak
 
 SERIES = (0.9149, 0.0156, -0.0011)  # Coefficients of cos 6kφ, from the table above
 _CONTACTS = np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)], [-0.5, np.sqrt(0.75)]])

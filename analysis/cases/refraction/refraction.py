@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_analysis.theory.chain_motion import first_peak, peak
+from cases.solitary.chain_motion import first_peak, peak
 
 Floats = NDArray[np.float64]
 FEWEST = 12  # spheres of a fit

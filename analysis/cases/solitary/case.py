@@ -1,6 +1,6 @@
 """The solitary wave of a chain of spheres: its shape, its speed from sonic vacuum to sound, and what an impurity does.
 
-    granular-analysis solitary [RUN ...] [-o FILE]
+    granular-analysis solitary RUN... [-o FILE]
 
 Left: the overlap of touching spheres, exact and by the long-wave theory. Middle: the speed over the largest overlap
 when the chain is compressed, with the KdV soliton and the long-wave theory. Right: the shares of the energy beyond and
@@ -11,7 +11,7 @@ others farther on are recorded. The crests of their overlaps give a point of the
 crest still changes on its way by more than `STEADY`, so that the front is not a solitary wave yet.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isclose
 from pathlib import Path
@@ -20,12 +20,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from granular_analysis.measure.strikes import Sites, require, rest_overlap
-from granular_analysis.plotting import letter, parser, save, start
-from granular_analysis.theory.chain_motion import peak
-from granular_analysis.theory.scattering import impurity
-from granular_analysis.theory.solitary import long_wave_speed, solitary_wave, sound
-from granular_lmp.runs.record import GranularError, Record
+from cases.runner import script
+from cases.solitary.chain_motion import peak
+from cases.solitary.scattering import impurity
+from cases.solitary.travelling import long_wave_speed, solitary_wave, sound
+from cases.strikes import recorded, require, rest_overlap
+from granular_analysis.plotting import letter
+from granular_lmp.runs.record import Record
 
 STEADY = 1e-3  # relative
 RATIOS = 1 + np.geomspace(1e-3, 9.0, 25)  # V/c
@@ -53,7 +54,7 @@ def front(record: Record) -> Front:
     are recorded.
     """
     scene = record.scene
-    rows = Sites.of(scene).recorded(scene)
+    rows = recorded(scene)
     if not scene.packing.contact_force or scene.inclusion or scene.disorder.radius or scene.disorder.density:
         raise ValueError(f"{scene.name}: must be a chain of equal spheres with packing.contact_force above 0")
     require(record, "packing.contact_force")
@@ -64,12 +65,19 @@ def front(record: Record) -> Front:
     return Front(one / rest, other / rest, (rows[2] - rows[0]) / (end - begin) / sound(1.0, 1.0, rest))
 
 
-def draw(fronts: Sequence[Front] = ()) -> Figure:
+def table(fronts: Mapping[str, Front]) -> str:
+    """Return a line for each run: its crests at both places, and its speed."""
+    lines = [f"{'run':12}{'crest':>10}{'farther on':>12}{'V/c - 1':>12}"]
+    lines += [f"{name:12}{each.first:10.5f}{each.second:12.5f}{each.speed - 1:12.6f}" for name, each in fronts.items()]
+    return "\n".join(lines)
+
+
+def draw(fronts: Mapping[str, Front]) -> Figure:
     """Return the three panels."""
     figure = Figure(figsize=(11.0, 3.8), layout="constrained")
     panels = list(figure.subplots(1, 3))
     _shape(panels[0])
-    _speed(panels[1], fronts)
+    _speed(panels[1], list(fronts.values()))
     _shares(panels[2])
     letter(panels)
     for axes in panels:
@@ -113,22 +121,9 @@ def _shares(axes: Axes) -> None:
     axes.set(xlabel="mass of the impurity / mass of a sphere", ylabel="share of the energy")
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    command = parser(__doc__, "figures/solitary.png")
-    command.add_argument("runs", nargs="*", metavar="RUN", help="run folder of an impact on a compressed chain")
-    options = command.parse_args(argv)
-    try:
-        fronts = [front(Record.load(Path(folder))) for folder in options.runs]
-    except (GranularError, ValueError) as error:
-        raise SystemExit(str(error)) from error
-    if fronts:
-        print(f"{'run':12}{'crest':>10}{'farther on':>12}{'V/c - 1':>12}")
-    for folder, each in zip(options.runs, fronts, strict=True):
-        print(f"{Path(folder).name:12}{each.first:10.5f}{each.second:12.5f}{each.speed - 1:12.6f}")
-    save(draw(fronts), options.output)
-    return 0
+def measure(records: Sequence[Record]) -> dict[str, Front]:
+    """Return the fronts of the runs by name."""
+    return {Path(record.folder or "").name: front(record) for record in records}
 
 
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, measure, table, draw, ("runs", "impacts on a compressed chain"))

@@ -3,7 +3,7 @@
     granular-analysis tones RUN [-o FILE]
 
 Between the rows two waves run towards each other. At Ω1 ± Ω2 the field there is the forced wave of
-`granular_analysis.theory.mixing`, at k1 ± k2, and two free waves that come from where the pair ends:
+`granular_analysis.theory.bloch.pair_of`, at k1 ± k2, and two free waves that come from where the pair ends:
 
     X(n) = X_forced e^{ikn} + A e^{iξn} + B e^{−iξn},    Ω_L(ξ) = Ω1 ± Ω2
 
@@ -21,20 +21,18 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from granular_analysis.measure.rows import amplitudes_at, rows_of, waves
-from granular_analysis.measure.runs import load
-from granular_analysis.plotting import parser, show, start
-from granular_analysis.theory.bloch import real_modes, wavevector_of
-from granular_analysis.theory.catalogue import missing, said
+from cases.rows import FORMS, amplitudes_at, rows_of, waves
+from cases.runner import script
+from granular_analysis.theory.bloch import in_plane, pair_of, real_modes, wavevector_of
+from granular_analysis.theory.catalogue import AT_REST
 from granular_analysis.theory.choice import contact_of, traits_of
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.mixing import Pair, Tone, forced_amplitude
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-SOURCES = {"source", said("wave.form", "none")}  # traits of a crystal that is shaken
+HELD = FORMS["driven"] | {"source", AT_REST}  # traits of a run that the theory holds
 PART = 1 / 3  # share of a run that is fitted, its end
 NEAR = 6  # rows beside a source, in which waves decay that it makes beside the one
 FEWEST_ROWS = 12
@@ -110,8 +108,7 @@ def compare(record: Record) -> Tones:
         If the run is not one of two rows that are shaken along x at two frequencies, or is too short or too coarse.
     """
     scene = record.scene
-    left_out = missing("granular-analysis driven", traits_of(record) - SOURCES)
-    if left_out:
+    if left_out := sorted(traits_of(record) - HELD):
         raise ValueError(f"the theory leaves out {', '.join(left_out)}, which this run has")
     low, high = _sources(record)
     n = np.arange(low.rows[1] + NEAR, high.rows[0] - NEAR + 1)
@@ -134,18 +131,18 @@ def compare(record: Record) -> Tones:
     contact, step, place = contact_of(record), record.snapshots().step, n - scene.shape.centre_row
     # Velocity Verlet moves a wave of the lattice's Ω at the frequency 2/h·asin(Ωh/2)
     xi = [wavenumber(w * np.sinc(w * step / (2 * np.pi)), contact, longitudinal=False) for w in (first, second)]
-    pair_of = [Tone(wavevector_of(xi[0], 90.0), 0), Tone(wavevector_of(xi[1], -90.0), 0)]
+    both = [(wavevector_of(xi[0], 90.0), 0), (wavevector_of(xi[1], -90.0), 0)]
     sent = []
-    for frequency, each, ahead, tone in zip((first, second), xi, (1, -1), pair_of, strict=True):
-        shape = real_modes(tone.wavevector, contact)[1][0]
+    for frequency, each, ahead, (k, _) in zip((first, second), xi, (1, -1), both, strict=True):
+        shape = real_modes(k, contact)[1][0]
         sent.append(-waves(q[frequency], place, [ahead * each, -ahead * each])[0][0] / shape[0])
     lines = []
     signs: tuple[tuple[str, Literal[1, -1]], ...] = ("sum", 1), ("difference", -1)
     for name, sign in signs:
         at = first + sign * second
-        pair = Pair(pair_of[0], pair_of[1], sign, contact)
+        made = in_plane(pair_of(both[0], both[1], sign, contact).forced())[1]
         product = sent[0] * (sent[1] if sign > 0 else sent[1].conjugate())
-        theory, forced = complex(forced_amplitude(pair)[1] * product * scene.wave.amplitude), xi[0] - sign * xi[1]
+        theory, forced = complex(made * product * scene.wave.amplitude), xi[0] - sign * xi[1]
         frequency = abs(at)
         if at < 0:  # the same field with a positive frequency
             theory, forced = theory.conjugate(), -forced
@@ -209,12 +206,4 @@ def table(found: Tones) -> str:
     return "\n".join(lines)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    options = parser(__doc__, "figures/two_tones.png", run="run folder of two shaken rows, with snapshots")
-    chosen = options.parse_args(argv)
-    return show(lambda: compare(load(chosen.run)), table, draw, chosen.output, run=chosen.run)
-
-
-if __name__ == "__main__":
-    start(main)
+main = script(__name__, compare, table, draw, ("run", "of two shaken rows, with snapshots"), figure="two_tones.png")

@@ -109,14 +109,6 @@ class Decay:
     frequency_error: float
     amplitude: complex
 
-    def phase_speed(self, wavenumber: float) -> tuple[float, float]:
-        """Return ω/k and its error, for k in rad per unit of length."""
-        return self.frequency / wavenumber, self.frequency_error / wavenumber
-
-    def attenuation(self, group_speed: float) -> tuple[float, float]:
-        """Return Γ/|v_g|, the attenuation per unit of length, and its error, for a known group speed."""
-        return self.rate / abs(group_speed), self.rate_error / abs(group_speed)
-
 
 def decay(times: ArrayLike, amplitude: ArrayLike) -> Decay:
     """Return the decay rate and frequency of a coherent amplitude (T,) at the times (T,), ascending, T ≥ 3.
@@ -154,16 +146,3 @@ def _line(x: Floats, y: Floats, weight: Floats) -> tuple[tuple[float, float], fl
     intercept = share @ y - slope * centre
     residual = share @ (y - slope * x - intercept) ** 2
     return (float(slope), float(intercept)), float(np.sqrt(residual / spread / (len(x) - 2)))
-
-
-def participation_ratio(energy: ArrayLike) -> Floats:
-    """Return (Σe)²/(N Σe²) over the last axis of energies (..., N): 1 if all spheres share alike, 1/N if one has all.
-
-    Raises ValueError for negative energies, or none at all.
-    """
-    energy = np.asarray(energy, float)
-    total = energy.sum(axis=-1)
-    if not np.all(energy >= 0) or not np.all(total > 0):
-        raise ValueError("energy must not be negative, and some sphere must have some")
-    share = energy / total[..., None]
-    return np.asarray(1 / (energy.shape[-1] * np.sum(share**2, axis=-1)))

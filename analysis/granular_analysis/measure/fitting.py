@@ -2,8 +2,7 @@
 
 Frequencies are those of the modes of the scene's crystal (`granular_analysis.theory.scenes.Setting`), or of surface
 waves of its substrate (`granular_analysis.measure.surface`), second harmonics those of the theory of second order,
-arrivals and front speeds of an impact in a chain those of Hertz's springs, integrated
-(`granular_analysis.theory.chain`): a front is the first crest of a sphere's velocity, its time counts from the strike.
+arrivals and front speeds of an impact those of Hertz's springs, integrated (`granular_analysis.measure.arrivals`).
 """
 
 from collections.abc import Sequence

@@ -4,7 +4,7 @@ All of it is said by the scene, in τ, D0, k1 D0 and k1 D0 R, but for the drag o
 the run, which its ``run.json`` holds. Walls stand where the spheres on them are at rest.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis.measure.stiffnesses import CLASSES, deviates, kinds_of, scaled, spread
-from granular_analysis.theory import green
+from granular_analysis.theory import signals
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.lattices import LATTICES
 from granular_analysis.theory.network import RIGID, Material, Network, Wall
@@ -58,7 +58,7 @@ def outside(record: Record, network: Network, scales: Scales) -> dict[str, Any]:
     drives = *driven, *_sources(scene, network, scales), *_loads(scene, network)
     drag = _drag(record, network, scales) if scene.absorb.rows else None
     own = replace(network, factors=_factors(record, network, scales))
-    walls = *(_walls(scene, own) if scene.loose else _rigid(scene, own)), *_substrates(scene, own, scales)
+    walls = *(_rigid(scene, own) if scene.held_at_rest else _walls(scene, own)), *_substrates(scene, own, scales)
     return {"walls": walls, "drives": drives, "drag": drag, "factors": own.factors}
 
 
@@ -126,7 +126,7 @@ def _driven_row(scene: Scene, network: Network, scales: Scales) -> Drive:
     return Drive(
         row,
         1 if along else 0,
-        _scaled(green.tone(frequency, envelope.ramp, scene.wave.phase), scales.length, scales.time),
+        _scaled(signals.tone(frequency, envelope.ramp, scene.wave.phase), scales.length, scales.time),
         moves=True,
         longest=scales.time / frequency,
         size=scales.length,
@@ -169,19 +169,19 @@ def signal_of(source: Any, scene: Scene, second: float = 1.0) -> tuple[Function,
     if not isinstance(source.signal, str):
         pairs = np.array([each for each in source.signal if not isinstance(each[0], str)])
         pairs[:, 0] /= second
-        return green.samples(pairs, source.delay), pairs[1, 0] - pairs[0, 0], float(np.abs(pairs[:, 1]).max())
+        return signals.samples(pairs, source.delay), pairs[1, 0] - pairs[0, 0], float(np.abs(pairs[:, 1]).max())
     if source.signal == "step":
-        return green.step(source.ramp, source.delay), source.ramp / 4, 1.0
+        return signals.step(source.ramp, source.delay), source.ramp / 4, 1.0
     if source.hertz is not None:
         frequency = 2 * np.pi * source.hertz * scene.sphere.time_scale
     else:
         frequency = _own_frequency(scene) if source.frequency is None else source.frequency
-    known = {
-        "tone": lambda: (green.tone(frequency, source.ramp, source.phase, source.delay), 1.0),
-        "burst": lambda: (green.burst(frequency, source.cycles, source.phase, source.delay), 1.0),
-        "ricker": lambda: (green.ricker(frequency, source.delay), 1.0),
+    known: dict[str, Callable[[], tuple[Function, float]]] = {
+        "tone": lambda: (signals.tone(frequency, source.ramp, source.phase, source.delay), 1.0),
+        "burst": lambda: (signals.burst(frequency, source.cycles, source.phase, source.delay), 1.0),
+        "ricker": lambda: (signals.ricker(frequency, source.delay), 1.0),
         "chirp": lambda: (
-            green.chirp(frequency, source.sweep, source.cycles, source.phase, source.delay),
+            signals.chirp(frequency, source.sweep, source.cycles, source.phase, source.delay),
             max(1.0, source.sweep),
         ),
     }
@@ -255,7 +255,7 @@ def _forces(network: Network) -> Floats:
     count, dimension = network.position.shape
     pairs, still = search(network, np.zeros((dimension, count))), np.zeros((2 * network.freedoms, count))
     now = contacts(network, still, pairs, np.zeros((dimension - 1, len(pairs.first))), begun=True)
-    return resultants(pairs, now, count)[:dimension].T
+    return np.array(resultants(pairs, now)[:dimension]).T
 
 
 def _at_rest(network: Network, forces: Floats, wall: Wall) -> Wall:
@@ -339,7 +339,7 @@ def _pressed(scene: Scene, network: Network, sphere: int, wall: Wall) -> float:
 
 def _load(scene: Scene, network: Network) -> float:
     """Return the force that presses a chain together, by the overlap of its first two spheres at rest; 0 if none."""
-    if scene.packing.lattice != CHAIN or not scene.packing.contact_force or not scene.loose:
+    if scene.packing.lattice != CHAIN or not scene.packing.contact_force or scene.held_at_rest:
         return 0.0
     one, two = np.argsort(network.position[:, 1])[:2]
     overlap = network.radius[one] + network.radius[two] - (network.position[two, 1] - network.position[one, 1])

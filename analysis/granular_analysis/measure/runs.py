@@ -2,8 +2,6 @@
 
 import subprocess
 import sys
-from collections.abc import Iterable
-from math import isclose
 from pathlib import Path
 from typing import Any
 
@@ -85,26 +83,3 @@ def all_but(record: Record, *keys: str) -> dict[str, Any]:
 
     tables = record.scene.to_dict()
     return {name: others(name, table) for name, table in tables.items() if name not in ("name", "description")}
-
-
-def by_wave(records: Iterable[Record]) -> list[list[Record]]:
-    """Return the runs of each wave, the finest step first: one run, or two of steps h/2 and h to be extrapolated.
-
-    Two runs are of one wave if their scenes differ in name, description and time step only.
-
-    Raises
-    ------
-    ValueError
-        For other runs of one wave: more than two, steps that are no pair, records of different length.
-    """
-    waves: dict[str, list[Record]] = {}
-    for record in records:
-        waves.setdefault(repr(all_but(record, "time.timestep", "time.tolerance")), []).append(record)
-    groups = [sorted(runs, key=lambda record: record.scene.time.step) for runs in waves.values()]
-    for fine, *rest in groups:
-        scene = fine.scene
-        pair = len(rest) == 1 and isclose(rest[0].scene.time.step, 2 * scene.time.step)
-        if rest and not (pair and len(rest[0].tau) == len(fine.tau)):
-            wave = f"{scene.wave.mode}, xi = {scene.wavenumber:.5g} at {scene.direction:.5g} degrees"
-            raise ValueError(f"{wave}: {1 + len(rest)} runs that are no pair of steps h and h/2")
-    return groups

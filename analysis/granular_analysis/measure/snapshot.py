@@ -134,7 +134,7 @@ def scales_of(record: Record) -> Scales:
     The deck of spheres that just touch has units of its own: R, m and t0.
     """
     scene, sphere = record.scene, record.scene.sphere
-    if scene.loose:
+    if not scene.held_at_rest:
         length, time = scale_of_strike(scene)
         kilogram, metre, second = sphere.density * 4 / 3 * np.pi * sphere.radius**3, sphere.radius, time
         stiffness = 0.0

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_analysis.theory.bonds import Law, dmt, jkr
+from granular_analysis.theory.bonds import AT_REST, Law
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network import Material, mixed
 from granular_analysis.theory.network_laws import Adhesion
@@ -97,7 +97,7 @@ def scaled(
         raise TheoryError("normal_stiffness, shear_stiffness: of a contact at rest that nothing presses or holds")
 
     def law(overlap: float) -> Law:
-        return dmt([overlap], A, B, F) if adhesion == "dmt" else jkr([overlap], A, B, F)
+        return AT_REST[adhesion]([overlap], A, B, F)
 
     def factor(found: Law) -> float:
         return 1.0 if normal is None else float(normal / found.stiffness[0])

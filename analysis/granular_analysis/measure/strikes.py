@@ -1,4 +1,4 @@
-"""Strikes on spheres that just touch: what a measurement holds of them, their places, masses and units by the scene.
+"""Strikes on spheres that just touch: their places, masses and units by the scene.
 
 Nothing here asks the package for a mass, a stiffness or an overlap: a scene declares the spheres, and the rest follows
 from the formulas here.
@@ -13,35 +13,10 @@ from numpy.typing import NDArray
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.lattices import LATTICES
 from granular_analysis.theory.network import Material, mixed
-from granular_lmp.runs.record import Record, Scene
+from granular_lmp.runs.record import Scene
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
-
-
-def require(record: Record, *held: str) -> None:
-    """Raise ValueError if a scene has more than strikers, by the names below, that is not `held`.
-
-    held : any of "start.state", "start.noise", "packing.contact_force", "effects.friction", "effects.restitution",
-        "effects.viscosity", "disorder", "inclusion".
-    """
-    scene: Any = record.scene  # nothing of it is "auto"
-    disorder = scene.disorder
-    there = {
-        "start.state": bool(scene.start.state),
-        "start.noise": scene.start.noise > 0,
-        "packing.contact_force": scene.packing.contact_force > 0,
-        "effects.friction": float(scene.effects.friction) > 0,
-        "effects.restitution": scene.effects.restitution < 1,
-        "effects.viscosity": scene.effects.viscosity > 0,
-        "disorder": max(disorder.radius, disorder.density, disorder.vacancies) > 0,
-        "inclusion": bool(scene.inclusion),
-    }
-    if unknown := {*held} - {*there}:
-        raise TheoryError(f"held = {sorted(unknown)}: must be among {', '.join(there)}")
-    for name, given in there.items():
-        if given and name not in held:
-            raise TheoryError(f"{scene.name}: {name}: must be left out; what is measured or set beside it lacks it")
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +59,6 @@ class Sites:
         sites = zip(self.row.tolist(), self.column.tolist(), strict=True)
         return np.flatnonzero([first <= row <= last or (row, column) in single for row, column in sites])
 
-    def recorded(self, scene: Scene) -> Integers:
-        """Return the indices of the recorded spheres: all, if the scene names none."""
-        named = scene.output.rows or scene.output.spheres
-        return self.chosen(scene.output) if named else np.arange(len(self.row))
-
 
 def densities(scene: Scene) -> Floats:
     """Return the density of each row of a lattice whose rows differ in it alone, (N,).
@@ -104,12 +74,6 @@ def densities(scene: Scene) -> Floats:
             raise TheoryError(f"{scene.name}: inclusion {number} has {', '.join(other)}; allowed: rows, every, density")
         found[each.rows[0] : each.rows[-1] + 1 : each.every] = each.density
     return found
-
-
-def rest_overlap(scene: Scene) -> float:
-    """Return (F0/A)^{2/3} of two of the declared spheres that are pressed together, in ℓ."""
-    length, _ = scale_of_strike(scene)
-    return float((scene.packing.contact_force / hertz(scene)) ** (2 / 3) / length)
 
 
 def hertz(scene: Scene) -> float:

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis.theory import network_laws
-from granular_analysis.theory.bonds import Law, dmt, jkr
+from granular_analysis.theory.bonds import AT_REST, Law
 from granular_analysis.theory.network_laws import Adhesion as Adhesion
 
 Floats = NDArray[np.float64]
@@ -89,7 +89,7 @@ class AtRest:
     def law(self, shear: float) -> Law:
         """Return the law of a contact at rest with the stiffness κ against slip."""
         A, F = self.coefficients
-        found = (jkr if self.name == "jkr" else dmt)(1.0, A, shear / self._unit, F)
+        found = AT_REST[self.name](1.0, A, shear / self._unit, F)
         return Law(*(np.reshape(each, ()) for each in found))
 
     def radius(self, overlap: Floats) -> Floats:

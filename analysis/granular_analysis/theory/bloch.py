@@ -22,8 +22,9 @@ from granular_analysis.theory.bonds import Bonds, Law
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.crystal import PLANE, Crystal, padded
 from granular_analysis.theory.errors import TheoryError
+from granular_analysis.theory.second_order import Mixed, branch_of
 
-__all__ = ["wavevector_of"]
+__all__ = ["in_plane", "pair_of", "wavevector_of"]
 
 Floats = NDArray[np.float64]
 Field = TypeVar("Field", bound=NDArray[Any])
@@ -59,6 +60,22 @@ def hexagonal(contact: Contact) -> Crystal:
 def in_plane(field: Field) -> Field:
     """Return (u, v, φ) (..., 3) of a field (..., 1, 6) of a crystal of one sphere a cell."""
     return cast(Field, field[..., 0, list(PLANE)])
+
+
+def pair_of(
+    first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLike], sign: int, contact: Contact
+) -> Mixed:
+    """Return two waves, each a wave vector (..., 2) and a branch (...), and what they make in the paper's crystal.
+
+    sign is 1 for their sum, −1 for the difference. Amplitudes are in Δ0 per product of those of the two.
+
+    Raises ValueError for another sign, a branch that is not there, and dashpots.
+    """
+    if sign not in (1, -1):
+        raise TheoryError(f"sign is {sign!r}; allowed: 1 (sum), -1 (difference)")
+    contact.refuse_dashpots()
+    one, other = (branch_of(hexagonal(contact), *each) for each in (first, second))
+    return Mixed(hexagonal(contact), one, other if sign == 1 else other.reversed)
 
 
 def real_modes(wavevector: ArrayLike, contact: Contact) -> tuple[Floats, Floats]:

@@ -30,7 +30,7 @@ A length of infinity is the paper's contact, whose normal is fixed and whose arm
 Source: the laws of the paper (springN, springS) and of LAMMPS's pair style granular; the expansion is not in the paper.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -39,7 +39,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.errors import TheoryError
-from granular_analysis.theory.network_laws import Jkr
+from granular_analysis.theory.network_laws import Adhesion, Jkr
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -103,6 +103,9 @@ def jkr(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLik
     third = (f3 * d1 - f1 * d3) / d1**4 - 3 * d2 * bent / d1**5
     sheared = rise * r, rise / d1, -rise * d2 / d1**3
     return Law(f, f1 / d1, bent / d1**3, third, *sheared, delta - law.end, f + 2 * law.pull * F)
+
+
+AT_REST: dict[Adhesion, Callable[..., Law]] = {"dmt": dmt, "jkr": jkr}
 
 
 class Measured(NamedTuple):

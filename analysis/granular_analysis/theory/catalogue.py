@@ -2,8 +2,7 @@
 
 A run has traits: the effects that are on, the form of its wave, its shear law, mode and ends, and every key of its
 scene that is not known here and is not at its default (`granular_analysis.theory.choice.traits_of`). A theory holds a
-run if it names all of them. A trait in no line of this file, an effect that somebody has added, is refused by every
-script.
+run if it names all of them. A trait in no line of this file, an effect that somebody has added, is refused by all.
 
 To extend a theory, add the trait to its line and a test that compares it with the exact lattice.
 """
@@ -21,7 +20,6 @@ NO_SHEAR, NO_ROTATION = "effects.shear = false", "effects.rotation = false"
 DAMPING = "effects.damping"
 NETWORK = "network"
 CRYSTAL = "crystal-second-order"
-SCRIPT = "granular-analysis "  # in front of the name of a script that has a theory of its own
 JKR = "sphere.adhesion_law = 'jkr'"
 
 
@@ -86,16 +84,10 @@ HOLDS: dict[str, frozenset[str]] = {
     | {STANDING, INCREMENTAL, OBLIQUE, JKR, *LATTICES, *BRANCHES}
     | {f"inclusion.{name}" for name in ("rows", "every", "density")}
     | {"pair"},
-    SCRIPT + "spectrum": _ALONG_Y | {INCREMENTAL, JKR},
-    SCRIPT + "oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},
-    SCRIPT + "standing": _LATTICE | {STANDING, INCREMENTAL},
-    SCRIPT + "driven": _LATTICE | {DRIVEN, INCREMENTAL} | QUIET,
-    SCRIPT + "dispersion": _CONTACTS,
-    SCRIPT + "sheets": _SHEET | {RUNNING, STANDING, OBLIQUE, ENVELOPE, INCREMENTAL, JKR, COMPRESSED},
 }
 
 KNOWN = frozenset().union(*HOLDS.values())
-REFERENCES = tuple(name for name in HOLDS if not name.startswith(SCRIPT))  # what a record is compared with
+REFERENCES = tuple(HOLDS)  # what a record is compared with
 
 # Keys of a scene whose values theories are given, or that change no motion. Any other is a trait by its mere presence.
 KEYS = frozenset({"monitor"}).union(
@@ -133,11 +125,5 @@ def contact_traits(contact: Contact, *, along_y: bool) -> frozenset[str]:
 
 
 def missing(theory: str, traits: Iterable[str]) -> list[str]:
-    """Return the traits that a theory or script does not hold, in alphabetical order."""
+    """Return the traits that a theory does not hold, in alphabetical order."""
     return sorted(set(traits) - HOLDS[theory])
-
-
-def script_for(traits: Iterable[str]) -> str | None:
-    """Return the script whose theory holds a run, None if there is none."""
-    wanted = frozenset(traits)
-    return next((name for name in HOLDS if name.startswith(SCRIPT) and not missing(name, wanted)), None)

@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.fft import dct, next_fast_len
 from scipy.sparse import csr_array
 
-from granular_analysis.theory.bonds import Bonds, Strain, dmt, jkr
+from granular_analysis.theory.bonds import AT_REST, Bonds, Strain
 from granular_analysis.theory.crystal import PLANE, padded
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network import Network
@@ -83,7 +83,7 @@ class Cell:
         touch = np.flatnonzero(pairs.overlap > pairs.normal.end)
         overlap, length, radii = pairs.overlap[touch], pairs.length[touch], pairs.radii[:, touch].T
         A, B, F = (each[touch] for each in (pairs.A, pairs.B, pairs.F))
-        law = (jkr if network.adhesion == "jkr" else dmt)(overlap, A, B, F)
+        law = AT_REST[network.adhesion](overlap, A, B, F)
         apart = padded(pairs.apart[:, touch].T)
         bonds = Bonds(
             *(pairs.first[touch], pairs.second[touch], apart, apart / length[:, None], 1 / length),

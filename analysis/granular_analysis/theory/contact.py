@@ -93,15 +93,14 @@ class Contact:
 
         Parameters
         ----------
-        sphere : with ν, overlap ratio, forces and adhesion, as `granular_lmp.crystal.sphere.Sphere` has them; ν above
-            ½ or below −1, of no material, stands for measured stiffnesses
+        sphere : with ν, overlap ratio, forces, adhesion and factors of measured stiffnesses, as
+            `granular_lmp.crystal.sphere.Sphere` has them
         others : attributes that no sphere has
         """
-        number = sphere.poisson_ratio
-        of_material = -1 <= number <= 0.5
+        number, (normal, shear) = sphere.poisson_ratio, sphere.factors
         return cls(
-            number if of_material else 0.5,
-            stiffness_ratio=None if of_material else 2 * (1 - number) / (2 - number),
+            number,
+            stiffness_ratio=None if shear == normal else 2 * (1 - number) / (2 - number) * shear / normal,
             overlap_ratio=sphere.overlap_ratio,
             prestress=sphere.contact_force / sphere.holding_force,
             adhesion_law=sphere.adhesion_law,

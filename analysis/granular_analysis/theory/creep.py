@@ -60,15 +60,6 @@ def creep(crystal: Crystal, wave: Wave) -> Creep:
     )
 
 
-def winding_rate(crystal: Crystal, wave: Wave) -> Floats:
-    """Return the mean rate (C, 3) at which the slip of each contact winds up in a single wave."""
-    bonds = crystal.bonds
-    strain = bonds.strain(wave.shape, wave.wavevector)
-    turned = strain.sideways * bonds.curving[:, None]
-    twisted = np.cross(bonds.normal, strain.twist[:, None].conj() * turned)
-    return np.asarray(0.5 * float(wave.frequency) * np.imag(strain.stretch[:, None].conj() * turned + twisted))
-
-
 def creep_velocity(crystal: Crystal, wave: Wave) -> Floats:
     """Return the velocities (B, 6) at which spheres creep in a single wave, without what the next order adds."""
     return np.real(0.5 * Mixed(crystal, wave, wave.reversed).creep)

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, Self, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular_analysis.theory.bonds import Bonds, Measured, ShearLaw, dmt, jkr
+from granular_analysis.theory.bonds import AT_REST, Bonds, Measured, ShearLaw
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.mirror import Mirror, images, mirrored
 from granular_analysis.theory.network import Material, ShearMixing, mixed
@@ -314,7 +314,7 @@ class Crystal:
         first, second, apart, normal, curving, overlap, A, B, F, _ = map(np.concatenate, zip(*parts, strict=True))
         if not len(first):
             raise TheoryError("no two spheres touch, and none touches a wall: radii add up to less than every distance")
-        law = dmt(overlap, A, B, F) if adhesion == "dmt" else jkr(overlap, A, B, F)
+        law = AT_REST[adhesion](overlap, A, B, F)
         law = law if measured is None else measured.scale(law, second < 0, np.stack([kinds[first], kinds[second]]))
         if not shear:
             none = 0 * law.shear

@@ -39,6 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 from granular_analysis.second_harmonic import Mode
 from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.neighbours import periodic_kernel, torus_phases
 from granular_analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
@@ -89,6 +90,6 @@ def hierarchy(
     """
     orders = hierarchy_orders(wave.mode, wave.contact, tau, order=order, rtol=rtol)
     points = orders.shape[-1]
-    weights = lattice.periodic_kernel(wave.mode.wavenumber * row + wave.phase - lattice.torus_phases(points), points)
+    weights = periodic_kernel(wave.mode.wavenumber * row + wave.phase - torus_phases(points), points)
     p, q, phi = np.tensordot(wave.amplitude ** np.arange(order), orders @ weights, axes=1).T
     return p, q, phi

@@ -41,18 +41,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular_analysis.second_harmonic import Mode, refuse_oblique
-from granular_analysis.theory import loops
+from granular_analysis.second_harmonic import Mode
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.integrator import Array, Derivative, dop853
 from granular_analysis.theory.lattice_loop import torus_slope
-from granular_analysis.theory.neighbours import (
-    Neighbours,
-    periodic_kernel,
-    ring_neighbours,
-    torus_neighbours,
-    torus_phases,
-)
+from granular_analysis.theory.neighbours import Neighbours, periodic_kernel, torus_neighbours, torus_phases
 from granular_analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
@@ -228,7 +221,7 @@ def longest_step(contact: Contact) -> float:
 
 
 def integrate(
-    derivative: Derivative | loops.Slope,
+    derivative: Derivative,
     start: Floats,
     tau: ArrayLike,
     rtol: float,
@@ -307,33 +300,4 @@ def torus(
     trajectory = torus_trajectory(wave, tau, points=points, rtol=rtol)
     weights = periodic_kernel(wave.mode.wavenumber * row + wave.phase - torus_phases(points), points)
     p, q, phi = (trajectory @ weights).T
-    return p, q, phi
-
-
-def rows(wave: Wave, tau: ArrayLike, *, rows: int = 201, rtol: float = 1e-11) -> tuple[Floats, Floats, Floats]:
-    """Displacements p, q, φ (T,) of the centre row, (rows−1)//2 counted from 0, in units of D0: the paper's set-up.
-
-    The first and last row are held at zero, so they are one and the same row of a ring of rows−1.
-
-    Raises ValueError for fewer than 5 rows, and for a wave that does not run along y.
-
-    Breaks when the walls are heard: the fastest wave, long L, covers half a row per τ. In 201 rows the centre departs
-    from the infinite lattice by 1e-7 at τ=175 and by order 1 of the walls' signal at τ=200.
-    """
-    if rows < 5:
-        raise ValueError(f"rows = {rows} must be at least 5")
-    refuse_oblique(wave.mode)
-    contact, neighbours = wave.contact, ring_neighbours()
-    centre = (rows - 1) // 2
-    phases = wave.mode.wavenumber * np.arange(-centre, rows - 1 - centre, dtype=np.float64) + wave.phase
-    start = initial_state(wave.mode, wave.amplitude, phases, contact, neighbours)
-    start[:, 0] = 0.0
-
-    def held(state: Floats) -> Floats:
-        rate = rhs(state, contact, neighbours)
-        rate[:, 0] = 0.0
-        return rate
-
-    states = integrate(held, start, tau, rtol, wave.amplitude, longest_step(contact))
-    p, q, phi = states[:, :3, centre].T / wave.amplitude
     return p, q, phi

@@ -21,32 +21,25 @@ class _Torus(ctypes.Structure):
     """`Torus` of loops.c."""
 
     _fields_ = [
-        *((name, ctypes.c_ssize_t) for name in ("waves", "points", "history", "incremental", "potential", "works")),
+        *((name, ctypes.c_ssize_t) for name in ("waves", "points", "history", "incremental", "potential")),
         *((name, ctypes.c_void_p) for name in ("shifts", "back")),
         *((name, ctypes.c_double * 3) for name in ("along", "across")),
         *((name, ctypes.c_double) for name in ("A", "F", "shear", "length", "overlap_ratio")),
         *((name, ctypes.c_double) for name in ("depth", "width", "least", "dashpot", "softens")),
         ("mobility", ctypes.c_double * 3),
-        ("sign", ctypes.c_double),
     ]
 
 
-def torus_slope(
-    state: Floats, contact: Contact, neighbours: Neighbours, work: float | None = None
-) -> loops.Slope | None:
-    """Return the slope of states like `state`, (..., 6 or 9, K), or None where the loop does not hold it.
-
-    `work` is the sign of the work of the shear law; with it the last row of a state is that work.
-    """
+def torus_slope(state: Floats, contact: Contact, neighbours: Neighbours) -> loops.Slope | None:
+    """Return the slope of states like `state`, (..., 6 or 9, K), or None where the loop does not hold it."""
     loop, torus, points = loops.library(), neighbours.torus, state.shape[-1]
     if loop is None or torus is None or points > MOST:
         return None
     arrays = np.ascontiguousarray(torus.shifts), np.ascontiguousarray(torus.shifts.T)
-    rows = (9 if contact.has_history else 6) + (work is not None)
-    sizes = state.size // points // rows, points, contact.has_history
+    sizes = state.size // points // (9 if contact.has_history else 6), points, contact.has_history
     triple = ctypes.c_double * 3
     data = _Torus(
-        *(*sizes, contact.incremental, contact.law == "potential", work is not None),
+        *(*sizes, contact.incremental, contact.law == "potential"),
         *map(loops.address, arrays),
         *(triple(*each.ravel()) for each in directions_at_rest(torus.direction)),
         *contact.adhesion.coefficients,
@@ -58,6 +51,5 @@ def torus_slope(
         2 * (contact.kappa + 3) * contact.dashpot,
         contact.restitution is not None,
         triple(*contact.mobility.ravel()),
-        work or 0.0,
     )
     return loops.Slope(loop.torus if state.dtype == float else loop.torus_complex, data, arrays)

@@ -1,4 +1,4 @@
-"""Neighbours in the hexagonal lattice, for a wave of any direction: on the phase torus, and on a ring of rows.
+"""Neighbours in the hexagonal lattice, for a wave of any direction, on the phase torus.
 
 A sphere has three neighbours ahead, at the lattice vectors d of 0°, 60° and 120° from a close-packed row, and three
 behind, at −d. A plane wave that starts as a function of the phase k·r alone stays one, so on one period of it, the
@@ -17,7 +17,7 @@ d = ahead − here of (p, q), it is stretched by n·d along n, displaced by t·d
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -118,29 +118,16 @@ def torus_neighbours(wavenumber: float, points: int, direction: float = 90.0) ->
 
     Raises ValueError for a K that is none of `torus_phases`.
     """
-    size = 3 * points
     shifts = torus_shifts(wavenumber, points, direction)
-    ends = at_ends(shifts, direction)
-    # Both ways as one matrix: more numbers to multiply, fewer calls of NumPy. Complex waves are pairs of real ones, as
-    # NumPy would turn the matrix into a complex one at each call
-    deforming = ends.deform(np.eye(size).reshape(-1, 3, points)).reshape(size, -1)
-    gathering = -deforming.T
+    back = np.ascontiguousarray(shifts.T)
 
-    def product(values: Floats, matrix: Floats) -> Floats:
-        if values.dtype == float:
-            return values @ matrix
-        parts = np.stack([values.real, values.imag]) @ matrix
-        return parts[0] + 1j * parts[1]
+    def ahead(values: Floats) -> Floats:
+        return (values @ shifts).reshape(*values.shape[:-1], 3, -1)
 
-    def deform(places: Floats) -> Floats:
-        flat = places.reshape(*places.shape[:-2], size)
-        return product(flat, deforming).reshape(*places.shape[:-2], 3, 3, points)
+    def behind(values: Floats) -> Floats:
+        return np.asarray(values.reshape(*values.shape[:-2], -1) @ back)
 
-    def gather(forces: Floats) -> Floats:
-        flat = forces.reshape(*forces.shape[:-3], 3 * size)
-        return product(flat, gathering).reshape(*forces.shape[:-3], 3, points)
-
-    return Neighbours(deform, gather, Torus(shifts, direction))
+    return replace(shifted(direction, ahead, behind), torus=Torus(shifts, direction))
 
 
 def torus_shifts(wavenumber: float, points: int, direction: float = 90.0) -> Floats:
@@ -150,35 +137,3 @@ def torus_shifts(wavenumber: float, points: int, direction: float = 90.0) -> Flo
     # Exactly itself where nothing is shifted: within a row along y, mirror symmetry then holds to the last bit.
     back = np.where(shifts == 0, np.eye(points), periodic_kernel(phases[:, None] + shifts - phases, points))
     return np.ascontiguousarray(back.reshape(-1, points).T)
-
-
-def at_ends(shifts: Floats, direction: float = 90.0) -> Neighbours:
-    """Neighbours from the matrix of `torus_shifts`."""
-    back = np.ascontiguousarray(shifts.T)
-
-    def ahead(values: Floats) -> Floats:
-        return (values @ shifts).reshape(*values.shape[:-1], 3, -1)
-
-    def behind(values: Floats) -> Floats:
-        return np.asarray(values.reshape(*values.shape[:-2], -1) @ back)
-
-    return shifted(direction, ahead, behind)
-
-
-def ring_neighbours() -> Neighbours:
-    """Rows on a ring, for waves along y: the exact infinite lattice for waves with ξN a multiple of 2π."""
-
-    def ahead(values: Floats) -> Floats:
-        result = np.empty((*values.shape[:-1], 3, values.shape[-1]), dtype=values.dtype)
-        result[..., 0, :] = values
-        result[..., 1:, :-1] = values[..., None, 1:]
-        result[..., 1:, -1] = values[..., None, 0]
-        return result
-
-    def behind(values: Floats) -> Floats:
-        result, before = values[..., 0, :].copy(), values[..., 1, :] + values[..., 2, :]
-        result[..., 1:] += before[..., :-1]
-        result[..., 0] += before[..., -1]
-        return result
-
-    return shifted(90.0, ahead, behind)

@@ -20,9 +20,9 @@ it keeps its length, and turns as n does, but not about n, also where both spher
 taking the part across the new normal and giving it the old length. In the plane that is a number along ẑ × n.
 
 Dashpots add η dδ/dt to P and η ds/dt to S while a contact is closed: `viscosity` is an η for all (`damping velocity`),
-and with `restitution` e it is √5 ζ (A m')^{1/2} δ^{1/4}, ζ = −ln e/√(π² + ln² e), 1/m' = 1/m_i + 1/m_j (`damping
-coeff_restitution`). A contact that slides keeps the slip with which spring and dashpot together have the limit. Where
-nothing adheres the limit is μ|P| with the dashpot in P, as in LAMMPS.
+and with `restitution` e it is √5 ζ (A m')^{1/2} δ^{1/4}, ζ = −ln e/√(π² + ln² e), 1/m' = 1/m_i + 1/m_j, 0 for 1/m of a
+held sphere (`damping coeff_restitution`). A contact that slides keeps the slip with which spring and dashpot together
+have the limit. Where nothing adheres the limit is μ|P| with the dashpot in P, as in LAMMPS.
 
 With adhesion = "jkr" the law is LAMMPS's `jkr` (`granular_analysis.theory.network_laws`): another P, the contact radius
 over √Rc in place of δ^{1/2}, and a limit of friction μ(P + 2F'), F' = (3/4) F being the largest pull. Such a contact

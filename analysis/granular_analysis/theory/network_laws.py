@@ -19,6 +19,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_analysis.theory.network_tangents import module_of, root_of
+
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Adhesion = Literal["dmt", "jkr"]
@@ -40,15 +42,15 @@ class Dmt:
 
     def radius(self, overlap: Floats, closed: Bools) -> Floats:
         """Return r, 0 where open."""
-        return np.sqrt(overlap)
+        return root_of(overlap)
 
     def repulsion(self, overlap: Floats, radius: Floats, closed: Bools) -> Floats:
         """Return P, 0 where open."""
-        return np.asarray(self.A * overlap * radius - self.F * closed)
+        return self.A * overlap * radius - self.F * closed
 
     def energy(self, overlap: Floats, radius: Floats) -> Floats:
         """Return ∫P dδ, 0 where open."""
-        return 0.4 * self.A * overlap**2 * np.sqrt(overlap) - self.F * overlap
+        return 0.4 * self.A * overlap**2 * root_of(overlap) - self.F * overlap
 
     def spreading(self, overlap: Floats, radius: Floats) -> Floats:
         """Return dδ/d(ln r) = 2δ, 0 where open."""
@@ -72,21 +74,22 @@ class Jkr:
 
     def radius(self, overlap: Floats, closed: Bools) -> Floats:
         """Return r, 0 where open."""
-        x = np.where(closed, overlap, 0.0) / self.depth
+        xp = module_of(overlap)
+        x = xp.where(closed, overlap, 0.0) / self.depth
         fourth = 4 * x / 9
-        first = np.cbrt(2 / 9 + np.sqrt(4 / 81 + fourth * fourth * fourth))
+        first = xp.cbrt(2 / 9 + xp.sqrt(4 / 81 + fourth * fourth * fourth))
         u = first - fourth / first
-        root = np.sqrt(u)
-        s = (root + np.sqrt(4 / (3 * root) - u)) / 2
+        root = xp.sqrt(u)
+        s = (root + xp.sqrt(4 / (3 * root) - u)) / 2
         cube = s * s * s
         s = s - (3 * cube * s - 2 * s - x) / (12 * cube - 2)  # digits that cancel in u where x is large
-        return np.asarray(closed * np.sqrt(3 * self.depth) * s**2)
+        return closed * xp.sqrt(3 * self.depth) * s**2
 
     def repulsion(self, overlap: Floats, radius: Floats, closed: Bools) -> Floats:
         """Return P, 0 where open."""
         s = self._s(radius)
         y = s * s * s
-        return np.asarray(3 * self.F * (y * y - y))
+        return 3 * self.F * (y * y - y)
 
     def energy(self, overlap: Floats, radius: Floats) -> Floats:
         """Return ∫P dδ = 3F d [(6/5)s¹⁰ − 2s⁷ + ½s⁴ + (1/5) 2^{−4/3}], 0 where open."""
@@ -99,7 +102,7 @@ class Jkr:
         return self.depth * (6 * s**4 - s)
 
     def _s(self, radius: Floats) -> Floats:
-        return np.asarray(np.sqrt(radius / np.sqrt(3 * self.depth)))
+        return root_of(radius / module_of(self.depth).sqrt(3 * self.depth))
 
 
 LAWS: dict[Adhesion, type[Dmt] | type[Jkr]] = {"dmt": Dmt, "jkr": Jkr}

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_state import Contacts, Pairs, State, present, slip
-from granular_analysis.theory.network_tangents import dot
+from granular_analysis.theory.network_tangents import dot, quotient
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def energy(network: Network, state: State) -> Energy:
     """Return the energy of a state; that of held spheres is left out, no force ever changes it."""
     now = present(network, state)
     normal = state.pairs.normal.energy(now.overlap, now.radius)
-    return Energy(kinetic_energy(network, state), float(normal.sum()), float((now.spring * slip(now)).sum()) / 2)
+    return Energy(kinetic_energy(network, state), float(normal.sum()), float(dot(now.spring, slip(now)).sum()) / 2)
 
 
 def kinetic_energy(network: Network, state: State) -> float:
@@ -59,24 +59,10 @@ def kinetic_energy(network: Network, state: State) -> float:
     return float(speeds[free].sum()) / 2
 
 
-def momentum(network: Network, state: State) -> Floats:
-    """Return the momentum, and the angular momentum about the origin: (f,), (3,) in the plane and (6,) in space.
-
-    Both are conserved where no sphere is held, the angular one in networks without periods only.
-    """
-    velocity, spin = np.split(state.motion[network.freedoms :], [network.dimension])
-    place = network.position + state.motion[: network.dimension].T
-    flat = (0, 0), (0, 3 - network.dimension)
-    orbits = network.mass @ np.cross(np.pad(place, flat), np.pad(velocity.T, flat))
-    return np.concatenate([velocity @ network.mass, orbits[-len(spin) :] + spin @ network.inertia])
-
-
 def work_rate(network: Network, pairs: Pairs, now: Contacts) -> float:
     """Return dW/dt of the shear law and of the lever arm: the equation at the top of this module."""
     # ½ (dk/dδ)(S/k)² = ½ (S²/k) d(ln k)/dδ, and k ∝ a
     work = 2 * now.stiffness * pairs.normal.spreading(now.overlap, now.radius)
-    law = dot(now.normal, now.rate) * np.divide(
-        dot(now.spring, now.spring), work, out=np.zeros_like(work), where=work > 0
-    )
+    law = dot(now.normal, now.rate) * quotient(dot(now.spring, now.spring), work, work > 0, 0.0)
     lever = pairs.shortened * now.overlap * dot(now.twist, now.spins)
     return float(np.sum((law if network.law == "incremental" else -law) - lever))

@@ -2,7 +2,6 @@
 
 The formulas are those of `granular_analysis.theory.network_state.contacts` and `resultants`, which are the reference:
 some hundred calls of NumPy, of a microsecond each, for a few hundred contacts.
-`granular_analysis.theory.network_closed` makes whole steps where no contact slides or opens.
 """
 
 import ctypes
@@ -18,7 +17,7 @@ from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_state import State, damping_ratio
 
 Floats = NDArray[np.float64]
-Acting = Callable[[Floats, Floats, Floats, Floats], float]
+Acting = Callable[[Floats, Floats, Floats, Floats], tuple[float, bool]]
 
 
 class _Contacts(ctypes.Structure):
@@ -37,8 +36,9 @@ class _Contacts(ctypes.Structure):
 def contact_loop(network: Network, state: State) -> Acting | None:
     """Return what writes forces and torques (f, N) and rates of the memory of contacts; None without compiled loops.
 
-    It takes a motion (2f, N), the memory (d − 1, M), and the arrays of both results, and returns dW/dt of the ledger.
-    Pairs, and whether they had begun to touch, are those of `state`.
+    It takes a motion (2f, N), the memory (d − 1, M), and the arrays of both results. It returns dW/dt of the ledger,
+    and whether the motion is settled: no contact slides, has begun or ended, or has yet to forget its slip. Pairs, and
+    whether they had begun to touch, are those of `state`.
     """
     loop, pairs = loops.library(), state.pairs
     if loop is None:
@@ -48,14 +48,17 @@ def contact_loop(network: Network, state: State) -> Acting | None:
     arrays = [np.ascontiguousarray(each) for each in (*ends, *numbers)]
     data = _Contacts(
         *(len(network.position), len(pairs.first), network.dimension),
-        *(network.adhesion == "jkr", network.law == "incremental", network.shear, network.adheres),
+        *(("dmt", "jkr").index(network.adhesion), network.law == "incremental", network.shear, network.adheres),
         *(network.friction, network.viscosity),
         -1.0 if network.restitution is None else sqrt(5) * damping_ratio(network.restitution),
         *map(loops.address, arrays),
     )
     data.arrays = arrays
 
-    def acting(motion: Floats, memory: Floats, load: Floats, memory_rate: Floats) -> float:
-        return float(loop.touched(ctypes.byref(data), *map(loops.address, (motion, memory, load, memory_rate))))
+    def acting(motion: Floats, memory: Floats, load: Floats, memory_rate: Floats) -> tuple[float, bool]:
+        changes = ctypes.c_ssize_t()
+        places = map(loops.address, (motion, memory, load, memory_rate))
+        work_rate = loop.touched(ctypes.byref(data), *places, ctypes.byref(changes))
+        return float(work_rate), changes.value == 0
 
     return acting

@@ -7,9 +7,8 @@ contact that is open forgets its slip, one that slides keeps the slip of its lim
 enough for new contacts, the step is taken back and the pairs are searched again.
 
 Good values: rtol from 1e-6 (a figure) to 1e-11 (a witness). An evaluation of all forces takes 0.2 µs of processor time
-per contact, a third of that in the compiled loop (`granular_analysis.theory.network_loop`), and 0.01 µs in that of
-closed contacts (`granular_analysis.theory.network_closed`). A wave in a crystal needs 7 (rtol 1e-6), 16 (1e-9) or 27
-(1e-11) in a unit of time t0: with the latter a quarter to 1 µs per sphere and t0.
+per contact, a tenth of that in the compiled loop (`granular_analysis.theory.network_loop`). A wave in a crystal needs 7
+(rtol 1e-6), 16 (1e-9) or 27 (1e-11) in a unit of time t0.
 
 Breaks where much happens at once in a large network: the adhesive force jumps when a contact opens or closes, and every
 jump costs all spheres some thirty evaluations. 1e4 spheres of unequal radii (3e-4) that are let go out of equilibrium
@@ -25,10 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.errors import TheoryError
-from granular_analysis.theory.integrator import Solver, Step
+from granular_analysis.theory.integrator import between, solver_of, step
 from granular_analysis.theory.network import Network
-from granular_analysis.theory.network_closed import closed_pairs
-from granular_analysis.theory.network_ledger import energy, kinetic_energy, work_rate
+from granular_analysis.theory.network_ledger import energy, work_rate
 from granular_analysis.theory.network_loop import contact_loop
 from granular_analysis.theory.network_outside import imposed, pushes
 from granular_analysis.theory.network_state import State, contacts, present, resultants, searched_again, settled
@@ -108,7 +106,7 @@ def scales(network: Network, state: State) -> tuple[float, float]:
     motion, pairs = state.motion, state.pairs
     now = present(network, state)
     inverse_mass = np.append(network.mobility[0], np.zeros(len(network.walls)))
-    pull = np.abs(resultants(pairs, now, len(network.position))) * network.mobility
+    pull = np.abs(np.array(resultants(pairs, now))) * network.mobility
     arms = _arms(network)
     length, speed, acceleration = (float(np.max(np.abs(each) * arms)) for each in (*np.split(motion, 2), pull))
     stiffness = 1.5 * pairs.A * now.radius  # A Hertz contact of that radius is stiffer than one that adheres
@@ -162,34 +160,40 @@ def integrate(
     longest_step = min(longest_step, 2 * length / speed, *(each.longest for each in network.drives))
     samples: list[tuple[Floats, float, float]] = []
     rates = _Rates(network, state)
-    initial_energy = rates.energy(state)
+    initial_energy = energy(network, state).total
     if times[0] == 0:
         samples.append((state.motion[:, chosen], initial_energy, 0.0))
     time, work = 0.0, 0.0
-    step = _FIRST * longest_step
+    first = _FIRST * longest_step
     steps = evaluations = 0
     while time < times[-1]:
         if rates.start is not state:
             rates = _Rates(network, state)
         atol = rtol * _sizes(network, state, length, speed)
-        solver = Solver(rates, time, _packed(state, work), times[-1], rtol, atol, longest_step, step)
+        solver = solver_of(
+            *(rates, time, _packed(state, work), times[-1]),
+            rtol=rtol,
+            atol=atol,
+            max_step=longest_step,
+            first_step=min(first, times[-1] - time),
+        )
         tidy = True
         while tidy and time < times[-1]:
-            solver.step()
-            reached = _at(network, state, solver.time, solver.state)
+            step(solver)
+            reached = _at(network, state, solver.t, solver.y)
             if _farthest(reached) > network.margin / 2:
                 # Contacts may have been missed: back to before the step, with other pairs and a shorter step
-                state = searched_again(network, _at(network, state, solver.before, solver.earlier.copy()))
-                time, work, step = solver.before, solver.earlier[-1], solver.length / 2
+                state = searched_again(network, _at(network, state, solver.t_old, solver.y_old))
+                time, work, first = solver.t_old, solver.y_old[-1], solver.step_size / 2
                 break
             after, tidy = rates.settled(reached)
-            due = times[(times > solver.before) & (times <= solver.time)]
+            due = times[(times > solver.t_old) & (times <= solver.t)]
             if due.size:
-                for moment, y in zip(due, solver.between(due), strict=True):
+                for moment, y in zip(due, between(solver, due), strict=True):
                     sample = _at(network, state, moment, y)
-                    samples.append((sample.motion[:, chosen], rates.energy(sample), y[-1]))
+                    samples.append((sample.motion[:, chosen], energy(network, sample).total, y[-1]))
             state, steps = after, steps + 1
-            time, work, step = solver.time, solver.state[-1], 2 * solver.length
+            time, work, first = solver.t, solver.y[-1], 2 * solver.step_size
         evaluations += rates.evaluations
     motion, energies, works = (np.array(values) for values in zip(*samples, strict=True))
     return Trajectory(times, chosen, motion, energies, works, initial_energy, state, steps, evaluations)
@@ -236,30 +240,16 @@ class _Rates:
     Attributes
     ----------
     evaluations : how many there were.
-    closed : the pairs of the compiled loop for closed contacts, None where it does not hold them.
-    plain : whether that loop held them at the last evaluation.
-    loop : the compiled loop for all other contacts, None where there is none.
-    places : how many numbers of a state are places.
+    loop : the compiled loop, None where there is none.
+    plain : whether by that loop the state of the last evaluation was settled.
     """
 
     def __init__(self, network: Network, start: State) -> None:
-        self.network, self.start = network, start
-        self.closed, self.loop = closed_pairs(network, start.pairs), contact_loop(network, start)
-        self.evaluations, self.plain, self.places = 0, False, start.motion.size // 2
+        self.network, self.start, self.loop = network, start, contact_loop(network, start)
+        self.evaluations, self.plain = 0, False
 
-    def stages(
-        self, step: Step, first: int, last: int, length: float, tolerance: tuple[float, Floats | float] | None
-    ) -> tuple[float, float] | None:
-        """Fill the slopes of a step by the compiled loop; None where it does not hold them."""
-        if self.closed is None or not self.plain or self.network.drives:
-            return None
-        errors = self.closed.stages(step, first, last, length, tolerance)
-        self.plain = errors is not None
-        self.evaluations += self.plain * (last - first + 1)
-        return errors
-
-    def __call__(self, time: float, y: Floats, rate: Floats) -> None:
-        network, start = self.network, self.start
+    def __call__(self, time: float, y: Floats) -> Floats:
+        network, start, rate = self.network, self.start, np.empty_like(y)
         freedoms, cut = network.freedoms, start.motion.size
         motion = imposed(network.drives, time, y[:cut].reshape(start.motion.shape))
         moved = rate[:cut].reshape(motion.shape)
@@ -279,17 +269,15 @@ class _Rates:
         if network.drag is not None:
             load -= network.drag * motion[freedoms:]
         self.evaluations += 1
+        return rate
 
     def _act(self, motion: Floats, shear: Floats, load: Floats, shear_rate: Floats) -> float:
         """Write forces and torques, and the rates of the shear of contacts; return dW/dt of the ledger."""
-        sums = self.closed and self.closed.acting(motion, shear, load, shear_rate)
-        self.plain = bool(sums)
-        if sums:
-            return sums.work_rate
         if self.loop:
-            return self.loop(motion, shear, load, shear_rate)
+            power, self.plain = self.loop(motion, shear, load, shear_rate)
+            return power
         now = contacts(self.network, motion, self.start.pairs, shear, self.start.begun)
-        load[...] = resultants(self.start.pairs, now, load.shape[1])
+        load[...] = resultants(self.start.pairs, now)
         shear_rate[...] = now.memory_rate
         return work_rate(self.network, self.start.pairs, now)
 
@@ -302,13 +290,6 @@ class _Rates:
         if state.pairs.normal.lasts:
             tidy &= np.array_equal(state.begun, self.start.begun)
         return state, tidy
-
-    def energy(self, state: State) -> float:
-        """Return the energy of a state, settled."""
-        sums = self.closed and self.closed.sums(state.motion, state.shear)
-        if sums:
-            return kinetic_energy(self.network, state) + sums.normal + sums.shear
-        return energy(self.network, settled(self.network, state)).total
 
 
 def _tilting(turn: Floats, spin: Floats) -> Floats:

@@ -20,10 +20,18 @@ from granular_analysis.theory.network import Network, Wall
 from granular_analysis.theory.network_laws import LAWS, Dmt, Jkr
 from granular_analysis.theory.network_tangents import (
     Tangents,
+    Vector,
     combined,
     dot,
     frames,
+    length,
+    less,
+    module_of,
+    plus,
+    quotient,
     rebased,
+    root_of,
+    scaled,
     swerved,
     tangents,
     turned,
@@ -35,7 +43,6 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 _FAR = 1e9  # a plane, in radii of the sphere on it
-BLOCK = 1024  # spheres: the numbers of their steps are in a cache together with those of a dozen other blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +56,14 @@ class Pairs:
     overlap : (M,) at rest, negative for a gap.
     radii : (2, M) of first and second, the second 0 of a wall.
     shortened : (M,) by how much of the overlap an arm is shorter than its radius: ½, and 0 on a wall.
-    mass : (M,) reduced, 1/(1/m + 1/m) of both.
+    mass : (M,) reduced, 1/(1/m + 1/m) of both; a held sphere is as heavy as a wall.
     A, B, F : (M,) coefficients of the contacts.
     place : (d, N) displacements at which the search was made.
     frame : of the tangents (`granular_analysis.theory.network_tangents`).
     normal : law of the normal forces.
+    gathered : (K, N) which pairs each sphere has, of at most K: m as the first of pair m, M + m as the second, and 2M
+        for none.
+    damping : factor of the dashpots, one or (M,).
     """
 
     first: Integers
@@ -70,6 +80,8 @@ class Pairs:
     place: Floats
     frame: Floats
     normal: Dmt | Jkr
+    gathered: Integers
+    damping: Floats | float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,40 +103,62 @@ class State:
     begun: Bools
 
 
+class Meetings(NamedTuple):
+    """How the spheres of the pairs meet at one moment, in the terms of `Contacts`.
+
+    `distance` (M,) is that of the centres, and `across` of d − 1 parts the velocity of the second less that of the
+    first sphere along the tangents, without their spins.
+    """
+
+    overlap: Floats
+    normal: Vector
+    tangents: Tangents
+    closed: Bools
+    radius: Floats
+    stiffness: Floats
+    distance: Floats
+    rate: Vector
+    across: Vector
+    spins: Vector
+    slip_rate: Vector
+
+
 class Contacts(NamedTuple):
-    """State of the pairs at one moment, by the terms at the top of this module; forces and slip rates are 0 where open.
+    """State of the M pairs at one moment, by the terms of `granular_analysis.theory.network`; 0 where open.
+
+    Vectors are their components, (M,) each, d of them; along the tangents d − 1; of turns one or three.
 
     Attributes
     ----------
     overlap : (M,) δ, 0 where open.
-    normal : (d, M).
+    normal : vector.
     tangents : of the normals.
     closed : (M,) whether they touch.
     radius : (M,) a/√Rc, δ^{1/2} by the DMT law.
     stiffness : (M,) k = B a/√Rc.
-    repulsion, shear : P (M,), and S along the tangents (d − 1, M).
-    twist : (1 or 3, M) n × S.
-    spring : (d − 1, M) S less its dashpot.
-    rate : (d, M) velocity of the second sphere less that of the first.
-    spins : (1 or 3, M) sum of their spins.
-    slip_rate : (d − 1, M) ds/dt.
-    memory_rate : (d − 1, M) rate of `State.shear`.
+    repulsion, shear : P (M,), and S along the tangents.
+    twist : n × S, of turns.
+    spring : S less its dashpot, along the tangents.
+    rate : velocity of the second sphere less that of the first.
+    spins : sum of their spins.
+    slip_rate : ds/dt along the tangents.
+    memory_rate : rate of `State.shear`.
     """
 
     overlap: Floats
-    normal: Floats
+    normal: Vector
     tangents: Tangents
     closed: Bools
     radius: Floats
     stiffness: Floats
     repulsion: Floats
-    shear: Floats
-    twist: Floats
-    spring: Floats
-    rate: Floats
-    spins: Floats
-    slip_rate: Floats
-    memory_rate: Floats
+    shear: Vector
+    twist: Vector
+    spring: Vector
+    rate: Vector
+    spins: Vector
+    slip_rate: Vector
+    memory_rate: Vector
 
 
 def search(network: Network, displacement: Floats) -> Pairs:
@@ -139,8 +173,7 @@ def search(network: Network, displacement: Floats) -> Pairs:
     wrapped[periodic & (wrapped >= period)] = 0.0  # np.mod of a tiny negative number is the period itself
     found = cKDTree(wrapped, boxsize=box).query_pairs(network.reach, output_type="ndarray")
     first, second = found.T
-    # Block by block, and of a crystal the contacts of spheres i, i + 1, … with j, j + 1, … one after the other
-    order = np.lexsort((first, second - first, second // BLOCK, first // BLOCK))
+    order = np.lexsort((second, first))
     first, second = found[order].T.astype(np.intp)
 
     way = (displacement.T[second] - displacement.T[first]).T
@@ -150,19 +183,37 @@ def search(network: Network, displacement: Floats) -> Pairs:
     radii = np.stack([network.radius[first], network.radius[second]])
     near = np.sqrt(dot(apart + way, apart + way)) < radii.sum(axis=0) + network.margin
     first, second, apart, radii = first[near], second[near], apart[:, near], radii[:, near]
-    length, mass = np.sqrt(dot(apart, apart)), 1 / (1 / network.mass[first] + 1 / network.mass[second])
+    distance = np.sqrt(dot(apart, apart))
+    lightness = 1 / network.mass if network.held is None else np.where(network.held, 0.0, 1 / network.mass)
+    both = lightness[first] + lightness[second]
+    mass = np.divide(1.0, both, out=np.zeros_like(both), where=both > 0)
     arms = np.full(len(first), 0.5)
-    overlap = radii.sum(axis=0) - length
-    parts = [[first, second, apart, length, overlap, radii, arms, mass, *network.coefficients(first, second)]]
+    overlap = radii.sum(axis=0) - distance
+    parts = [[first, second, apart, distance, overlap, radii, arms, mass, *network.coefficients(first, second)]]
     parts += [_reached(network, wall, number, displacement) for number, wall in enumerate(network.walls, len(place))]
-    *both, apart, length, overlap, radii, arms, mass, A, B, F = (
+    *both, apart, distance, overlap, radii, arms, mass, A, B, F = (
         np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)
     )
     first, second = (each.astype(np.intp) for each in both)
-    moved = _bodies(network, displacement)
+    moved = np.array(_with_walls(network, displacement))
     now = apart + moved[:, second] - moved[:, first]
     frame, law = frames(now / np.sqrt(dot(now, now))), LAWS[network.adhesion](A, F)
-    return Pairs(first, second, apart, length, overlap, radii, arms, mass, A, B, F, displacement, frame, law)
+    gathered = _gathered(first, second, len(place))
+    return Pairs(
+        first, second, apart, distance, overlap, radii, arms, mass, A, B, F, displacement, frame, law, gathered
+    )
+
+
+def _gathered(first: Integers, second: Integers, spheres: int) -> Integers:
+    """Return `Pairs.gathered` of pairs of so many spheres; walls, which come behind them, gather nothing."""
+    ends = np.concatenate([first, second])
+    order = np.argsort(ends, kind="stable")
+    count = np.bincount(ends, minlength=spheres)
+    place = np.arange(len(ends)) - np.repeat(np.cumsum(count) - count, count)
+    table = np.full((max(int(count[:spheres].max(initial=0)), 1), spheres), len(ends))
+    inside = ends[order] < spheres
+    table[place[inside], ends[order][inside]] = order[inside]
+    return table
 
 
 def _reached(network: Network, wall: Wall, number: int, displacement: Floats) -> list[Floats | Integers]:
@@ -176,16 +227,20 @@ def _reached(network: Network, wall: Wall, number: int, displacement: Floats) ->
     return [*ends, np.outer(normal, far), far, overlap, radii, none, mass, *network.on_wall(wall, spheres)]
 
 
-def _bodies(network: Network, motion: Floats) -> Floats:
-    """Return motions (..., N), with those of the walls behind them if there are any."""
-    return np.hstack([motion, np.zeros((len(motion), len(network.walls)))]) if network.walls else motion
+def _with_walls(network: Network, motion: Vector) -> Vector:
+    """Return rows (N,) of a motion, with those of the walls behind them if there are any."""
+    if not network.walls:
+        return motion
+    xp = module_of(motion[0])
+    return [xp.concatenate([row, xp.zeros(len(network.walls))]) for row in motion]
 
 
 def dashpots(network: Network, pairs: Pairs, root: Floats) -> Floats:
     """Return η of pairs whose overlap has the root `root`, 0 where open, (M,)."""
+    xp = module_of(root)
     if network.restitution is None:
-        return np.where(root > 0, network.viscosity, 0.0)
-    return np.asarray(np.sqrt(5 * pairs.A * pairs.mass * root) * damping_ratio(network.restitution), dtype=np.float64)
+        return xp.where(root > 0, network.viscosity, 0.0)
+    return root_of(5 * pairs.A * pairs.mass * root) * damping_ratio(network.restitution)
 
 
 def damping_ratio(restitution: float) -> float:
@@ -202,64 +257,109 @@ def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats, beg
     motion : (2f, N).
     memory, begun : `State.shear` and `State.begun`.
     """
-    dimension, freedoms = network.dimension, network.freedoms
-    here, there = motion.take(pairs.first, axis=1), _bodies(network, motion).take(pairs.second, axis=1)
-    apart = there - here
+    return acting(network, pairs, meetings(network, motion, pairs, begun), memory)
+
+
+def meetings(network: Network, motion: Vector, pairs: Pairs, begun: Bools | bool = False) -> Meetings:
+    """Return how the spheres of the pairs meet, before any force; parameters as of `contacts`."""
+    xp, dimension, freedoms = module_of(motion[0]), network.dimension, network.freedoms
+    here = [row[pairs.first] for row in motion]
+    there = [row[pairs.second] for row in _with_walls(network, motion)]
+    way, rate = (less(there[part], here[part]) for part in (slice(dimension), slice(freedoms, freedoms + dimension)))
     spin, other = here[freedoms + dimension :], there[freedoms + dimension :]
-    turning = pairs.radii[0] * spin + pairs.radii[1] * other
-    way, rate = apart[:dimension], apart[freedoms : freedoms + dimension]
-    now = pairs.apart + way
-    distance = np.sqrt(dot(now, now))
+    turning = plus(scaled(pairs.radii[0], spin), scaled(pairs.radii[1], other))
+    now = plus(pairs.apart, way)
+    distance = xp.sqrt(dot(now, now))
     # The distance less the one at rest, written so that no digits cancel
-    stretch = dot(pairs.apart + now, way) / (distance + pairs.length)
+    stretch = dot(plus(pairs.apart, now), way) / (distance + pairs.length)
     depth = pairs.overlap - stretch
     closed = pairs.normal.closed(depth, begun)
     overlap = depth * closed
-    normal = now / distance
+    normal = tuple(each / distance for each in now)
     frame = tangents(pairs.frame, normal)
     radius = pairs.normal.radius(overlap, closed)
-    stiffness = pairs.B * radius
-    spring = np.where(closed, memory, 0.0) if network.law == "incremental" else stiffness * memory
-    across = dot(frame.along, rate)
-    slip_rate = (across - dot(frame.about, turning)) * closed
-    memory_rate = stiffness * slip_rate if network.law == "incremental" else slip_rate
-    repulsion = pairs.normal.repulsion(overlap, radius, closed)
-    shear, limit = spring, repulsion + 2 * pairs.normal.pull * pairs.F
-    if network.viscosity or network.restitution is not None:
-        dashpot = dashpots(network, pairs, radius)
-        repulsion = repulsion - dashpot * dot(normal, rate)
-        shear = spring + network.shear * dashpot * slip_rate
-        limit = limit if network.adheres else np.abs(repulsion)
-    if network.friction < np.inf:
-        wanted, limit = shear, network.friction * limit
-        size = np.sqrt(dot(wanted, wanted))
-        slides = size > limit
-        shear = wanted * np.divide(limit, size, out=np.ones_like(size), where=slides)
-        spring = np.where(slides, shear - (wanted - spring), spring)
-        if frame.lean is not None:
-            beyond = np.divide(size, limit, out=np.ones_like(size), where=slides & (limit > 0))
-            memory_rate = memory_rate + swerved(memory_rate, wanted, beyond)
-    if frame.lean is not None:
-        memory_rate = memory_rate + turned(memory, across / distance, frame.lean)
-    twist = combined(shear, frame.about)
-    forces = repulsion, shear, twist, spring
-    return Contacts(
-        overlap, normal, frame, closed, radius, stiffness, *forces, rate, spin + other, slip_rate, memory_rate
+    across = tuple(dot(each, rate) for each in frame.along)
+    slipping = less(across, [dot(each, turning) for each in frame.about])
+    return Meetings(
+        overlap,
+        normal,
+        frame,
+        closed,
+        radius,
+        pairs.B * radius,
+        distance,
+        rate,
+        across,
+        plus(spin, other),
+        scaled(closed, slipping),
     )
 
 
-def resultants(pairs: Pairs, now: Contacts, spheres: int) -> Floats:
-    """Return forces and torques on the spheres, (f, N)."""
-    both = zip(now.tangents.along, now.normal, strict=True)
-    forces = [dot(now.shear, along) - now.repulsion * normal for along, normal in both]
-    levers = pairs.radii - pairs.shortened * now.overlap
+def acting(network: Network, pairs: Pairs, met: Meetings, memory: Vector) -> Contacts:
+    """Return the forces of pairs that meet so, and the rate of their memory, of d − 1 parts."""
+    xp = module_of(met.overlap)
+    frame, closed, slip_rate = met.tangents, met.closed, met.slip_rate
+    spring: Vector
+    memory_rate: Vector
+    if network.law == "incremental":
+        spring = tuple(xp.where(closed, each, 0.0) for each in memory)
+        memory_rate = scaled(met.stiffness, slip_rate)
+    else:
+        spring, memory_rate = scaled(met.stiffness, memory), slip_rate
+    repulsion = pairs.normal.repulsion(met.overlap, met.radius, closed)
+    shear, limit = spring, repulsion + 2 * pairs.normal.pull * pairs.F
+    if network.viscosity or network.restitution is not None:
+        dashpot = pairs.damping * dashpots(network, pairs, met.radius)
+        repulsion = repulsion - dashpot * dot(met.normal, met.rate)
+        shear = plus(spring, scaled(network.shear * dashpot, slip_rate))
+        limit = limit if network.adheres else xp.abs(repulsion)
+    if network.friction < np.inf:
+        wanted, limit = shear, network.friction * limit
+        size = length(wanted)
+        slides = size > limit
+        shear = scaled(quotient(limit, size, slides, 1.0), wanted)
+        # What slides keeps the slip with which spring and dashpot together have the limit
+        left = less(shear, less(wanted, spring))
+        spring = tuple(xp.where(slides, after, before) for after, before in zip(left, spring, strict=True))
+        if frame.lean:
+            beyond = quotient(size, limit, slides & (limit > 0), 1.0)
+            memory_rate = plus(memory_rate, swerved(memory_rate, wanted, beyond))
+    if frame.lean:
+        memory_rate = plus(memory_rate, turned(memory, scaled(1 / met.distance, met.across), frame.lean))
+    return Contacts(
+        met.overlap,
+        met.normal,
+        frame,
+        closed,
+        met.radius,
+        met.stiffness,
+        repulsion,
+        shear,
+        combined(shear, frame.about),
+        spring,
+        met.rate,
+        met.spins,
+        slip_rate,
+        memory_rate,
+    )
 
-    def summed(on_first: Floats, on_second: Floats) -> Floats:
-        on_both = np.bincount(pairs.first, on_first, spheres) + np.bincount(pairs.second, on_second, spheres)[:spheres]
-        return np.asarray(on_both, dtype=np.float64)
 
-    pushes = [summed(each, -each) for each in forces]
-    return np.array(pushes + [summed(levers[0] * each, levers[1] * each) for each in now.twist])
+def resultants(pairs: Pairs, now: Contacts) -> Vector:
+    """Return forces and torques on the spheres, f rows (N,): each sphere gathers those of its contacts."""
+    xp = module_of(now.overlap)
+    nothing = xp.zeros(1)
+    one, other = pairs.radii - pairs.shortened * now.overlap
+    pull = less(combined(now.shear, now.tangents.along), scaled(now.repulsion, now.normal))
+    on_both = [(each, -each) for each in pull] + [(one * each, other * each) for each in now.twist]
+
+    def gathered(on_first: Floats, on_second: Floats) -> Floats:
+        ends = xp.concatenate([on_first, on_second, nothing])
+        total = ends[pairs.gathered[0]]
+        for which in pairs.gathered[1:]:
+            total = total + ends[which]
+        return total
+
+    return tuple(gathered(*each) for each in on_both)
 
 
 def start(
@@ -299,7 +399,7 @@ def loaded(network: Network, motion: Floats) -> State:
     begun = pairs.overlap > pairs.normal.end
     arrived = contacts(network, way, pairs, np.zeros((dimension - 1, len(pairs.first))), begun)
     still = np.concatenate([places, 0 * rates])  # so slow a way that no dashpot resists it
-    moved = settled(network, State(still, pairs, arrived.memory_rate, begun))
+    moved = settled(network, State(still, pairs, np.array(arrived.memory_rate), begun))
     return settled(network, replace(moved, motion=motion))
 
 
@@ -308,19 +408,21 @@ def present(network: Network, state: State) -> Contacts:
     return contacts(network, state.motion, state.pairs, state.shear, state.begun)
 
 
-def slip(now: Contacts) -> Floats:
+def slip(now: Contacts) -> Vector:
     """Return the force of the spring of S over k, 0 where open: the slip, within the limit of friction."""
-    return np.divide(now.spring, now.stiffness, out=np.zeros_like(now.spring), where=now.stiffness > 0)
+    return tuple(quotient(each, now.stiffness, now.stiffness > 0, 0.0) for each in now.spring)
 
 
 def settled(network: Network, state: State) -> State:
     """Return the state without the slip of contacts that are open, or beyond the limit of friction."""
     now = present(network, state)
     if network.law == "incremental":
-        return replace(state, shear=now.spring, begun=now.closed)
-    sliding = now.spring != now.stiffness * state.shear
-    shear = np.where(now.closed, np.where(sliding, slip(now), state.shear), 0.0)
-    return replace(state, shear=shear, begun=now.closed)
+        return replace(state, shear=np.array(now.spring), begun=now.closed)
+    kept = tuple(
+        np.where(spring != now.stiffness * before, after, before)
+        for spring, before, after in zip(now.spring, state.shear, slip(now), strict=True)
+    )
+    return replace(state, shear=np.where(now.closed, kept, 0.0), begun=now.closed)
 
 
 def searched_again(network: Network, state: State) -> State:
@@ -335,11 +437,11 @@ def searched_again(network: Network, state: State) -> State:
     )
     shear, begun = np.zeros((len(state.shear), len(pairs.first))), np.zeros(len(pairs.first), dtype=bool)
     begun[new] = state.begun[old]
-    before = present(network, state).tangents.along[..., old]
+    before = [[part[old] for part in each] for each in present(network, state).tangents.along]
     shear[:, new] = rebased(state.shear[:, old], before, pairs.frame[..., new])
     return replace(state, pairs=pairs, shear=shear, begun=begun)
 
 
 def forces(network: Network, state: State) -> Floats:
     """Return forces and torques on the spheres, (f, N), held ones included: at rest, the residuals."""
-    return resultants(state.pairs, present(network, state), len(network.position))
+    return np.array(resultants(state.pairs, present(network, state)))

@@ -13,31 +13,36 @@ Contacts in the plane have e₂ = ẑ, so t₁ is the tangent there. When it bre
 pairs are searched again long before.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-_ACROSS = np.array([[-1.0], [1.0]])  # ẑ × (x, y) is (−y, x)
-_ABOUT_Z = np.ones((1, 1, 1))
+Vector = Sequence[Any] | NDArray[np.float64]  # its components, arrays of NumPy or of JAX
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # the axes after x, y, z, in turn, and before them
 _STEEP = 0.8  # n_z from which e₂ is made from x̂ in place of ẑ
 
 
+def module_of(array: Any) -> Any:
+    """Return the module of an array: NumPy, or that of JAX, which traces the same lines."""
+    return np if isinstance(array, np.ndarray) else array.__array_namespace__()
+
+
 class Tangents(NamedTuple):
-    """Tangents of M contacts in d dimensions.
+    """Tangents of M contacts in d dimensions; vectors are their components, (M,) each.
 
     Attributes
     ----------
-    along : (d, d − 1, M) t_a.
-    about : (1 or 3, d − 1, M or 1) n × t_a, in the turns that spheres have.
-    lean : (d − 1, M) α_a/(1 + c); None in the plane, where ω is 0.
+    along : d − 1 vectors t_a of d components.
+    about : d − 1 vectors n × t_a, in the turns that spheres have: of one component, or three.
+    lean : d − 1 numbers α_a/(1 + c); none in the plane, where ω is 0.
     """
 
-    along: Floats
-    about: Floats
-    lean: Floats | None
+    along: tuple[Vector, ...]
+    about: tuple[Vector, ...]
+    lean: Vector
 
 
 def frames(normal: Floats) -> Floats:
@@ -51,49 +56,88 @@ def frames(normal: Floats) -> Floats:
     return np.stack([crossed(second, normal), second, normal])
 
 
-def tangents(frame: Floats, normal: Floats) -> Tangents:
-    """Return the tangents of contacts with the normals (d, M), in the frames of their search."""
+def tangents(frame: Floats, normal: Vector) -> Tangents:
+    """Return the tangents of contacts with some normals, in the frames of their search."""
     if not len(frame):
-        return Tangents((normal[::-1] * _ACROSS)[:, None], _ABOUT_Z, None)
+        return Tangents(((-normal[1], normal[0]),), ((1.0,),), ())
     *both, before = frame
-    lean = np.stack([dot(each, normal) for each in both]) / (1 + dot(before, normal))
-    along = np.stack(both, axis=1) - lean * (normal + before)[:, None]
-    return Tangents(along, np.stack([along[:, 1], -along[:, 0]], axis=1), lean)
+    under = 1 + dot(before, normal)
+    lean = tuple(dot(each, normal) / under for each in both)
+    between = plus(normal, before)
+    one, other = (less(each, scaled(by, between)) for each, by in zip(both, lean, strict=True))
+    return Tangents((one, other), (other, scaled(-1.0, one)), lean)
 
 
-def turned(shear: Floats, across: Floats, lean: Floats) -> Floats:
-    """Return the rate (2, M) at which tangents that turn about the normal change the parts of a slip (2, M).
+def turned(shear: Vector, across: Vector, lean: Vector) -> Vector:
+    """Return the rate at which tangents that turn about the normal change the two parts of a slip.
 
-    across : (2, M) t_a·ṅ.
+    across : t_a·ṅ.
     """
     spin = across[0] * lean[1] - lean[0] * across[1]
-    return np.stack([spin * shear[1], -spin * shear[0]])
+    return spin * shear[1], -spin * shear[0]
 
 
-def swerved(rate: Floats, shear: Floats, beyond: Floats) -> Floats:
-    """Return what the rate (2, M) of a slip that goes beyond its limit needs more, so that it has the right direction.
+def swerved(rate: Vector, shear: Vector, beyond: Floats) -> Vector:
+    """Return what the rate of a slip that goes beyond its limit needs more, so that it has the right direction.
 
     Along a slip the limit takes what is beyond it at the end of a step; across, the slip of the limit turns as many
     times faster as the slip is `beyond` (M,) it, 1 where nothing slides.
     """
     square = dot(shear, shear)
-    along = np.divide(dot(rate, shear), square, out=np.zeros_like(square), where=square > 0)
-    return (beyond - 1) * (rate - along * shear)
+    along = quotient(dot(rate, shear), square, square > 0, 0.0)
+    return scaled(beyond - 1, less(rate, scaled(along, shear)))
 
 
-def rebased(shear: Floats, along: Floats, frame: Floats) -> Floats:
-    """Return the parts (d − 1, M) of slips, known along tangents (d, d − 1, M), in new frames of the same normals."""
+def rebased(shear: Floats, along: Sequence[Vector], frame: Floats) -> Floats:
+    """Return the parts (d − 1, M) of slips, known along tangents, in new frames of the same normals."""
     if not len(frame):
         return shear  # the normal alone says the tangent
-    return np.einsum("am,dam,bdm->bm", shear, along, frame[:2])
+    return np.array([dot(combined(shear, along), each) for each in frame[:2]])
 
 
-def dot(one: Floats, other: Floats) -> Floats:
-    """Return the scalar products (...) of vectors (d, ...)."""
+def plus(one: Vector, other: Vector) -> Vector:
+    """Return the sum of two vectors."""
+    return tuple(a + b for a, b in zip(one, other, strict=True))
+
+
+def less(one: Vector, other: Vector) -> Vector:
+    """Return the difference of two vectors."""
+    return tuple(a - b for a, b in zip(one, other, strict=True))
+
+
+def times(one: Vector, other: Vector) -> Vector:
+    """Return the products of the components of two vectors."""
+    return tuple(a * b for a, b in zip(one, other, strict=True))
+
+
+def scaled(factor: Any, vector: Vector) -> Vector:
+    """Return a vector times a number."""
+    return tuple(factor * each for each in vector)
+
+
+def dot(one: Vector, other: Vector) -> Any:
+    """Return the scalar products (M,) of vectors."""
     total = one[0] * other[0]
     for way in range(1, len(one)):
-        total += one[way] * other[way]
+        total = total + one[way] * other[way]
     return total
+
+
+def quotient(over: Floats, under: Floats, where: NDArray[np.bool_], otherwise: float) -> Floats:
+    """Return quotients where they are asked for, and a number elsewhere, whose gradient is 0."""
+    xp = module_of(under)
+    return xp.where(where, over / xp.where(where, under, 1.0), otherwise)
+
+
+def root_of(square: Floats) -> Floats:
+    """Return √ of numbers that are not negative; the gradient is 0 at 0."""
+    xp = module_of(square)
+    return xp.where(square > 0, xp.sqrt(xp.where(square > 0, square, 1.0)), 0.0)
+
+
+def length(vector: Vector) -> Floats:
+    """Return the lengths (M,) of vectors."""
+    return root_of(dot(vector, vector))
 
 
 def crossed(one: Floats, other: Floats) -> Floats:
@@ -101,6 +145,6 @@ def crossed(one: Floats, other: Floats) -> Floats:
     return one[_NEXT] * other[_LAST] - one[_LAST] * other[_NEXT]
 
 
-def combined(parts: Floats, vectors: Floats) -> Floats:
-    """Return Σ parts·vectors (d, M) of parts (T, M) along vectors (d, T, M)."""
-    return np.array([dot(parts, each) for each in vectors])
+def combined(parts: Vector, vectors: Sequence[Vector]) -> Vector:
+    """Return Σ parts·vectors, a vector."""
+    return tuple(dot(parts, each) for each in zip(*vectors, strict=True))

@@ -12,12 +12,12 @@ forbids (`granular_analysis.theory.selection`) are left out.
 
 Good values: a compression with η = Δ0/2R below 0.01, where spheres still are springs. The list is ordered by the time,
 in periods of the first wave, in which two waves of the same amplitude make a third as large
-(`granular_analysis.theory.mixing.growth_rates`): fewer are better. Where the two waves are one, a single one counts,
-whose second harmonic resonates. An adhesive crystal holds itself together, so below some frequency no force is small
-enough.
+(`granular_analysis.theory.second_order.Mixed.growth_rates`): fewer are better. Where the two waves are one, a single
+one counts, whose second harmonic resonates. An adhesive crystal holds itself together, so below some frequency no force
+is small enough.
 
-When it breaks: as `granular_analysis.theory.mixing`; a detuning of 1/(100 periods) is a part in a thousand of Ω, which
-spread of sphere sizes easily makes.
+When it breaks: as `granular_analysis.theory.second_order`; a detuning of 1/(100 periods) is a part in a thousand of Ω,
+which spread of sphere sizes easily makes.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -30,9 +30,9 @@ from contourpy import contour_generator
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from granular_analysis.theory.bloch import branch_index, frame, hexagonal
+from granular_analysis.theory.bloch import branch_index, frame, hexagonal, pair_of
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.mixing import Pair, Tone, growth_rates
+from granular_analysis.theory.second_order import Mixed
 from granular_analysis.theory.selection import forbidden
 from granular_lmp.crystal.sphere import Sphere
 
@@ -55,29 +55,35 @@ class Resonance:
 
     Attributes
     ----------
-    pair : the two waves and their contact
+    pair : the two waves, and what they make
+    branches : of the two
     target : branch that grows at k1 ± k2
     sphere : the spheres, with the compressive force F0 of a contact in N
     frequency : f1 in hertz
     """
 
-    pair: Pair
+    pair: Mixed
+    branches: tuple[int, int]
     target: int
     sphere: Sphere
     frequency: float
 
     @property
+    def sign(self) -> int:
+        """Return 1 for the sum of the two, −1 for their difference."""
+        return 1 if self.pair.second.frequency > 0 else -1
+
+    @property
     def generated_frequency(self) -> float:
         """Return |f1 ± f2| in hertz."""
-        (first, _), _ = self.pair.tones
-        return float(abs(self.pair.frequency) / first * self.frequency)
+        return float(abs(self.pair.frequency) / self.pair.first.frequency * self.frequency)
 
     @property
     def rate(self) -> float:
-        """Return the rate of growth per τ and a of `mixing.growth_rates`, half of it where the two waves are one."""
+        """Return the rate of growth per τ and a, half of that of two waves where these are one."""
         (one, branch), (other, another), _ = self._three
-        single = self.pair.sign == 1 and branch == another and np.allclose(one, other, rtol=SAME, atol=0)
-        return float(growth_rates(self.pair)[self.target]) * (0.5 if single else 1.0)
+        single = self.sign == 1 and branch == another and np.allclose(one, other, rtol=SAME, atol=0)
+        return float(self.pair.growth_rates()[self.target]) * (0.5 if single else 1.0)
 
     def periods(self, amplitude: float) -> float:
         """Return the periods of the first wave after which a third would be as large as two, or one, of a = D0/Δ0."""
@@ -85,7 +91,7 @@ class Resonance:
 
     def mirrors(self, other: "Resonance") -> bool:
         """Return whether another resonance is this one, mirrored, turned, or with its two waves exchanged."""
-        if self.pair.sign != other.pair.sign:
+        if self.sign != other.sign:
             return False
         mine, others = self._waves, other._waves
         return any(np.allclose(mine, order, rtol=SAME, atol=0) for order in (others, others[[1, 0, 2]]))
@@ -98,18 +104,18 @@ class Resonance:
     @property
     def _three(self) -> list[tuple[Floats, int]]:
         """Wave vector and branch of the first, the second and the wave that grows."""
-        waves = [(np.asarray(each.wavevector), int(each.branch)) for each in (self.pair.first, self.pair.second)]  # type: ignore[arg-type]
-        return [*waves, (self.pair.wavevector, self.target)]
+        vectors = self.pair.first.wavevector, self.sign * self.pair.second.wavevector, self.pair.wavevector
+        return [(k[:2], branch) for k, branch in zip(vectors, (*self.branches, self.target), strict=True)]
 
     @property
     def names(self) -> str:
         """Return the names of the three waves, as "TR + TR -> L"; away from mirrors they label quasi-modes."""
-        contact = self.pair.contact
+        contact = Contact.of(self.sphere)
         one, other, third = (
             next(name for name in ("L", "TR", "RT") if branch_index(name, k, contact) == branch)
             for k, branch in self._three
         )
-        return f"{one} {'+' if self.pair.sign == 1 else '-'} {other} -> {third}"
+        return f"{one} {'+' if self.sign == 1 else '-'} {other} -> {third}"
 
 
 def compressed(sphere: Sphere, time_scale: float) -> Sphere:
@@ -160,17 +166,18 @@ def design(
     found: list[Resonance] = []
     for guess in guesses:
         pair = _root(guess, ratio, lambda omega: Contact.of(under_pressure(omega)))
-        if pair is None or forbidden(pair.mixed)[guess.target]:
+        if pair is None or forbidden(pair)[guess.target]:
             continue
-        omega = float(pair.tones[0][0])
-        each = Resonance(pair, guess.target, under_pressure(omega), frequency)
+        omega = float(pair.first.frequency)
+        each = Resonance(pair, guess.branches, guess.target, under_pressure(omega), frequency)
         agrees = abs(omega / (2 * np.pi * frequency) - each.sphere.time_scale) < CLOSE * each.sphere.time_scale
         if agrees and not any(each.mirrors(other) for other in found):
             found.append(each)
     if not found and sphere.work_of_adhesion:
         held = Contact.of(resting)
         pairs = [(guess, _root(guess, ratio, lambda _: held)) for guess in guesses]
-        omegas = [float(pair.tones[0][0]) for guess, pair in pairs if pair and not forbidden(pair.mixed)[guess.target]]
+        left = [pair for guess, pair in pairs if pair and not forbidden(pair)[guess.target]]
+        omegas = [float(each.first.frequency) for each in left]
         lowest = min(omegas, default=0.0) / (2 * np.pi * resting.time_scale)
         if frequency < lowest:
             raise ValueError(f"frequency is {frequency:g}; allowed: {lowest:.4g} Hz and above, without a pull")
@@ -208,13 +215,13 @@ class _Guess(NamedTuple):
     sign: Literal[1, -1]
     target: int
 
-    def pair(self, lengths: Floats, contact: Contact) -> Pair:
+    def pair(self, lengths: Floats, contact: Contact) -> Mixed:
         """Return the two waves with wave vectors of other lengths, (2,) or (2, N)."""
         first, second = (
-            Tone(length[..., None] * direction, branch)
+            (length[..., None] * direction, branch)
             for length, direction, branch in zip(lengths, self.along, self.branches, strict=True)
         )
-        return Pair(first, second, self.sign, contact)
+        return pair_of(first, second, self.sign, contact)
 
     def frequencies(self, lengths: Floats, contact: Contact) -> tuple[Floats, Floats, Floats]:
         """Return Ω1 (...), Ω2 (...) and |Ω1 ± Ω2| − Ω_j(k1 ± k2) (..., J) of waves of wave numbers (2, ...)."""
@@ -245,7 +252,7 @@ def _guesses(contact: Contact, ratio: float, angles: tuple[float, float]) -> Ite
                     yield guess._replace(start=start_at, target=int(target))
 
 
-def _root(guess: _Guess, ratio: float, contact_at: Callable[[float], Contact]) -> Pair | None:
+def _root(guess: _Guess, ratio: float, contact_at: Callable[[float], Contact]) -> Mixed | None:
     """Return the phase-matched pair near a guess, None if there is none in the zone.
 
     contact_at gives the contact of the crystal in which the first wave has a frequency Ω1.
@@ -275,8 +282,8 @@ def table(found: Sequence[Resonance], amplitude: float) -> str:
         f"{'f3, Hz':>11}{'F0, N':>11}{'eta':>9}{'periods':>9}"
     ]
     for each in found:
-        waves = [np.asarray(k, dtype=float) for k in (each.pair.first.wavevector, each.pair.second.wavevector)]
-        waves.append(each.pair.wavevector * np.sign(each.pair.frequency))
+        *waves, made = (k for k, _ in each._three)
+        waves.append(made * np.sign(each.pair.frequency))
         angles = "".join(f"{np.degrees(np.arctan2(k[1], k[0])) % 360:7.1f}" for k in waves)
         numbers = "".join(f"{np.linalg.norm(k) * np.sqrt(0.75):9.5f}" for k in waves)
         lines.append(

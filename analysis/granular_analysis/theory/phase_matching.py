@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize.elementwise import find_root
 
 from granular_analysis.theory.crystal import Crystal, Modes, padded
 from granular_analysis.theory.second_order import Mixed, Wave, branch_of, chosen
@@ -254,19 +253,21 @@ class _Line:
         return _in_phase(force, wave, answer)[:, 0], branch[:, 0], target[:, 0], one.frequency
 
     def selection(self, match: Match) -> str:
-        """Return which mirror forbids that a wave drives a branch at 2k."""
+        """Return which mirror forbids that a wave drives a branch at 2k, as a sentence for the table of resonances."""
         pair = self.doubled(match.wavenumber, match.branch)
         answer = chosen(pair.targets, pair.wavevector, match.target)
         for mirror in mirrors(self.crystal):
             own, other = (int(parity(self.crystal, mirror, each)) for each in (pair.first, answer))
             if own and other == -1:
                 name = "even" if own > 0 else "odd"
-                return f"a mirror: {name} + {name} is even, and this branch is odd"
-        return "vanishes, by no mirror along the wave"
+                return f"forbidden by a mirror: {name} + {name} is even, and this branch is odd"
+        return "vanishes, but no mirror symmetry along the wave explains it"
 
 
 def _crossings(function: Callable[..., Floats], low: Floats, high: Floats, *pairs: Integers) -> Floats:
     """Return where functions of a number and what says which pair it is cross 0, each between two numbers, (N,)."""
+    from scipy.optimize.elementwise import find_root  # slow to import, and only a search needs it
+
     return np.asarray(find_root(function, (low, high), args=pairs, tolerances={"xatol": 0.0, "xrtol": 1e-14}).x)
 
 

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular_analysis import second_harmonic as closed
 from granular_analysis.theory.bloch import frame
 from granular_analysis.theory.bonds import Measured
 from granular_analysis.theory.branches import named_branch
@@ -288,17 +287,6 @@ class Setting:
         return Spot(self.crystal(), np.array([np.cos(turn), np.sin(turn), 0 * turn]) / height, self.overlap)
 
     @property
-    def papers(self) -> bool:
-        """True for a running wave along y in the paper's crystal and plane, of which there is a closed form."""
-        scene, effects = self.scene, self.scene.effects
-        crystal = scene.packing.lattice == "hexagonal" and scene.sphere.contact_force == 0 and len(self.densities) == 1
-        contact = scene.sphere.adhesion_law == "dmt" and effects.shear_law == "secant"
-        turns = effects.shear is not False and effects.rotation is not False
-        plane = scene.space == 2 and self.measured == Measured()
-        running = scene.wave.form == "running" and scene.direction == closed.ALONG_Y
-        return crystal and contact and turns and plane and running
-
-    @property
     def unit(self) -> float:
         """Return 1/m of one rad per row of the wave number."""
         return float(1 / (self.lattice.row * self.scene.sphere.lattice_constant))
@@ -361,29 +349,3 @@ class Setting:
             moved += field * (0.5 if i == j else 1.0)
         scaled: Complexes = moved @ frame(scene.direction).T / scene.displacement_amplitude
         return scaled, 2 * turned(crystal, waves, t)
-
-
-class Signals(NamedTuple):
-    """First and second order of p, q, φ of the centre sphere of a scene, (T,) in D0, and by which theory."""
-
-    theory: str
-    first: tuple[Floats, Floats, Floats]
-    second: tuple[Floats, Floats, Floats]
-
-
-def signals(scene: Scene, tau: ArrayLike) -> Signals:
-    """Return what a scene's wave does to second order, by "closed form" where the paper's holds it, or by "crystal".
-
-    Raises ValueError for a scene that neither holds, by its keys.
-    """
-    setting, times = Setting(scene), np.asarray(tau, dtype=float)
-    crystal, _ = setting.start()
-    if not setting.papers:
-        return Signals("crystal", *setting.signals(times))
-    overlap_ratio = 1 - float(np.linalg.norm(crystal.bonds.apart[0])) / (2 * scene.sphere.radius)
-    constants = closed.ratios(scene.sphere.poisson_ratio, overlap_ratio=overlap_ratio)
-    wave, amplitude = closed.mode(scene.wave.mode, scene.wavenumber, constants), scene.wave.amplitude  # type: ignore[arg-type]
-    theta = scene.wave.phase - wave.frequency * times
-    second = closed.second_harmonic(wave, constants, amplitude, times, phase=scene.wave.phase)
-    first = wave.p * np.cos(theta), wave.q * np.cos(theta), -wave.f * np.sin(theta)
-    return Signals("closed form", first, (second, 0 * times, 0 * times))

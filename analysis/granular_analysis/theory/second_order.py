@@ -310,9 +310,15 @@ class Mixed:
     def growth_rates(self) -> Floats:
         """Return the rate |dual_j·M⁻¹F|/2ω_j at which mode j at K grows on resonance, (..., J); nan at ω_j = 0.
 
-        Raises ValueError where contacts wind up.
+        Off resonance it beats with at most 2·rate/|detuning|. Two waves of one amplitude a would make a third of that
+        amplitude in 1/(rate·a); the estimate ends before, as they pay for it. Raises ValueError where contacts wind up.
         """
         return self._running.rates(self.steady)
+
+    @property
+    def detunings(self) -> Floats:
+        """Return |Ω| − ω_j for each mode at K, (..., J); 0 where the two waves are phase-matched with it."""
+        return np.abs(self.frequency)[..., None] - self.targets.frequencies
 
 
 def second_order(

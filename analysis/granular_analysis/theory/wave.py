@@ -8,9 +8,8 @@ longitudinal, and along y X = (ε/2)P̃1 is imaginary (`granular_analysis.second
 When it breaks: where contacts open; for long on a resonance; dashpots are left out.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -18,10 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.second_harmonic import ALONG_Y, Mode, ModeName
 from granular_analysis.theory import bloch, second_order
-from granular_analysis.theory.bloch import branch_among, frame, hexagonal, in_plane, wavevector_of
+from granular_analysis.theory.bloch import branch_among, branch_index, frame, hexagonal, in_plane, wavevector_of
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.crystal import Crystal, padded
 from granular_analysis.theory.errors import TheoryError
+from granular_analysis.theory.phase_matching import matches
 from granular_analysis.theory.second_order import Mixed
 from granular_analysis.theory.third_order import Shift
 from granular_analysis.theory.third_order import shift as shift_of
@@ -33,8 +33,7 @@ Complexes = NDArray[np.complex128]
 # Forces that may be left, in units of the largest stiffness at the wave vector. Rounding leaves 1e-15; a contact of
 # another ν, inertia or geometry leaves as much as it differs by.
 RESIDUAL = 1e-9
-GRID = np.linspace(1e-3, np.pi - 1e-6, 65)  # ξ between which a resonance is looked for
-_CLOSER = np.outer(10.0 ** -np.arange(1, 9), [-1, 1]).ravel()  # distances from the zero of a chord, in its lengths
+COUNT = 64  # wave numbers of the line on which a resonance is looked for
 
 
 @dataclass(frozen=True)
@@ -219,26 +218,24 @@ def shifted_second_order(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Fl
 
 def resonance(contact: Contact) -> float | None:
     """Return ξ where the second harmonic of TR along y is a free L wave, 2Ω_TR(ξ) = Ω_L(2ξ); None if there is none."""
-
-    def detuning(wavenumbers: ArrayLike) -> Floats:
-        doubled = 2 * np.asarray(wavenumbers)
-        return 2 * _named("TR", wavenumbers, contact).frequency - _named("L", doubled, contact).frequency
-
-    return _root(detuning)
+    return _first("resonance", contact)
 
 
 def antiresonance(contact: Contact) -> float | None:
-    """Return ξ where TR along y makes no second harmonic; None if there is none.
+    """Return ξ where TR along y makes no second harmonic; None if there is none."""
+    return _first("antiresonance", contact)
 
-    It is looked for in the share of the forces of second order that L at 2ξ gets, which has no pole.
-    """
 
-    def drive(wavenumbers: ArrayLike) -> Floats:
-        one = _named("TR", wavenumbers, contact)
-        pair = Mixed(hexagonal(contact), one, one)
-        return np.take_along_axis(pair.steady, _longitudinal(pair)[..., None], axis=-1)[..., 0].imag
-
-    return _root(drive)
+@lru_cache(maxsize=16)
+def _first(kind: str, contact: Contact) -> float | None:
+    """Return ξ of the first match of a kind on the line along y, of TR with L."""
+    along = wavevector_of(1.0, ALONG_Y)
+    for each in matches(hexagonal(contact), along, COUNT):
+        k = each.wavenumber * along / np.linalg.norm(along)
+        pair = each.branch == branch_index("TR", k, contact) and each.target == branch_index("L", 2 * k, contact)
+        if pair and each.kind == kind:
+            return float(each.wavenumber / np.linalg.norm(along))
+    return None
 
 
 def _named(name: str, wavenumbers: ArrayLike, contact: Contact) -> second_order.Wave:
@@ -251,23 +248,3 @@ def _named(name: str, wavenumbers: ArrayLike, contact: Contact) -> second_order.
 def _longitudinal(pair: Mixed) -> NDArray[np.intp]:
     """Return which mode at K (...) of pairs of waves in the paper's crystal is L."""
     return branch_among("L", in_plane(pair.targets.shapes), pair.wavevector)
-
-
-def _root(function: Callable[[ArrayLike], Floats]) -> float | None:
-    """Return the least root between numbers of `GRID`, None if the function has one sign there.
-
-    Between two numbers of different signs the next lie closer and closer to where the chord is 0.
-    """
-    places = GRID
-    while True:
-        values = function(places)
-        signs = np.signbit(values)
-        changes = np.flatnonzero(signs[1:] != signs[:-1])
-        if not changes.size:
-            return None
-        (low, high), (before, after) = (each[changes[0] : changes[0] + 2] for each in (places, values))
-        if high - low < 4e-15:
-            return float((low + high) / 2)
-        zero = low + (high - low) * before / (before - after)
-        near = np.clip(zero + (high - low) * _CLOSER, low, high)
-        places = np.unique(np.concatenate([np.linspace(low, high, 9), near]))

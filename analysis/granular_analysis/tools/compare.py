@@ -8,7 +8,7 @@ Two references stand side by side. Against a *theory* (a formula) the error says
 walls, rounding. Where no theory of a plane wave holds a run, as its crystal is not perfect or its contacts slide or
 open, the *network* of its spheres stands in place of the theory and says how good the run is. Without its snapshots,
 runs in other lattices and layers have the second order of their crystal (`granular_analysis.measure.reference`). A note
-says which, why, and which script has a theory of the run. A theory that leaves out what the scene has is refused, and
+says which, and why. A theory that leaves out what the scene has is refused, and
 so is a run with an effect, a form, a key of the scene that stands in no line of `granular_analysis.theory.catalogue`.
 
 A run without a wave, of strikers or a state, has no p, q and φ: all motions that it records are compared with the
@@ -45,10 +45,10 @@ from granular_analysis.measure.signals import (
     signals_of,
 )
 from granular_analysis.measure.swept import Swept
-from granular_analysis.plotting import save, start, write
+from granular_analysis.plotting import save, write
 from granular_analysis.second_harmonic import ALONG_Y
-from granular_analysis.theory.catalogue import CRYSTAL, NETWORK, REFERENCES, script_for
-from granular_analysis.theory.choice import Trajectory, beyond, holding, traits, trajectory, wave_of
+from granular_analysis.theory.catalogue import CRYSTAL, NETWORK, REFERENCES
+from granular_analysis.theory.choice import Trajectory, beyond, holding, trajectory, wave_of
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.wave import Wave
 from granular_analysis.tools import curves
@@ -215,12 +215,8 @@ def notes(record: Record, wave: Wave | None, reference: Reference) -> list[str]:
     if wave is None:
         return loud + ([] if reference.name else [f"the run is compared with nothing, as {reference.reason}"])
     if not holding(wave):
-        script = script_for(traits(wave))
         instead = INSTEAD[reference.name] + (f", as {reference.reason}" if reference.reason else "")
-        loud.append(
-            f"no theory of a plane wave holds {', '.join(beyond(wave))}: the run is compared with {instead}"
-            + (f"; `{script}` has a theory of it" if script else "")
-        )
+        loud.append(f"no theory of a plane wave holds {', '.join(beyond(wave))}: the run is compared with {instead}")
     echo = record.scene.echo_time
     if record.tau[-1] > echo and reference.name != NETWORK:
         loud.append(f"the walls are heard from tau = {echo:.4g} on; the theory is that of the infinite lattice")
@@ -410,7 +406,3 @@ def main(argv: list[str] | None = None) -> int:
         if found.theory:
             save(figure(record, found), Path(folder) / "compare.png")
     return 0
-
-
-if __name__ == "__main__":
-    start(main)

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_analysis.plotting import scene_of, start, write
+from granular_analysis.plotting import in_one_line, scene_of, write
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.objectives import (
     POINTS,
@@ -52,7 +52,7 @@ from granular_analysis.theory.scenes import CRYSTAL_KEYS, MOTION, VARIED, Settin
 from granular_analysis.theory.variation import Resonance as Resonant
 from granular_analysis.theory.variation import Spot, Value
 from granular_lmp.cli.arguments import changes_argument
-from granular_lmp.runs.record import GranularError, Scene
+from granular_lmp.runs.record import Scene
 
 Floats = NDArray[np.float64]
 
@@ -293,7 +293,7 @@ def _of_scene(command: argparse.ArgumentParser, chosen: argparse.Namespace) -> i
         command.error(f"{chosen.what}: a scene needs --vary KEY LOW HIGH; a frequency is a number")
     if not 2 <= chosen.points <= 50:
         command.error(f"--points {chosen.points}: must be from 2 to 50")
-    try:
+    with in_one_line(chosen.what):
         bounds = tuple((float(low), float(high)) for _, low, high in chosen.vary)
         keys = tuple(key for key, *_ in chosen.vary)
         asked = chosen.best, chosen.at, chosen.branch, chosen.points, chosen.least
@@ -302,12 +302,4 @@ def _of_scene(command: argparse.ArgumentParser, chosen: argparse.Namespace) -> i
         print(answer.text())
         if chosen.output:
             write(Path(chosen.output), answer.scene.to_toml())
-    except GranularError as error:
-        raise SystemExit(error.in_options()) from error
-    except ValueError as error:
-        raise SystemExit(f"{chosen.what}: {error}") from error
     return 0
-
-
-if __name__ == "__main__":
-    start(main)

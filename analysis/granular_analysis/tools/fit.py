@@ -20,11 +20,11 @@ import numpy as np
 from granular_analysis.measure.fitting import Fit, summary
 from granular_analysis.measure.points import KINDS, UNITS, read
 from granular_analysis.measure.surface import Film, is_surface_wave
-from granular_analysis.plotting import letter, save, scene_of, start, write
+from granular_analysis.plotting import in_one_line, letter, save, scene_of, write
 from granular_analysis.theory.estimation import LOSSES, Estimate
 from granular_analysis.theory.scenes import Setting
 from granular_lmp.cli.arguments import changes_argument
-from granular_lmp.runs.record import GranularError, Scene
+from granular_lmp.runs.record import Scene
 from granular_lmp.scene.spreadsheets import ERROR, Column
 
 if TYPE_CHECKING:
@@ -219,17 +219,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--json", metavar="FILE", help="write all of the answer as JSON")
     parser.add_argument("--scene", dest="fitted", metavar="FILE", help="write the fitted scene, ready to run")
     options = parser.parse_args(arguments)
-    try:
+    with in_one_line():
         scene, (points, measured) = scene_of(options.scene, options), read(options.data)
         print(measured.understood)
         fit = Fit(scene, points, tuple(options.free), options.loss)
         print("".join(f"{each}\n" for each in unlikely_units(fit, measured.columns)), end="")
         fitted = Fitted(fit, fit.answer(), measured.columns)
         print(table(fitted))
-    except GranularError as error:
-        raise SystemExit(error.in_options()) from error
-    except ValueError as error:
-        raise SystemExit(str(error)) from error
     if options.output:
         save(figure(fitted), options.output)
     if options.json:
@@ -237,7 +233,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.fitted:
         write(Path(options.fitted), fitted.scene.to_toml())
     return 0
-
-
-if __name__ == "__main__":
-    start(main)

@@ -30,9 +30,9 @@ from granular_analysis.measure.disordered import Seeds, over_seeds, whole_streng
 from granular_analysis.measure.harmonic import Harmonic, by_cell, by_network, by_runs, by_theory, need_wave
 from granular_analysis.measure.runs import begun, load
 from granular_analysis.measure.swept import Swept
-from granular_analysis.plotting import scene_of, start, write, write_csv
+from granular_analysis.plotting import in_one_line, scene_of, write, write_csv
 from granular_lmp.cli.arguments import changes_argument, changes_of
-from granular_lmp.runs.record import STATUS, GranularError, Record, Scene
+from granular_lmp.runs.record import STATUS, Record, Scene
 
 Floats = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ def _of_scene(scene: Scene, by: str | None) -> Harmonic:
 def _first(scene: Scene, by: str | None, record: Callable[[], Record], tau: Floats) -> Harmonic:
     """Return what the first way that holds a wave finds, or the way that was asked for; ValueError if none holds it."""
     need_wave(scene)
-    ways = {
+    ways: dict[str, Callable[[], Harmonic]] = {
         "theory": lambda: by_theory(scene, tau),
         "cell": lambda: by_cell(record(), tau),
         "network": lambda: by_network(record(), tau),
@@ -126,11 +126,11 @@ def seeds_summary(found: Seeds) -> dict[str, Any]:
     mean, left = found.mean, found.mean / found.equal
     return {
         "name": found.scene.name,
-        "seeds": len(found.waves.amplitudes),
+        "seeds": len(found.amplitudes),
         "s": found.spread,
-        "tau": float(found.waves.tau[-1]),
+        "tau": float(found.tau[-1]),
         "mean": {"strength": mean.value, "error": mean.error},
-        "one_crystal": whole_strength(found.waves.amplitudes),
+        "one_crystal": whole_strength(found.amplitudes),
         "equal_spheres": found.equal,
         "left": {"share": left.value, "error": left.error},
     }
@@ -165,7 +165,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if options.seeds is not None and (options.by or options.csv or len(options.targets) > 1):
         parser.error("--seeds takes one scene, without --by and --csv")
-    try:
+    with in_one_line(", ".join(options.targets)):
         if options.seeds is not None:
             scene = scene_of(options.targets[0], options)
             seeds = over_seeds(scene, options.seeds, options.output or Path("seeds", scene.name))
@@ -173,10 +173,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         else:
             found = harmonic(options.targets, options.by, changes_of(options))
             text, said = table(found), summary(found)
-    except GranularError as error:
-        raise SystemExit(error.in_options()) from error
-    except ValueError as error:
-        raise SystemExit(f"{', '.join(options.targets)}: {error}") from error
     print(text)
     if options.csv:
         held = columns(found)
@@ -184,7 +180,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.json:
         write(Path(options.json), json.dumps(said, indent=2) + "\n")
     return 0
-
-
-if __name__ == "__main__":
-    start(main)

@@ -21,7 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granular_analysis.plotting import parser, save, scene_of, start, write_csv
+from granular_analysis.plotting import in_one_line, parser, save, scene_of, write_csv
 from granular_analysis.theory.bloch import frame
 from granular_analysis.theory.branches import names_of
 from granular_analysis.theory.crystal import Crystal, padded
@@ -29,7 +29,6 @@ from granular_analysis.theory.phase_matching import COUNT, Match, matches, zone_
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.validity import together, turned, validity
 from granular_lmp.cli.arguments import changes_argument
-from granular_lmp.runs.record import GranularError
 
 Floats = NDArray[np.float64]
 FIELDS = ("direction", "kind", "wavenumber", "wave", "target", "frequency_Hz", "growth", "forbidden")
@@ -73,7 +72,7 @@ def table(found: Sequence[Row], several: bool) -> str:
     for degrees, kind, xi, wave, target, frequency, growth, forbidden in found:
         grows = f"{growth:10.3g}" if growth else f"{'-':>10}"
         line = f"{kind:14} {xi:9.6f} {f'{wave} -> {target}':>10} {frequency:10.6g} Hz {grows}"
-        line += f"  forbidden by {forbidden}" if forbidden else ""
+        line += f"  {forbidden}" if forbidden else ""
         lines.append(f"{degrees:8.2f} {line}" if several else line)
     return "\n".join(lines)
 
@@ -156,14 +155,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         command.error(f"--map {options.map}: must be 2 or more directions, and --direction is not given with it")
     if options.direction is not None and not np.isfinite(options.direction):
         command.error(f"--direction {options.direction}: must be degrees, finite")
-    try:
+    with in_one_line(options.scene):
         setting = Setting(scene_of(options.scene, options))
         crystal = setting.crystal()
         said = outlook(setting, crystal)
-    except GranularError as error:
-        raise SystemExit(error.in_options()) from error
-    except ValueError as error:
-        raise SystemExit(f"{options.scene}: {error}") from error
     own = setting.scene.direction if options.direction is None else options.direction
     if setting.scene.packing.lattice == "chain" and (options.map or own % 180 != 90):
         command.error("a chain has one direction: 90")
@@ -173,7 +168,3 @@ def main(arguments: Sequence[str] | None = None) -> None:
     figure = draw_map(setting, found) if options.map else draw(setting, crystal, found, own)
     save(figure, options.output)
     write_csv(Path(options.output).with_suffix(".csv"), FIELDS, found)
-
-
-if __name__ == "__main__":
-    start(main)

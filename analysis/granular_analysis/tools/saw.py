@@ -33,12 +33,11 @@ from numpy.typing import NDArray
 from granular_analysis.measure.fitting import wavevectors
 from granular_analysis.measure.points import Point, read
 from granular_analysis.measure.surface import BRANCH, SLOWEST, Film, Wave, is_surface_wave
-from granular_analysis.plotting import parser, save, scene_of, start, write_csv
+from granular_analysis.plotting import in_one_line, parser, save, scene_of, write_csv
 from granular_analysis.theory.phase_matching import zone_edge
 from granular_analysis.theory.scenes import Setting
 from granular_analysis.theory.surface_wave import HalfSpace
 from granular_lmp.cli.arguments import changes_argument
-from granular_lmp.runs.record import GranularError
 from granular_lmp.scene.spreadsheets import TableError
 
 Floats = NDArray[np.float64]
@@ -140,17 +139,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = command.parse_args(arguments)
     if wrong := _wrong(options):
         command.error(wrong)
-    try:
+    with in_one_line(options.scene):
         setting = Setting(scene_of(options.scene, options))
         below = HalfSpace.of(*options.below) if options.below else None
         film = Film.of(setting, options.density, options.direction, thickness=options.thickness, below=below)
         points, understood = measured(options.data) if options.data else ([], "")
         vectors = wavevectors(setting, points)
         told = [table(film)] + ([understood, beside(points, film.met(points, vectors))] if points else [])
-    except GranularError as error:
-        raise SystemExit(error.in_options()) from error
-    except ValueError as error:
-        raise SystemExit(f"{options.scene}: {error}") from error
     at = np.linalg.norm(vectors, axis=1) / np.linalg.norm(film.unit)
     edge = zone_edge(film.coupled.crystal, film.unit) / float(np.linalg.norm(film.unit))
     limit = options.limit or max([min(edge, BEYOND * film.crossing), *(1.05 * at)])
@@ -177,7 +172,3 @@ def _wrong(options: Namespace) -> str:
     if not (0 < modulus < np.inf and -1 < ratio < 0.5 and 0 < density < np.inf):
         return f"--below {modulus} {ratio} {density}: must be Pa, Poisson's ratio between -1 and 0.5, kg/m3"
     return "" if options.thickness else "--below: needs --thickness, that of the film above it"
-
-
-if __name__ == "__main__":
-    start(main)

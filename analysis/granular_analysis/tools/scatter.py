@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from granular_analysis.measure.runs import load
 from granular_analysis.measure.snapshot import first_snapshot
-from granular_analysis.plotting import COLOURS, parser, show, start
+from granular_analysis.plotting import COLOURS, in_one_line, parser, save
 from granular_analysis.theory import catalogue
 from granular_analysis.theory.choice import traits_of
 from granular_analysis.theory.rows import Rows, rows_of
@@ -30,11 +30,13 @@ from granular_lmp.runs.record import Record
 Floats = NDArray[np.float64]
 
 _MATERIAL = ("radius", "density", "youngs_modulus", "poisson_ratio", "work_of_adhesion")
-HELD = (
-    catalogue.HOLDS["granular-analysis driven"] - {catalogue.DRIVEN, catalogue.NO_SHEAR, catalogue.NO_ROTATION}
-    | {catalogue.said("wave.form", "none"), "source"}
-    | {f"inclusion.{name}" for name in ("rows", "spheres", "vacancy", *_MATERIAL)}
-)
+HELD = (catalogue.HOLDS["second-order"] | catalogue.QUIET | {catalogue.AT_REST, "source"}) - {
+    catalogue.RUNNING,
+    catalogue.OBLIQUE,
+    catalogue.JKR,
+    catalogue.NO_SHEAR,
+    catalogue.NO_ROTATION,
+} | {f"inclusion.{name}" for name in ("rows", "spheres", "vacancy", *_MATERIAL)}
 FORBIDDEN = 1e-6  # share below which a wave is left out: the row's mirror forbids it
 DENSE = 101  # points of a line
 ABREAST = 3  # panels in a row of the figure
@@ -241,8 +243,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser(__doc__, "figures/scattering.png")
     options.add_argument("folders", nargs="+", metavar="FOLDER", help="folders of granular-lmp scatter")
     chosen = options.parse_args(arguments)
-    return show(lambda: [compare(folder) for folder in chosen.folders], table, draw, chosen.output)
-
-
-if __name__ == "__main__":
-    start(main)
+    with in_one_line():
+        found = [compare(folder) for folder in chosen.folders]
+    print(table(found))
+    save(draw(found), chosen.output)
+    return 0

@@ -29,8 +29,8 @@ from pathlib import Path
 from typing import Any
 
 from granular_lmp import compiled
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.errors import LammpsMissingError, LaunchError, RunFolderError
-from granular_lmp.lammps.contact import LATE
 from granular_lmp.lammps.installation import environment_with, has_package, lammps_module, use_locale
 from granular_lmp.lammps.outputs import writable
 
@@ -273,7 +273,8 @@ def unknown_in(deck: str) -> str:
 
 def only_here(deck: str) -> str:
     """Return what in the text of a deck the kernel alone knows; "" if LAMMPS knows all."""
-    late = re.search(rf"^pair_coeff +\S+ +\S+ +{LATE} ", deck, re.MULTILINE)
+    laws = "|".join(law.late for law in ADHESION_LAWS.values() if law.late)
+    late = re.search(rf"^pair_coeff +\S+ +\S+ +({laws}) ", deck, re.MULTILINE)
     return 'effects.parting = "distance": only the kernel has it' if late else ""
 
 

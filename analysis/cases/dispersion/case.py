@@ -1,0 +1,57 @@
+"""Dispersion by simulation: the spectral density of a sheet kicked at random, over Γ–M–K–Γ, with the theory over it.
+
+    granular-analysis dispersion SHEET [-o FILE]
+
+SHEET is ``sheet.npz`` of a kicked sheet (``granular-lmp kick``), or its folder. The table says how far the peaks are
+from the three branches, in units of the resolution 2π/T. ``make dispersion`` does it all.
+"""
+
+import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from cases.dispersion.density import Sheet, density, misses, zone_path
+from cases.runner import script
+
+Floats = NDArray[np.float64]
+BRANCHES = ("lower", "middle", "upper")
+
+
+def table(sheet: Sheet) -> str:
+    """Distances between theory and peaks, by branch, and of the peaks from theory."""
+    branches, others = misses(sheet, zone_path(sheet.box)[0])
+    lines = [f"resolution {sheet.resolution:.4f} rad per tau; distances in units of it"]
+    lines.append(f"{'':16}{'number':>7}{'median':>9}{'largest':>9}{'within 1':>10}")
+    named = [(f"{name} branch", part[~np.isnan(part)]) for name, part in zip(BRANCHES, branches.T, strict=True)]
+    for name, off in [*named, ("peaks", others)]:
+        said = f"{np.median(off):9.3f}{off.max():9.3f}{np.mean(off <= 1):10.1%}" if len(off) else f"{'-':>9}" * 2
+        lines.append(f"{name:16}{len(off):7}{said}")
+    return "\n".join(lines)
+
+
+def draw(sheet: Sheet) -> Figure:
+    """The spectral density over the path, each wave vector in units of its largest, and the theory over it."""
+    wavevectors, corners = zone_path(sheet.box)
+    frequencies, power = density(sheet, wavevectors)
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(wavevectors, axis=0), axis=1))])
+    # From M to K by one corner, from K to Γ by another: the step between them has the length of its neighbours
+    jump = corners[2]
+    along[jump:] += (along[jump - 1] - along[jump - 2]) - (along[jump] - along[jump - 1])
+    figure = Figure(figsize=(7.5, 5.5), layout="constrained")
+    axes = figure.subplots()
+    shown = power / power.max(axis=1, keepdims=True)
+    mesh = axes.pcolormesh(
+        along, frequencies, shown.T, norm=LogNorm(1e-4, 1), cmap="Greys", shading="nearest", rasterized=True
+    )
+    axes.plot(along, sheet.theory(wavevectors), color="tab:red", linewidth=0.8, linestyle=(0, (4, 4)))
+    axes.set(
+        ylabel=r"frequency $\Omega$ (rad per $t_0$)", ylim=(0, 2.05),
+        title=rf"a sheet kicked at random, $\tau \leq$ {sheet.tau[-1]:g}: LAMMPS (grey), theory (red)",
+    )  # fmt: skip
+    axes.set_xticks([along[corner] for corner in corners], [r"$\Gamma$", "M", "K", r"$\Gamma$"])
+    figure.colorbar(mesh, label="spectral density, of the largest at each wave vector")
+    return figure
+
+
+main = script(__name__, Sheet.load, table, draw, ("folder", "of a kicked sheet, or its sheet.npz"))

@@ -1,0 +1,137 @@
+"""Dispersion by simulation: the spectral density of a sheet kicked at random, and how far its peaks are from theory.
+
+The velocities of all spheres over time, transformed in space and time, have power only where the lattice has waves;
+theory is `granular_analysis.theory.bloch.real_modes`, with the inertia of LAMMPS's contact geometry.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_analysis.theory.bloch import real_modes
+from granular_analysis.theory.contact import Contact
+
+Floats = NDArray[np.float64]
+PADDING = 4  # points of the transform to a resolution
+# Maxima below this share of the largest power at a wave vector are no peaks. Side lobes of the Hann window are 7e-4.
+FLOOR = 2e-3
+# Two waves nearer to each other, in resolutions, make one peak: half the width of the main lobe of the window.
+LOBE = 2.0
+EFFECTS = {"adhesion", "shear", "rotation", "tracking", "width"}  # that the theory holds
+FEWEST = 8  # records: below, the window leaves next to nothing
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Velocities (T, N, 3) of all spheres in any unit at the times tau (T,), and the lattice, in lattice constants.
+
+    effects are the names of those that were on; prestress is the share of compression in the force at rest.
+    """
+
+    tau: Floats
+    velocity: Floats
+    position: Floats
+    box: Floats
+    poisson_ratio: float
+    overlap_ratio: float
+    prestress: float = 0.0
+    effects: Sequence[str] = ()
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read ``sheet.npz``, or that of the folder of a kicked sheet.
+
+        Raises
+        ------
+        ValueError
+            For a file that is none or says too little, holds fewer than `FEWEST` records, or a sheet that the theory
+            does not hold.
+        """
+        path = Path(path) / "sheet.npz" if Path(path).is_dir() else Path(path)
+        try:
+            with np.load(path) as file:
+                if "prestress" not in file and not file["contact_force"]:  # of version 0.1 and 0.2
+                    file = {**file, "prestress": 0.0}
+                sheet = cls(**{name: file[name] for name in cls.__dataclass_fields__})
+        except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, BadZipFile) as error:
+            raise ValueError(f"not the sheet of granular-lmp kick: {error}") from error
+        if len(sheet.tau) < FEWEST:
+            raise ValueError(f"{len(sheet.tau)} records; a spectrum takes at least {FEWEST}, kick it for longer")
+        if left_out := sorted(f"effects.{name}" for name in {*sheet.effects} - EFFECTS):
+            raise ValueError(f"the linear theory here leaves out {', '.join(left_out)}")
+        return sheet
+
+    @property
+    def resolution(self) -> float:
+        """2π/T, rad per τ."""
+        return float(2 * np.pi / (self.tau[-1] - self.tau[0]))
+
+    def theory(self, wavevectors: Floats) -> Floats:
+        """Frequencies (K, 3) of the three branches, ascending."""
+        ratio, overlap, share = (float(each) for each in (self.poisson_ratio, self.overlap_ratio, self.prestress))
+        return real_modes(wavevectors, Contact(ratio, overlap_ratio=overlap, prestress=share))[0]
+
+
+def zone_path(box: Floats) -> tuple[Floats, list[int]]:
+    """The wave vectors (K, 2) that a periodic sheet holds on Γ–M–K–Γ, and where on it the four corners are.
+
+    M = (0, 2π/√3) and K = (2π/3, 2π/√3), or (4π/3, 0), in 1/lattice constant; rows of spheres lie along x.
+
+    Raises ValueError for a sheet that does not hold M and K: rows must be even and columns a multiple of 3.
+    """
+    columns, rows = round(box[0]), round(box[1] * 2 / np.sqrt(3))
+    if columns % 3 or rows % 2:
+        raise ValueError(f"{rows} rows x {columns} columns: rows must be even and columns a multiple of 3")
+    x, y = 2 * np.pi / box
+    up = [(0, j * y) for j in range(rows // 2)]
+    across = [(i * x, rows // 2 * y) for i in range(columns // 3)]
+    back = [(i * x, 0) for i in range(2 * columns // 3, -1, -1)]
+    corners = np.cumsum([0, len(up), len(across), len(back) - 1]).tolist()
+    return np.array(up + across + back), corners
+
+
+def density(sheet: Sheet, wavevectors: Floats) -> tuple[Floats, Floats]:
+    """Frequencies (F,) and power (K, F) at them, both directions and all three components, through a Hann window.
+
+    S(k, Ω) = Σ_components |Σ_n Σ_t h(t) v_n(t) e^{−ik·r_n ± iΩt}|²
+    """
+    steps, spheres, parts = sheet.velocity.shape
+    in_space = np.tensordot(sheet.velocity, np.exp(-1j * sheet.position @ wavevectors.T), axes=(1, 0))  # (T, 3, K)
+    points = PADDING * steps
+    transformed = np.fft.fft(in_space * np.hanning(steps)[:, None, None], points, axis=0)
+    power = np.sum(np.abs(transformed) ** 2, axis=1).T / spheres
+    half = points // 2
+    both = power[:, :half] + np.concatenate([power[:, :1], power[:, : points - half : -1]], axis=1)
+    return 2 * np.pi * np.arange(half) / (points * (sheet.tau[1] - sheet.tau[0])), both
+
+
+def peaks(frequencies: Floats, power: Floats) -> Floats:
+    """Frequencies of the local maxima of one spectrum, by a parabola through the logarithm of three points."""
+    inner = power[1:-1]
+    top = 1 + np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]) & (inner > FLOOR * power.max()))
+    before, at, after = (np.log(power[top + shift]) for shift in (-1, 0, 1))
+    shift = (before - after) / (2 * (before - 2 * at + after))
+    return frequencies[top] + shift * (frequencies[1] - frequencies[0])
+
+
+def misses(sheet: Sheet, wavevectors: Floats) -> tuple[Floats, Floats]:
+    """Distances between theory and peaks, in resolutions: (K, 3) from each branch to its next peak, and for each peak.
+
+    nan for branches that make one peak with another, and for the two at Γ that are the sheet as a whole, at rest.
+    """
+    frequencies, power = density(sheet, wavevectors)
+    theory = sheet.theory(wavevectors)
+    branches, others = np.full(theory.shape, np.nan), []
+    for row, (expected, spectrum) in enumerate(zip(theory, power, strict=True)):
+        found = peaks(frequencies, spectrum)
+        distance = np.abs(found[:, None] - expected) / sheet.resolution
+        gaps = np.concatenate([[np.inf], np.diff(expected) / sheet.resolution, [np.inf]])
+        apart = (np.minimum(gaps[:-1], gaps[1:]) > LOBE) & (expected > sheet.resolution)
+        branches[row, apart] = distance.min(axis=0, initial=np.inf)[apart]
+        others.append(distance.min(axis=1))
+    return branches, np.concatenate(others)

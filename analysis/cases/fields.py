@@ -1,0 +1,97 @@
+"""Fields of all spheres of a periodic hexagonal sheet, read off snapshots: places, waves, components along the wave."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from granular_analysis.theory.bloch import unit
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+FieldOrWave = TypeVar("FieldOrWave", Floats, Complexes)
+
+ROW = np.sqrt(0.75)  # spacing of rows in lattice constants
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The places of a periodic hexagonal sheet, row by row as in LAMMPS's deck; lengths in lattice constants.
+
+    Raises ValueError for an odd number of rows, and for none.
+    """
+
+    rows: int
+    columns: int
+
+    def __post_init__(self) -> None:
+        if self.rows < 2 or self.rows % 2 or self.columns < 1:
+            raise ValueError(f"{self.rows} rows x {self.columns} columns: rows must be even, and there must be columns")
+
+    @cached_property
+    def _index(self) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.int_]]:
+        """Return row and column of each sphere, and whether its row is shifted by half a lattice constant, (R, C)."""
+        row, column = np.indices((self.rows, self.columns))
+        return row, column, (row - (self.rows - 1) // 2) % 2
+
+    @cached_property
+    def rest(self) -> Floats:
+        """Return the positions (N, 2) at rest; no sphere is on the border of the cell."""
+        row, column, odd = self._index
+        x, y = column - self.columns // 2 + 0.25 + 0.5 * odd, (row - (self.rows - 1) // 2) * ROW
+        return np.stack([x, y], axis=-1).reshape(-1, 2)
+
+    @cached_property
+    def wavevectors(self) -> Floats:
+        """Return half of the wave vectors that the sheet holds, (R, columns//2 + 1, 2), −k being the conjugate of k."""
+        y, x = np.indices((self.rows, self.columns // 2 + 1))
+        return 2 * np.pi * np.stack([x / self.columns, y / (self.rows * ROW)], axis=-1)
+
+    @cached_property
+    def _turn(self) -> Complexes:
+        return np.exp(-0.5j * self.wavevectors[0, :, 0] * self._index[2][:, :1])[..., None]
+
+    def waves(self, field: Floats) -> Complexes:
+        """Return the waves (..., R, columns//2 + 1, 3) of a field (..., N, 3)."""
+        rows = field.reshape(*field.shape[:-2], self.rows, self.columns, 3)
+        return np.fft.fft(np.fft.rfft(rows, axis=-2) * self._turn, axis=-3)
+
+    def field(self, waves: Complexes) -> Floats:
+        """Return the field (..., N, 3) of waves."""
+        rows = np.fft.irfft(np.fft.ifft(waves, axis=-3) * self._turn.conj(), self.columns, axis=-2)
+        return rows.reshape(*rows.shape[:-3], self.rows * self.columns, 3)
+
+
+def component(field: Floats, rest: Floats, wavevector: ArrayLike) -> Complexes:
+    """Return the amplitude X of a wave vector in a field: X = (2/N) Σ field e^{−ik·r}, of a real field Re[X e^{ik·r}].
+
+    Shapes (..., N, 3), (N, 2) in lattice constants and (2,) in their inverse give (..., 3). Other waves leak in where
+    the sheet does not hold this one. Where −k is k (at k = 0, in the middle of the zone's sides) it is twice as large.
+    """
+    phases = np.exp(-1j * rest @ np.asarray(wavevector, dtype=float))
+    return 2 / len(rest) * np.einsum("...nc,n->...c", field, phases)
+
+
+def in_frame(field: FieldOrWave, wavevector: ArrayLike) -> FieldOrWave:
+    """Return (…, 3) of u, v, φ as p along k (…, 2), q along ẑ × k, φ; k = 0 counts as along y."""
+    x, y = np.moveaxis(unit(wavevector), -1, 0)
+    u, v, phi = np.moveaxis(field, -1, 0)
+    return np.stack([x * u + y * v, x * v - y * u, phi], axis=-1)
+
+
+def rest_of(particles: Any) -> Floats:
+    """Positions (N, 2) at rest of the spheres of a run, in lattice constants."""
+    sphere = particles.scene.sphere
+    return particles.rest * sphere.radius / sphere.lattice_constant
+
+
+def fields_of(particles: Any, moved: str = "displacement", turned: str = "rotation") -> Floats:
+    """Fields (T, N, 3) of u, v, φ of the snapshots of a run, in D0, or by other names their rates."""
+    return np.array([field_of(each, moved, turned) for each in particles])
+
+
+def field_of(spheres: Any, moved: str = "displacement", turned: str = "rotation") -> Floats:
+    """Field (N, 3) of one snapshot, as `fields_of`."""
+    return np.column_stack([getattr(spheres, moved), getattr(spheres, turned)])

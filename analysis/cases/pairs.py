@@ -1,0 +1,30 @@
+"""Runs of one wave with two time steps, for Richardson's extrapolation."""
+
+from collections.abc import Iterable
+from math import isclose
+
+from granular_analysis.measure.runs import all_but
+from granular_lmp.runs.record import Record
+
+
+def by_wave(records: Iterable[Record]) -> list[list[Record]]:
+    """Return the runs of each wave, the finest step first: one run, or two of steps h/2 and h to be extrapolated.
+
+    Two runs are of one wave if their scenes differ in name, description and time step only.
+
+    Raises
+    ------
+    ValueError
+        For other runs of one wave: more than two, steps that are no pair, records of different length.
+    """
+    waves: dict[str, list[Record]] = {}
+    for record in records:
+        waves.setdefault(repr(all_but(record, "time.timestep", "time.tolerance")), []).append(record)
+    groups = [sorted(runs, key=lambda record: record.scene.time.step) for runs in waves.values()]
+    for fine, *rest in groups:
+        scene = fine.scene
+        pair = len(rest) == 1 and isclose(rest[0].scene.time.step, 2 * scene.time.step)
+        if rest and not (pair and len(rest[0].tau) == len(fine.tau)):
+            wave = f"{scene.wave.mode}, xi = {scene.wavenumber:.5g} at {scene.direction:.5g} degrees"
+            raise ValueError(f"{wave}: {1 + len(rest)} runs that are no pair of steps h and h/2")
+    return groups

@@ -1,0 +1,182 @@
+"""The paper's figure 2 (b, c) by simulation: the generated wave over the wave number, measured in LAMMPS runs.
+
+    granular-analysis spectrum SWEEP... [-o FILE]
+
+Each SWEEP is the folder of a sweep over mode and wave number (``granular-lmp sweep``), over two time steps h and h/2 as
+well if Richardson's extrapolation is wanted, and over the amplitude of the wave for a family of each; ``make spectrum``
+makes them. p(τ) of each run is fitted with the time functions of its wave (`cases.spectrum.points`); the
+amplitude is drawn over that of theory, with the deviation below. Resonance and antiresonance are located twice for each
+amplitude of the wave, by theory and by the runs alone. Runs of different spheres or contacts are refused: theory is one
+line.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from functools import partial
+from itertools import cycle
+from typing import TypeVar
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from cases.runner import script
+from cases.spectrum.points import (
+    Point,
+    extrapolated,
+    locate_antiresonance,
+    locate_resonance,
+    point,
+    refusal,
+)
+from granular_analysis.plotting import COLOURS
+from granular_analysis.theory.choice import wave_of
+from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.wave import Wave, antiresonance, generated, nonlinearity, resonance
+from granular_lmp.runs.record import Record
+
+Floats = NDArray[np.float64]
+T = TypeVar("T")
+BOUND = 5e-3  # drawn: the median deviation is to stay below it
+MARKERS = "os^Dv"  # by the amplitude of the wave
+Measured = tuple[Sequence[Point], Sequence[Record]]  # points of sweeps, and their runs, extrapolated
+TITLES = {"TR": "transverse-rotational", "RT": "rotational-transverse", "L": "longitudinal"}
+
+
+def refuse(records: Sequence[Record]) -> None:
+    """Raise ValueError for runs that are none of these, and for one mode with several contacts, of many lines."""
+    for record in records:
+        if reason := refusal(record):
+            raise ValueError(f"{record.folder}: {reason}")
+    first: dict[str, tuple[Record, Contact]] = {}
+    for record in records:
+        here = wave_of(record).contact
+        other, there = first.setdefault(record.scene.wave.mode, (record, here))
+        for part in fields(here):
+            mine, its = getattr(here, part.name), getattr(there, part.name)
+            if mine != its:
+                raise ValueError(
+                    f"{record.folder}: {part.name} = {mine!r}, but {its!r} in {other.folder}; "
+                    "a figure takes the runs of one crystal"
+                )
+
+
+def table(found: Measured) -> str:
+    """Deviation from theory by mode and amplitude of the wave, and both locations, of runs and theory."""
+    points, records = found
+    lines = [
+        f"{'':4}{'D0/Delta0':>10}{'runs':>6}{'deviation, median':>19}{'largest':>10}{'standard error, median':>24}"
+    ]
+    for name, amplitude in families(points):
+        these = family(points, name, amplitude)
+        off = np.abs([each.deviation for each in these])
+        error = np.median([abs(each.error / each.predicted) for each in these])
+        lines.append(f"{name:4}{amplitude:9g}{len(off):6}{np.median(off):19.1e}{off.max():10.1e}{error:24.1e}")
+    amplitudes = [amplitude for name, amplitude in families(points) if name == "TR"]
+    if amplitudes:
+        contact = _wave(records, "TR").contact
+        lines.append(f"\n{'':13}{'D0/Delta0':>10}{'from the runs':>21}{'theory':>12}{'difference':>12}")
+        zero, pole = partial(antiresonance, contact), partial(resonance, contact)
+    for amplitude in amplitudes:
+        runs = [record for record in records if record.scene.wave.amplitude == amplitude]
+        these = family(points, "TR", amplitude)
+        lines.append(_located("resonance", amplitude, locate_resonance, runs, pole))
+        lines.append(_located("antiresonance", amplitude, locate_antiresonance, these, zero))
+    return "\n".join(lines)
+
+
+def _located(
+    name: str,
+    amplitude: float,
+    locate: Callable[[Sequence[T]], tuple[float, float]],
+    runs: Sequence[T],
+    theory: Callable[[], float | None],
+) -> str:
+    line = f"{name:13}{amplitude:10g}"
+    try:
+        (place, error), expected = locate(runs), theory()
+    except ValueError as reason:
+        return f"{line}   not located: {reason}"
+    shown = f"{'none':>12}" if expected is None else f"{expected:12.6f}{place - expected:12.1e}"
+    return f"{line}{place:11.6f} ±{error:8.1e}{shown}"
+
+
+def families(points: Sequence[Point]) -> list[tuple[str, float]]:
+    """Return the modes, in the order of `TITLES`, with the amplitudes of the wave, in ascending order."""
+    return sorted(
+        {(each.mode, each.amplitude) for each in points}, key=lambda one: (list(TITLES).index(one[0]), one[1])
+    )
+
+
+def family(points: Sequence[Point], mode: str, amplitude: float) -> list[Point]:
+    """Return the points of a mode and an amplitude of the wave, by wave number."""
+    these = (each for each in points if (each.mode, each.amplitude) == (mode, amplitude))
+    return sorted(these, key=lambda each: each.wavenumber)
+
+
+def _wave(records: Sequence[Record], name: str) -> Wave:
+    """Return the wave of the first run of a mode; L runs have other constants than TR, as no sphere turns in them."""
+    return wave_of(next(record for record in records if record.scene.wave.mode == name))
+
+
+def draw(found: Measured) -> Figure:
+    """The amplitude of each mode over the wave number, runs on theory, and below the deviation of each run.
+
+    Each amplitude of the wave has its marker; standard errors are drawn where there is one amplitude.
+    """
+    points, records = found
+    names = list(dict.fromkeys(name for name, _ in families(points)))
+    amplitudes = sorted({each.amplitude for each in points})
+    several = len(amplitudes) > 1
+    figure = Figure(figsize=(1.0 + 3.6 * len(names), 6.2), layout="constrained")
+    panels = figure.subplots(2, len(names), sharex=True, sharey="row", squeeze=False, height_ratios=(2, 1.2))
+    for name, above, below in zip(names, *panels, strict=True):
+        _theory(above, _wave(records, name))
+        for amplitude, marker in zip(amplitudes, cycle(MARKERS), strict=False):
+            these = family(points, name, amplitude)
+            _amplitudes(above, these, marker, COLOURS[name], labelled=amplitude == amplitudes[0])
+            xis = [each.wavenumber for each in these]
+            label = rf"{amplitude:g} $\Delta_0$" if several else "LAMMPS"
+            off = [abs(each.deviation) for each in these]
+            below.semilogy(xis, off, marker, markersize=3, color=COLOURS[name], label=label)
+            if not several:
+                errors = [abs(each.error / each.predicted) for each in these]
+                below.semilogy(xis, errors, color="tab:grey", linewidth=1, label="standard error")
+        below.axhline(BOUND, color="black", linewidth=0.8, linestyle=":", label=f"{BOUND:.1%}")
+        below.set(xlabel=r"wave number $\xi$ (rad per row)", xlim=(0, np.pi))
+    panels[0, 0].set(ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)", ylim=(3e-6, 300))
+    panels[1, 0].set(ylabel="relative deviation", ylim=(1e-7, 1))
+    panels[0, 0].legend(frameon=False, fontsize="small", loc="upper left")
+    panels[1, 0].legend(frameon=False, fontsize="small", loc="upper left", ncols=3, columnspacing=1, handlelength=1.5)
+    end, listed = max(record.tau[-1] for record in records), ", ".join(f"{amplitude:g}" for amplitude in amplitudes)
+    figure.suptitle(
+        "second harmonic in LAMMPS"
+        + (", " if len(names) > 1 else "\n")
+        + rf"$D_0$ = {listed} $\Delta_0$, $\tau \leq$ {end:g}"
+    )
+    return figure
+
+
+def _theory(axes: Axes, wave: Wave) -> None:
+    name, xis = wave.mode.name, np.linspace(0.02, np.pi - 0.02, 4000)
+    theory = np.abs(generated(name, xis, wave.contact) / nonlinearity(wave.contact, 1.0))
+    axes.semilogy(xis, theory, color=COLOURS[name], linewidth=1, label="theory")
+    axes.set_title(f"{name}, {TITLES[name]}", fontsize="medium")
+
+
+def _amplitudes(axes: Axes, points: Sequence[Point], marker: str, colour: str, *, labelled: bool) -> None:
+    for positive, face, label in ((True, colour, "LAMMPS, > 0"), (False, "white", "LAMMPS, < 0")):
+        these = [(each.wavenumber, abs(each.value)) for each in points if (each.value > 0) == positive]
+        marks = {"markersize": 3.5, "color": colour, "markerfacecolor": face}
+        axes.semilogy(*np.reshape(these, (-1, 2)).T, marker, **marks, label=label if labelled else None)
+
+
+def measure(runs: Sequence[Record]) -> Measured:
+    """Return the points of runs, and the runs, pairs of steps extrapolated."""
+    refuse(runs)
+    records = extrapolated(runs)
+    return [point(record) for record in records], records
+
+
+main = script(__name__, measure, table, draw, ("sweeps", "over wave.mode, wave.wavenumber"))

@@ -1,0 +1,191 @@
+"""A standing wave in a run, such as a transient grating leaves, beside theory.
+
+    granular-analysis standing RUN [-o FILE]
+
+The script reads a run of form "standing" with snapshots of all spheres and prints relative L2 errors of the theory over
+all rows and times that the walls have not reached. The left panels show the wave over the rows, in each third of the
+run when p_SH is largest to one side; the right ones over time, at rows where fundamental and second harmonic are large;
+dots are the run, lines theory; below, what is left. For L the second harmonic of the run is what the linear wave leaves
+of p: this holds third-order changes of the fundamental as well, so its relative error is of order a; for TR and RT, a².
+With the incremental shear law LAMMPS's own error is of first order in the step, and soon larger: halve it and compare.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike, NDArray
+
+from cases.rows import Rows, echo, load_form
+from cases.runner import script
+from granular_analysis.measure.norms import relative_error
+from granular_analysis.plotting import letter
+from granular_analysis.theory.choice import wave_of
+from granular_analysis.theory.second_order import Mixed, started, together
+from granular_analysis.theory.wave import Wave
+from granular_lmp.runs.record import Record
+
+Floats = NDArray[np.float64]
+HARMONIC = "second harmonic"
+COLOURS = ("tab:blue", "tab:orange", "tab:green")
+
+
+def standing(wave: Wave, tau: ArrayLike, row: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Return p, q, φ in D0, to second order, of a standing wave along y that is let go at rest at τ = 0.
+
+        q = Q cos θ cos Ωτ,  φ = −f sin θ cos Ωτ (TR, RT)  or  p = cos θ cos Ωτ (L),    θ = ξn + phase
+
+    Two waves of half the amplitude, ±Ω, each make a second harmonic of their own, and one of frequency 0 of each other.
+    p_SH = Re[X e^{2iθ}] vanishes where cos θ = 0 and where sin θ = 0, at the nodes *and* the antinodes of the
+    fundamental. Relative errors of p (TR, RT), q and φ fall as a².
+
+    Parameters
+    ----------
+    wave : the running wave of twice the amplitude of either, along y.
+    tau, row : times and rows n, of shapes that broadcast.
+    """
+    times, mode = np.asarray(tau, dtype=float), wave.mode
+    theta = mode.wavenumber * np.asarray(row, dtype=float) + wave.phase
+    one = wave.linear
+    both = started(wave.crystal, one.wavevector, one.shape, 0 * one.shape)
+    first, second = zip(*product(both, both), strict=True)
+    pairs = Mixed(wave.crystal, together(first), together(second))
+    field = 0.5 * wave.amplitude * pairs.signal(times[..., None]).sum(axis=-3)
+    swing = np.cos(mode.frequency * times)
+    p = mode.p * np.cos(theta) * swing + np.real(wave.framed(field)[..., 0] * np.exp(2j * theta))
+    return p, mode.q * np.cos(theta) * swing, -mode.f * np.sin(theta) * swing
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A run beside the theory: its rows, the n of each, where (T, rows) the walls are not heard, and what predicts."""
+
+    wave: Wave
+    run: Rows
+    n: NDArray[np.intp]
+    clean: NDArray[np.bool_]
+
+    def theory(self, tau: ArrayLike, n: ArrayLike) -> dict[str, Floats]:
+        """p, q, φ, and the second harmonic, of `standing`."""
+        wave = self.wave
+        p, q, phi = standing(wave, tau, n)
+        return {"p": p, "q": q, "phi": phi, HARMONIC: p - self._linear(tau, n)}
+
+    def measured(self) -> dict[str, Floats]:
+        """The same of the run, (T, rows)."""
+        run = self.run
+        return {"p": run.p, "q": run.q, "phi": run.phi, HARMONIC: run.p - self._linear(run.tau[:, None], self.n)}
+
+    def _linear(self, tau: ArrayLike, n: ArrayLike) -> Floats:
+        theta = self.wave.mode.wavenumber * np.asarray(n) + self.wave.phase
+        return self.wave.mode.p * np.cos(theta) * np.cos(self.wave.mode.frequency * np.asarray(tau))
+
+    def errors(self) -> dict[str, float]:
+        """Relative L2 errors over all clean rows and times, of the components that move and of the second harmonic."""
+        names = ["p"] if self.wave.mode.name == "L" else ["q", "phi"] if self.wave.mode.f else ["q"]
+        theory, run = self.theory(self.run.tau[:, None], self.n), self.measured()
+        return {name: relative_error(theory[name][self.clean], run[name][self.clean]) for name in [*names, HARMONIC]}
+
+
+def compare(record: Record, rows: Rows) -> Comparison:
+    """Set the theory beside a run.
+
+    Raises ValueError where p_SH is zero at every row, as for ξ = π/2 and phase 0, and where the walls are heard in all.
+    """
+    wave, scene = wave_of(record), record.scene
+    xi = wave.mode.wavenumber
+    n = np.arange(rows.count) - scene.shape.centre_row
+    # Far above the rounding of ξn, far below what can be seen
+    if np.max(np.abs(np.sin(2 * (xi * n + wave.phase)))) < 1e-6:
+        raise ValueError(f"no second harmonic at any row: xi = {xi:g} and phase = {wave.phase:g}")
+    walls = np.minimum(np.arange(rows.count), np.arange(rows.count)[::-1])
+    fixed = scene.shape.ends == "fixed"
+    clean = (rows.tau[:, None] < echo(walls)) if fixed else np.ones(rows.p.shape, dtype=bool)
+    if not clean[rows.tau > 0].any():
+        raise ValueError(f"{rows.count} rows between fixed ends, or its snapshots, are too few: no row is undisturbed")
+    return Comparison(wave, rows, n, clean)
+
+
+def draw(found: Comparison) -> Figure:
+    """Left: over the rows at three times. Right: over time at two rows."""
+    figure = Figure(figsize=(10, 8), layout="constrained")
+    panels = figure.subplots(3, 2, sharex="col", height_ratios=[3, 3, 2])
+    names = ["p" if found.wave.mode.name == "L" else "q", HARMONIC]
+    _over_rows(list(panels[:, 0]), found, names)
+    _over_time(list(panels[:, 1]), found, names)
+    errors = ",  ".join(f"{key} {value:.1e}" for key, value in found.errors().items())
+    figure.suptitle(
+        rf"standing {found.wave.mode.name}, $\xi$ = {found.wave.mode.wavenumber:.4g}, $a$ = {found.wave.amplitude:g}; "
+        f"relative errors: {errors}",
+        fontsize="medium",
+    )
+    letter(panels.T.ravel())
+    for axes in panels.ravel():
+        axes.margins(x=0.01)
+    for axes in panels[:2].ravel():
+        axes.ticklabel_format(axis="y", scilimits=(-2, 3))
+    fundamental = "$p = v/D_0$" if found.wave.mode.name == "L" else "$q = -u/D_0$"
+    for axes, label in zip(panels[:, 0], (fundamental, r"$p_{\rm SH}$", r"|error| of $p_{\rm SH}$"), strict=True):
+        axes.set_ylabel(label)
+    panels[2, 0].set_xlabel("row $n$ (grey: nodes; dotted: antinodes)")
+    panels[2, 1].set_xlabel(r"time $\tau$")
+    # Outside the panels, where no curve is covered
+    panels[2, 0].xaxis.set_major_locator(MaxNLocator(integer=True))
+    handles = panels[0, 0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=3, frameon=False, title="dots: run, lines: theory")
+    return figure
+
+
+def _over_rows(panels: list[Axes], found: Comparison, names: list[str]) -> None:
+    xi, tau, run = found.wave.mode.wavenumber, found.run.tau, found.measured()
+    # Two wavelengths: more cannot be told apart
+    near = np.abs(found.n) <= np.ceil(2 * np.pi / xi)
+    size = found.theory(tau, (np.pi / 4 - found.wave.phase) / xi)[HARMONIC]
+    for third, sign, colour in zip(np.array_split(np.arange(len(tau)), 3), (1, -1, 1), COLOURS, strict=True):
+        at = third[np.argmax(sign * size[third])]
+        use = near & found.clean[at]
+        if not use.any():
+            continue
+        n, fine = found.n[use], np.linspace(found.n[use][0], found.n[use][-1], 401)
+        for axes, name in zip(panels, names, strict=False):
+            axes.plot(fine, found.theory(tau[at], fine)[name], color=colour, linewidth=1.0)
+            axes.plot(n, run[name][at, use], "o", color=colour, markersize=4, label=rf"$\tau$ = {tau[at]:.4g}")
+        residual = np.abs(run[HARMONIC][at, use] - found.theory(tau[at], n)[HARMONIC])
+        panels[2].semilogy(n, residual, "o-", color=colour, markersize=3, linewidth=0.5)
+    ends = np.sort(xi * found.n[near][[0, -1]] + found.wave.phase) / (np.pi / 2)
+    for quarter in range(int(np.ceil(ends[0])), int(np.floor(ends[1])) + 1):
+        for axes in panels[:2]:
+            place = (quarter * np.pi / 2 - found.wave.phase) / xi
+            axes.axvline(place, color="silver", linestyle="-" if quarter % 2 else ":", linewidth=0.8, zorder=0)
+
+
+def _over_time(panels: list[Axes], found: Comparison, names: list[str]) -> None:
+    theta, run, tau = found.wave.mode.wavenumber * found.n + found.wave.phase, found.measured(), found.run.tau
+    near = np.abs(found.n) <= 1 + np.pi / found.wave.mode.wavenumber
+    for axes, name, size in zip(panels, names, (np.cos(theta), np.sin(2 * theta)), strict=False):
+        row = int(np.argmax(np.where(near, np.abs(size), -1.0)))
+        use = found.clean[:, row]
+        fine = np.linspace(tau[use][0], tau[use][-1], 1001)
+        axes.plot(fine, found.theory(fine, found.n[row])[name], color="tab:red", linewidth=1.0, label="theory")
+        axes.plot(tau[use], run[name][use, row], ".", color="black", markersize=3, label="run")
+        axes.set_title(f"row {found.n[row]}", fontsize="medium")
+    # The first snapshot is the start, which both share
+    use = use & (tau > tau[0])
+    residual = np.abs(run[HARMONIC][use, row] - found.theory(tau[use], found.n[row])[HARMONIC])
+    panels[2].semilogy(tau[use], residual, color="black", linewidth=0.8)
+
+
+def table(found: Comparison) -> str:
+    """Return the relative errors, a line each."""
+    return "\n".join(f"{name:16s} {size:.2e}" for name, size in found.errors().items())
+
+
+def of_folder(folder: str) -> Comparison:
+    """Return the comparison of a run folder."""
+    return compare(*load_form(folder, "standing"))
+
+
+main = script(__name__, of_folder, table, draw, ("folder", "run of a standing wave"), figure="grating.png")

@@ -1,0 +1,49 @@
+"""Records of strikes on spheres that just touch: what a measurement holds of them, and which spheres they have."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_analysis.measure.strikes import Sites, hertz, scale_of_strike
+from granular_analysis.theory.errors import TheoryError
+from granular_lmp.runs.record import Record, Scene
+
+Integers = NDArray[np.intp]
+
+
+def require(record: Record, *held: str) -> None:
+    """Raise ValueError if a scene has more than strikers, by the names below, that is not `held`.
+
+    held : any of "start.state", "start.noise", "packing.contact_force", "effects.friction", "effects.restitution",
+        "effects.viscosity", "disorder", "inclusion".
+    """
+    scene: Any = record.scene  # nothing of it is "auto"
+    disorder = scene.disorder
+    there = {
+        "start.state": bool(scene.start.state),
+        "start.noise": scene.start.noise > 0,
+        "packing.contact_force": scene.packing.contact_force > 0,
+        "effects.friction": float(scene.effects.friction) > 0,
+        "effects.restitution": scene.effects.restitution < 1,
+        "effects.viscosity": scene.effects.viscosity > 0,
+        "disorder": max(disorder.radius, disorder.density, disorder.vacancies) > 0,
+        "inclusion": bool(scene.inclusion),
+    }
+    if unknown := {*held} - {*there}:
+        raise TheoryError(f"held = {sorted(unknown)}: must be among {', '.join(there)}")
+    for name, given in there.items():
+        if given and name not in held:
+            raise TheoryError(f"{scene.name}: {name}: must be left out; what is measured or set beside it lacks it")
+
+
+def recorded(scene: Scene) -> Integers:
+    """Return the indices of the recorded spheres of a lattice: all, if the scene names none."""
+    sites, named = Sites.of(scene), scene.output.rows or scene.output.spheres
+    return sites.chosen(scene.output) if named else np.arange(len(sites.row))
+
+
+def rest_overlap(scene: Scene) -> float:
+    """Return (F0/A)^{2/3} of two of the declared spheres that are pressed together, in ℓ."""
+    length, _ = scale_of_strike(scene)
+    return float((scene.packing.contact_force / hertz(scene)) ** (2 / 3) / length)

@@ -1,0 +1,69 @@
+"""Signals of sources over time τ: tones, bursts, chirps, Ricker's wavelet, steps and samples.
+
+Each returns a function of times (T,).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+Function = Callable[[Floats], Floats]
+
+
+def tone(frequency: float, ramp: float, phase: float = 0.0, delay: float = 0.0) -> Function:
+    """Return r(t/ramp) cos(Ωt − phase), t = τ − delay, with r(s) = s³(10 − 15s + 6s²) on [0, 1]."""
+    return lambda tau: _rise((tau - delay) / ramp) * np.cos(frequency * (tau - delay) - phase)
+
+
+def burst(frequency: float, cycles: float, phase: float = 0.0, delay: float = 0.0) -> Function:
+    """Return the tone of some cycles under a Hann window, 0 before and after it."""
+
+    def signal(tau: Floats) -> Floats:
+        angle = frequency * (tau - delay)
+        inside = (angle > 0) & (angle < 2 * np.pi * cycles)
+        return np.where(inside, 0.5 * (1 - np.cos(angle / cycles)) * np.cos(angle - phase), 0.0)
+
+    return signal
+
+
+def chirp(frequency: float, sweep: float, cycles: float, phase: float = 0.0, delay: float = 0.0) -> Function:
+    """Return cos(∫ω dt − phase) with ω = Ω to sweep Ω at a constant rate in some cycles, under a Hann window."""
+    duration = 2 * np.pi * cycles / (0.5 * (1 + sweep) * frequency)
+    rate = (sweep - 1) * frequency / duration
+
+    def signal(tau: Floats) -> Floats:
+        t = np.clip(tau - delay, 0.0, duration)  # the window is 0 at both ends
+        return np.asarray(np.sin(np.pi * t / duration) ** 2 * np.cos(frequency * t + rate * t**2 / 2 - phase))
+
+    return signal
+
+
+def ricker(frequency: float, delay: float = 0.0) -> Function:
+    """Return (1 − y²/2) e^{−y²/4}, y = Ωt − 12: the second derivative of a Gaussian, its spectrum largest at Ω."""
+
+    def signal(tau: Floats) -> Floats:
+        y = frequency * (tau - delay) - 12.0
+        return (1 - y**2 / 2) * np.exp(-(y**2) / 4)
+
+    return signal
+
+
+def step(ramp: float, delay: float = 0.0) -> Function:
+    """Return r(t/ramp), which stays 1."""
+    return lambda tau: _rise((tau - delay) / ramp)
+
+
+def samples(pairs: ArrayLike, delay: float = 0.0) -> Function:
+    """Return the cubic spline through (τ, value) pairs (n, 2), level at both ends; it stays what it is beyond them."""
+    from scipy.interpolate import CubicSpline  # slow to import, and only samples need it
+
+    tau, value = np.asarray(pairs, dtype=float).T
+    spline = CubicSpline(np.linspace(tau[0], tau[-1], len(tau)), value, bc_type="clamped")
+    return lambda times: np.asarray(spline(np.clip(np.asarray(times) - delay, tau[0], tau[-1])))
+
+
+def _rise(share: Floats) -> Floats:
+    s = np.clip(share, 0.0, 1.0)
+    return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))

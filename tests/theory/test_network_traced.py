@@ -1,0 +1,60 @@
+"""The network by JAX: the lines are those of NumPy, and so are forces and motions, to rounding."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from granular_analysis.theory.network import Network, Wall
+from granular_analysis.theory.network_outside import Drive
+from granular_analysis.theory.network_state import State, contacts, resultants, start
+from granular_analysis.theory.network_verlet import march
+from tests.theory.test_loops import LAWS, RNG, STEEL, packing
+
+traced = pytest.importorskip("granular_analysis.theory.network_traced", reason="needs JAX")
+jax = pytest.importorskip("jax")
+
+
+def touching(dimension: int, **changes: object) -> tuple[Network, State]:
+    """Return spheres of two materials, some of which touch each other and a wall, with sheared contacts."""
+    flat = packing()
+    deep = RNG.uniform(-0.05, 0.05, (60, dimension - 2))
+    floor = Wall((0.0, -0.98, 0.0)[:dimension], (0.0, -1.0, 0.0)[:dimension], STEEL)
+    cell = (*flat.cell, np.inf)[:dimension]
+    network = replace(flat, position=np.hstack([flat.position, deep]), cell=cell, walls=(floor,), **changes)
+    spins = RNG.normal(0, 2e-3, (60, 3) if dimension == 3 else 60)
+    state = start(network, *RNG.normal(0, 2e-3, (2, 60, dimension)), spins, spins)
+    return network, replace(state, shear=state.shear + RNG.normal(0, 1e-4, state.shear.shape))
+
+
+@pytest.mark.parametrize("changes", LAWS, ids=str)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_forces_of_any_law_are_those_of_numpy(changes: dict[str, object], dimension: int) -> None:
+    network, state = touching(dimension, **changes)
+
+    @jax.jit
+    def forces(arrays: traced.Arrays, motion: object, memory: object, begun: object) -> object:
+        pairs = traced.pairs_of(network, arrays)
+        now = contacts(network, motion, pairs, memory, begun)
+        return resultants(pairs, now), now.memory_rate
+
+    found = forces(traced.arrays_of(state.pairs), *map(jax.numpy.asarray, (state.motion, state.shear, state.begun)))
+    now = contacts(network, state.motion, state.pairs, state.shear, state.begun)
+    for one, other in zip(found, (resultants(state.pairs, now), now.memory_rate), strict=True):
+        np.testing.assert_allclose(np.array(one), other, rtol=0, atol=1e-13 * np.abs(other).max())
+
+
+def test_motions_are_those_of_numpy_also_where_pairs_are_searched_again() -> None:
+    network, state = touching(2, friction=0.2)
+    swing = Drive(np.array([3, 4]), 0, lambda time: 0.3 * np.sin(time), moves=True, longest=1.0, size=0.3)
+    push = Drive(np.array([10]), 1, lambda time: 1e-3 * np.cos(time), longest=1.0, size=1e-3)
+    network = replace(network, drives=(swing, push), drag=np.linspace(0, 0.1, 60))
+    one, other = (np.array([*way(network, state, 0.02, 120, 40)]) for way in (march, traced.march))
+    assert np.abs(one[-1, :2] - one[0, :2]).max() > network.margin / 4  # so that they were
+    np.testing.assert_allclose(other, one, rtol=0, atol=1e-11)
+
+
+def test_two_runs_give_the_same_bits() -> None:
+    network, state = touching(2)
+    one, other = (np.array([*traced.march(network, state, 0.02, 50, 50)]) for _ in range(2))
+    assert one.tobytes() == other.tobytes()

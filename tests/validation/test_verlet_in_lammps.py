@@ -1,0 +1,85 @@
+"""LAMMPS's own scheme in the network: the motion of every sphere of a run of LAMMPS, to rounding.
+
+LAMMPS keeps positions, so that each step rounds a displacement to the last digit of the largest place, and a record
+errs as such roundings add up at random. The network keeps displacements.
+"""
+
+from dataclasses import replace
+from math import ceil, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granular_analysis.measure.snapshot import first_snapshot
+from granular_analysis.theory.network_verlet import march
+from granular_lmp import Scene, run
+from tests.conftest import members
+from tests.hard.ladder_scenes import FAMILIES, IMPACTS, impact_scene, wave_scene
+
+INPUTS = Path(__file__).parents[2] / "lammps_inputs"
+SHIPPED = sorted(path.parent.name for path in INPUTS.glob("**/scene.toml"))
+HELD = [family for family in FAMILIES if family != "rolling"]  # the network has no rolling
+ROUNDINGS = 4.0  # the largest error of 76 runs is 1.5 √steps roundings
+LONGEST = 24.0  # τ
+
+
+def difference(scene: Scene, folder: Path, heavier: float = 0.0) -> tuple[float, float]:
+    """Return the largest error of displacements, velocities and R × spin of all spheres, in D0 and t0, and its bound.
+
+    Spheres are `heavier` by a share.
+    """
+    changes: dict[str, Any] = {"time.duration": min(LONGEST, scene.time.duration)}
+    changes |= {"time.timestep": 0.05} if scene.time.tolerance is not None else {}
+    changes |= {"output.particles": scene.time.sample} if scene.wave else {}
+    scene = scene.with_values(changes)
+    record = run(scene if scene.wave else scene.replace(output=None), folder / "run")
+    first, time, snapshots = first_snapshot(record), record.scene.time, record.snapshots()
+    network, every = first.network, ceil(time.sample / time.timestep - 1e-9)
+    count = (len(snapshots) - 1) * every
+    network = replace(network, density=network.density * (1 + heavier))
+    motions = np.array([*march(network, first.state, time.sample / every * first.time, count, every)])
+    free = network.mobility[0] > 0  # the velocity of a sphere that is moved is the slope of its signal
+    place, _, velocity, spin = (
+        np.moveaxis(part, 1, 2) / first.length
+        for half in np.split(motions, 2, axis=1)
+        for part in np.split(half, [network.dimension], axis=1)
+    )
+    expected = snapshots.stacks("displacement", "velocity", "spin")
+    errors = (
+        place - expected[0],
+        (velocity * first.time - expected[1])[:, free],
+        (spin * first.radius * first.time - expected[2].reshape(spin.shape))[:, free],
+    )
+    rounding = np.spacing(np.abs(network.position).max()) / first.length
+    size = max(1.0, np.abs(expected[0]).max())
+    return max(np.abs(each).max() for each in errors), 1e-9 * size + ROUNDINGS * sqrt(count) * rounding
+
+
+OFTEN = ["l_opening", "tr_sliding", "tr_damped", "two_tones", "multilayer", "struck_sheet", "quiet_ends"]
+
+
+@pytest.mark.parametrize("name", members(SHIPPED, *(name for name in SHIPPED if name not in OFTEN)))
+def test_a_shipped_scene_moves_as_in_lammps(name: str, tmp_path: Path) -> None:
+    error, bound = difference(Scene.load(name), tmp_path)
+    assert error < bound
+
+
+@pytest.mark.parametrize("seed", members([1, 2], 2))
+@pytest.mark.parametrize("family", HELD)
+def test_a_random_wave_moves_as_in_lammps(family: str, seed: int, tmp_path: Path) -> None:
+    error, bound = difference(wave_scene(family, seed), tmp_path)
+    assert error < bound
+
+
+@pytest.mark.parametrize("seed", members([1, 2], 2))
+@pytest.mark.parametrize("family", IMPACTS)
+def test_a_random_impact_moves_as_in_lammps(family: str, seed: int, tmp_path: Path) -> None:
+    error, bound = difference(impact_scene(family, seed), tmp_path)
+    assert error < bound
+
+
+def test_a_mass_that_is_wrong_by_a_millionth_is_seen(tmp_path: Path) -> None:
+    error, bound = difference(Scene.load("tr_periodic"), tmp_path, heavier=1e-6)
+    assert error > 100 * bound
