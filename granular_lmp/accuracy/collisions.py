@@ -23,6 +23,7 @@ from granular_lmp.accuracy import extrapolation
 from granular_lmp.accuracy.extrapolation import Judgement, Signals
 from granular_lmp.problem import Problem
 from granular_lmp.runs.components import FORCES, RATES
+from granular_lmp.scene.kinds import OF_ROWS
 
 SAFETY = 4.0  # with 3, two in 130 ladders of 35 scenes ended with up to 1.3 of the tolerance (tests/hard)
 # Steps in the shortest collision of the first run: at a tolerance of 1e-4, and the fewest
@@ -77,9 +78,9 @@ def _units(signals: Signals, *, of_impact: bool) -> dict[str, float]:
 
 
 def _kind(name: str) -> str:
-    """Return the kind of a signal: "rate", "force", "flux" or "motion"."""
+    """Return the kind of a signal: "rate", "force", "motion", or its name if it is of rows."""
     last = name.rpartition(".")[2]
-    return "rate" if last in _RATES else "force" if last in FORCES else "flux" if last == "flux" else "motion"
+    return "rate" if last in _RATES else "force" if last in FORCES else last if last in OF_ROWS else "motion"
 
 
 def _largest(values: NDArray[np.float64]) -> float:

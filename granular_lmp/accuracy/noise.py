@@ -1,7 +1,7 @@
 """Signals of a run that count for its tolerance: not those that vanish by symmetry, nor those lost in rounding."""
 
 from collections.abc import Mapping, Sequence
-from math import inf
+from math import inf, prod
 
 import numpy as np
 
@@ -11,13 +11,14 @@ from granular_lmp.errors import ToleranceError
 from granular_lmp.rest.held import largest_step
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import FORCES, NAMES, RATES
+from granular_lmp.scene.kinds import OF_ROWS
 
 # Noise of one run that the estimate sees: twice the distance of the sums of three runs and of two holds 2.6 times that
 # of steps as 2, 3, 4 and 2.8 times that of 4, 5, 8, if it is independent; 0.3 times that of 1, 2, 4
 _SEEN = 3.0
 # The law of one run gives noise to within a factor of three, and sums of uneven steps raise it
 _WITHIN, _LAW = 3.0, 5.0
-_KINDS = (NAMES, RATES, FORCES, ("flux",))
+_KINDS = (NAMES, RATES, FORCES, *((name,) for name in OF_ROWS))
 
 
 def counted(scene: Scene, signals: Signals) -> list[str]:
@@ -35,18 +36,22 @@ def noise_of(scene: Scene, signals: Signals) -> dict[str, float]:
     """Return the rounding noise of each signal relative to it, in a run with the step of the scene.
 
     That of displacements and forces is `noise_floor` or `grain`, whichever is larger; that of their rates is higher by
-    the highest frequency of the crystal, and the one of a flux follows from its factors.
+    the highest frequency of the crystal, and the one of a sum over a row follows from its factors.
     """
     noise, fastest = max(noise_floor(scene), grain(scene)), 2 / largest_step(scene)
     sizes = {name: _rms(values) for name, values in signals.items()}
 
     def level(name: str) -> float:
         monitor, _, column = name.rpartition(".")
-        if column != "flux":
+        if column not in OF_ROWS:
             return noise * (fastest if column in RATES else 1.0)
-        moves = [each for each in RATES if not each.startswith("phi")]
-        rate, force = (max(sizes.get(f"{monitor}.{each}", 0.0) for each in kind) for kind in (moves, FORCES))
-        return noise * (fastest * force + rate) * float(np.sqrt(scene.shape.columns))
+        factors = OF_ROWS[column].product
+        parts = {"rate": [each for each in RATES if not each.startswith("phi")], "force": FORCES}
+        size = {kind: max(sizes.get(f"{monitor}.{each}", 0.0) for each in parts[kind]) for kind in factors}
+        noisy = {"rate": fastest, "force": 1.0}
+        others = (factors[:k] + factors[k + 1 :] for k in range(len(factors)))
+        terms = [noisy[kind] * prod(size[each] for each in rest) for kind, rest in zip(factors, others, strict=True)]
+        return noise * sum(terms) * float(np.sqrt(scene.shape.columns))
 
     return {name: level(name) / size if size else inf for name, size in sizes.items()}
 

@@ -56,8 +56,7 @@ class Recorded:
         own, everyone = dict(record.signals), _everyone(record.scene)
         for each in monitors:
             own |= _moving_parts(each.monitor.name, *(getattr(each, name) for name in _FIELDS))
-            if each.monitor.what == "flux":
-                own[f"{each.monitor.name}.flux"] = each.flux
+            own |= {f"{each.monitor.name}.{name}": values for name, values in each.of_rows.items()}
         if everyone:
             snapshots = record.snapshots()
             own |= _moving_parts(PARTICLES, *snapshots.stacks(*_FIELDS))

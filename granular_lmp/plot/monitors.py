@@ -1,5 +1,7 @@
 """Signals of a monitor over time: a panel for each thing that it records, a line for each sphere, contact or row."""
 
+from dataclasses import replace
+
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
@@ -8,24 +10,12 @@ from granular_lmp.accuracy.rounding import moving
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.colours import unit_of
 from granular_lmp.plot.signals import LEGEND, Picture
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.tables import places_of
+from granular_lmp.scene.kinds import Quantity, quantity_of
 
 MOST_LINES = 8  # If there are more, their mean is drawn between the least and the largest of them
-# Symbol of each signal, and its unit beside a wave and without one
-_SIGNALS = {
-    "motion": {
-        **{name: (f"${name}$", "D_0", r"\ell") for name in "uvw"},
-        **{f"phi{axis}": (rf"$R\theta_{axis}$" if axis else r"$R\theta$", "D_0", r"\ell") for axis in ("", *"xyz")},
-    },
-    "contacts": {
-        "normal": ("normal force", "k_1 D_0", r"m\ell/t_0^2"),
-        "shear": ("shear force", "k_1 D_0", r"m\ell/t_0^2"),
-        **{f"shear_{axis}": (f"shear force along {axis}", "k_1 D_0", r"m\ell/t_0^2") for axis in "xyz"},
-        "overlap": ("overlap", r"\Delta_0", r"\ell"),
-    },
-    "flux": {"flux": ("flux along $y$", "k_1 D_0^2/t_0", r"m\ell^2/t_0^3")},
-}
 
 
 def monitor_figure(monitor: MonitorRecord) -> Picture:
@@ -37,8 +27,9 @@ def monitor_figure(monitor: MonitorRecord) -> Picture:
         If the monitor has recorded nothing that is not zero.
     """
     columns, times = monitor.columns(), monitor.tau
-    known = _SIGNALS[monitor.monitor.what]
-    found = {name: columns[name].reshape(len(times), -1) for name in known if name in columns and len(times)}
+    known = {name: quantity_of(name, monitor.monitor.known.quantities) for name in columns if not name.endswith("_t")}
+    symbols = {name: _symbol(name, each, monitor.scene) for name, each in known.items() if each and each.symbol}
+    found = {name: columns[name].reshape(len(times), -1) for name in symbols if len(times)}
     drawn = {name: found[name] for name in moving(found)}
     if not drawn:
         raise ViewError(f"monitor {monitor.monitor.name}: recorded nothing but zeros; there is nothing to draw")
@@ -46,16 +37,23 @@ def monitor_figure(monitor: MonitorRecord) -> Picture:
     panels = figure.subplots(len(drawn), squeeze=False, sharex=True)[:, 0]
     labels = _labels(monitor)
     for panel, (name, values) in zip(panels, drawn.items(), strict=True):
-        symbol, *units = known[name]
         _draw(panel, times, values, labels)
-        unit = units[monitor.scene.wave is None].replace(r"\ell", unit_of(monitor.scene))
-        panel.set(ylabel=f"{symbol} (${unit}$)")
+        panel.set(ylabel=symbols[name])
         panel.margins(x=0)
     panels[-1].set(xlabel=r"$\tau$ ($t_0$)")
     if 1 < len(labels) <= MOST_LINES:
         panels[0].legend(fontsize=LEGEND, ncols=2)
     panels[0].set_title(f"{monitor.scene.name}: monitor {monitor.monitor.name}", fontsize="medium")
     return figure
+
+
+def _symbol(name: str, quantity: Quantity, scene: Scene) -> str:
+    """Return the symbol of a signal with its unit."""
+    axis = name.partition("_")[2]
+    unit = replace(quantity.unit, radius=0)  # the symbol of an angle holds R
+    words = unit.words(unit_of(scene), scene.scale.symbol, of_impact=scene.scale.of_impact)
+    along = f" along {axis}" if axis else ""
+    return f"{quantity.symbol}{along} (${words.replace('k1', 'k_1').replace('t0', 't_0')}$)"
 
 
 def _labels(monitor: MonitorRecord) -> list[str]:
@@ -65,9 +63,9 @@ def _labels(monitor: MonitorRecord) -> list[str]:
         columns = places_of(monitor.crystal, spheres).values()
         return [str([*place]) for place in zip(*(each.tolist() for each in columns), strict=True)]
 
-    if monitor.monitor.what == "flux":
+    if monitor.monitor.known.of == "row":
         return [f"row {number}" for number in monitor.rows]
-    if monitor.monitor.what == "motion":
+    if monitor.monitor.known.of == "sphere":
         return at(monitor.spheres)
     contacts = monitor.contacts
     others = [f"wall {face}" if face else place for face, place in zip(contacts.wall, at(contacts.j), strict=True)]

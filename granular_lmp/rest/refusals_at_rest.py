@@ -26,8 +26,8 @@ from granular_lmp.rest.derived import Derived
 from granular_lmp.rest.refusal import ALL, AT_REST, Refusal, joining
 from granular_lmp.rest.space import substrate_trouble
 from granular_lmp.scene.bodies import Contact
-from granular_lmp.scene.forms import DRIVEN, STILL, named
-from granular_lmp.scene.schema import AUTO, shown
+from granular_lmp.scene.forms import DRIVEN, STILL
+from granular_lmp.scene.schema import AUTO, either, shown
 from granular_lmp.scene.without_wave import HELD
 
 MOST_SPHERES = 10_000_000
@@ -333,7 +333,7 @@ def quiet_ends(scene: Derived) -> str:
     if form.fills and not envelope.length:
         return (
             f"absorb.rows = {absorb.rows!r}: would damp a wave that fills the packing; needs envelope.length above 0 "
-            f"or wave.form = {named((*DRIVEN, *STILL))}"
+            f"or wave.form = {either((*DRIVEN, *STILL))}"
         )
     return ""
 

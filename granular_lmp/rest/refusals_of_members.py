@@ -173,6 +173,6 @@ def monitors_by_themselves(scene: Derived) -> str:
             return f"packing.columns = {packing.columns!r}: must be a number where a monitor has single spheres"
         for trouble in place_troubles(each.rows, each.spheres, shape, each.layers):
             return f"monitor {each.name}: {trouble}"
-        if each.what == "flux" and not each.rows:
-            return f'monitor {each.name}: {each.places}: must be rows with what = "flux"'
+        if each.known.of == "row" and not each.rows:
+            return f'monitor {each.name}: {each.places}: must be rows with what = "{each.what}"'
     return ""

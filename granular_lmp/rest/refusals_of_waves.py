@@ -7,8 +7,8 @@ from granular_lmp.rest.derived import Derived
 from granular_lmp.rest.refusal import Refusal, joining
 from granular_lmp.rest.refusals_at_rest import EPSILON, FEWEST_ROUNDINGS, MOST_SPHERES, smallest_motion
 from granular_lmp.rest.shape import LARGEST_CELL, SNAP
-from granular_lmp.scene.forms import DRIVEN, named
-from granular_lmp.scene.schema import AUTO, shown
+from granular_lmp.scene.forms import DRIVEN
+from granular_lmp.scene.schema import AUTO, either, shown
 from granular_lmp.scene.sections import Envelope
 from granular_lmp.scene.without_wave import WAVE
 
@@ -63,7 +63,7 @@ def wave_vector_and_envelope(scene: Derived) -> str:
             f"Brillouin zone ends there in wave.direction = {wave.direction!r}"
         )
     if not scene.form.driven and envelope.ramp != Envelope.ramp:
-        return f"envelope.ramp = {envelope.ramp!r}: is for wave.form = {named(DRIVEN)} only"
+        return f"envelope.ramp = {envelope.ramp!r}: is for wave.form = {either(DRIVEN)} only"
     axis = wave.vector(shape.lattice).axis
     if axis is None and (envelope.length > 0) != (envelope.width > 0):
         return (

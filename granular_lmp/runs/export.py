@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import whole
-from granular_lmp.runs.components import NAMES, in_space
+from granular_lmp.runs.components import in_space
 from granular_lmp.runs.crate import write_crate
 from granular_lmp.runs.h5md import write_h5md
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
-from granular_lmp.runs.scales import force_of, length_of
+from granular_lmp.runs.scales import length_of, si_of
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.runs.tables import write_csv
+from granular_lmp.scene.kinds import quantity_of
 
 __all__ = ["export"]
 
@@ -30,19 +31,16 @@ def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float6
     Of motion ``t_s``, ``u_m``, ``v_m``, ``theta_rad``, ``u_t_m_s``, ``v_t_m_s``, ``theta_t_rad_s``; of contacts
     ``normal_N``, ``shear_N``, ``overlap_m``, and ``rolling_Nm`` where contacts resist rolling; of flux ``flux_W``.
     """
-    sphere, unit, scale = monitor.scene.sphere, length_of(monitor.scene), monitor.scene.scale
-    time, force = scale.time, force_of(monitor.scene)
-    units = {"tau": ("t_s", time), "overlap": ("overlap_m", scale.length), "flux": ("flux_W", monitor.watt)}
-    for name in NAMES:
-        said, size, what = (name, unit, "m") if len(name) == 1 else (f"theta{name[3:]}", unit / sphere.radius, "rad")
-        units |= {name: (f"{said}_{what}", size), f"{name}_t": (f"{said}_t_{what}_s", size / time)}
-    for axis in ("", "_x", "_y", "_z"):
-        units |= {f"{name}{axis}": (f"{name}{axis}_N", force) for name in ("normal", "shear")}
-        units[f"rolling{axis}"] = (f"rolling{axis}_Nm", force * sphere.radius)
-    found = {}
-    for name, values in monitor.columns().items():
-        said, factor = units.get(name, (name, None))
-        found[said] = values if factor is None else values * factor
+    columns, time = monitor.columns(), monitor.scene.scale.time
+    found = {"t_s": columns.pop("tau") * time}
+    for name, values in columns.items():
+        quantity = quantity_of(name, monitor.monitor.known.quantities)
+        if quantity is None:
+            found[name] = values
+            continue
+        said, factor = f"{name.replace('phi', 'theta')}_{quantity.unit.si}", si_of(quantity.unit, monitor.scene)
+        rate = name.endswith("_t")
+        found[said + "_s" * rate] = values * (factor / time if rate else factor)
     return found
 
 

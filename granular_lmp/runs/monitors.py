@@ -18,6 +18,7 @@ OVITO reads ``monitor.NAME.bin`` as a binary LAMMPS dump with the columns of a s
 as a ``dump local``.
 """
 
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, Self
@@ -38,10 +39,11 @@ from granular_lmp.runs.components import by_axis, components, rates
 from granular_lmp.runs.contact_forces import ContactForces
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.prescribed_motion import at_the_instant, moved_spheres
-from granular_lmp.runs.scales import force_of, length_of
+from granular_lmp.runs.scales import force_of, si_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.snapshots import dimensionless, finest
 from granular_lmp.runs.tables import HasTables, Many, places_of
+from granular_lmp.scene.kinds import POWER, WITH_CONTACTS
 from granular_lmp.scene.monitors import Monitor, row_step
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.schema import allowed_names
@@ -181,7 +183,7 @@ class MonitorRecord(HasTables):
         if not self.monitor.with_contacts:
             raise RunFolderError(
                 f'monitor {self.monitor.name}: what = "{self.monitor.what}": holds no contacts; run its scene with '
-                'what = "contacts" or "flux"'
+                f"what = {WITH_CONTACTS}"
             )
         path = self.folder / MONITOR_CONTACTS.format(self.monitor.name)
         refuse_changed_record(self.folder, path)
@@ -306,6 +308,12 @@ class MonitorRecord(HasTables):
         return np.arange(first, last + 1)
 
     @cached_property
+    def of_rows(self) -> dict[str, Floats]:
+        """What a monitor of rows is for, by name, (T, R) each; nothing of other kinds."""
+        kind = self.monitor.known
+        return {name: _OF_ROWS[name](self) for name in kind.quantities} if kind.of == "row" else {}
+
+    @property
     def flux(self) -> Floats:
         """Energy flux through each of `rows`, (T, R), positive along +y, in k1 D0²/t0.
 
@@ -314,23 +322,17 @@ class MonitorRecord(HasTables):
         RunFolderError
             If the monitor is of another kind.
         """
-        if self.monitor.what != "flux":
+        if "flux" not in self.of_rows:
             raise RunFolderError(
                 f'monitor {self.monitor.name}: what = "{self.monitor.what}": holds no flux; run its scene with '
                 'what = "flux" for rows'
             )
-        row, between = self.crystal.arrays["row"], self.contacts.wall == ""
-        flux = np.zeros((len(self.tau), len(self.rows)))
-        for end, other in (("i", "j"), ("j", "i")):
-            of, to = (row[getattr(self.contacts, name)[between]] for name in (end, other))
-            up = row_step(to - of, self.scene.shape)  # 1 if the contact leads to the row above
-            flux -= self.power(end)[:, between] @ (0.5 * up[:, None] * (of[:, None] == self.rows))
-        return flux
+        return self.of_rows["flux"]
 
     @property
     def watt(self) -> float:
         """The unit of power k1 D0²/t0, in W."""
-        return force_of(self.scene) * length_of(self.scene) / self.scene.scale.time
+        return si_of(POWER, self.scene)
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return what the monitor is for as columns of one length, dimensionless, time by time.
@@ -344,9 +346,10 @@ class MonitorRecord(HasTables):
 
     @property
     def _many(self) -> Many:
-        if self.monitor.what == "flux":
-            return Many(self.scene, self.tau, "row", {"row": self.rows}, {"flux": self.flux})
-        if self.monitor.what == "contacts":
+        kind = self.monitor.known.of
+        if kind == "row":
+            return Many(self.scene, self.tau, kind, {"row": self.rows}, {**self.of_rows})
+        if kind == "contact":
             contacts = self.contacts
             which = places_of(self.crystal, contacts.i, "_i") | places_of(self.crystal, contacts.j, "_j")
             if self.walls:
@@ -355,13 +358,27 @@ class MonitorRecord(HasTables):
             values: dict[str, Floats] = {}
             for name in ("normal", "shear", "overlap", *rolls):
                 values |= by_axis(name, getattr(contacts, name))
-            return Many(self.scene, self.tau, "contact", which, values)
+            return Many(self.scene, self.tau, kind, which, values)
         moving = components(self.displacement, self.rotation)
         moving |= rates(self.velocity, self.spin)
-        return Many(self.scene, self.tau, "sphere", places_of(self.crystal, self.spheres), moving)
+        return Many(self.scene, self.tau, kind, places_of(self.crystal, self.spheres), moving)
 
     def __repr__(self) -> str:
         return f"<MonitorRecord {self.monitor.name}: {self.monitor.what}, {self.monitor.places}, {self.folder}>"
+
+
+def _flux(monitor: MonitorRecord) -> Floats:
+    row, between = monitor.crystal.arrays["row"], monitor.contacts.wall == ""
+    flux = np.zeros((len(monitor.tau), len(monitor.rows)))
+    for end, other in (("i", "j"), ("j", "i")):
+        of, to = (row[getattr(monitor.contacts, name)[between]] for name in (end, other))
+        up = row_step(to - of, monitor.scene.shape)  # 1 if the contact leads to the row above
+        flux -= monitor.power(end)[:, between] @ (0.5 * up[:, None] * (of[:, None] == monitor.rows))
+    return flux
+
+
+# What kinds of rows compute, by the name of the quantity
+_OF_ROWS: dict[str, Callable[[MonitorRecord], Floats]] = {"flux": _flux}
 
 
 def _cross(n: Floats, vectors: Floats) -> Floats:

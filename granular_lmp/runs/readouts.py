@@ -169,7 +169,7 @@ def fitted(matrix: Floats, signals: Floats) -> tuple[Floats, Floats]:
 
 def readouts_of(record: Record) -> dict[str, Any]:
     """Return the entry ``monitors`` of ``run.json`` from the record of a run; nothing without a monitor of motion."""
-    watched = [each.name for each in record.scene.monitor if each.what == "motion"]
+    watched = [each.name for each in record.scene.monitor if each.known.of == "sphere"]
     return {"monitors": {name: readout(record.monitor(name)) for name in watched}} if watched else {}
 
 

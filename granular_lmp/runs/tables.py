@@ -21,6 +21,7 @@ from granular_lmp.lammps.outputs import STATUS, csv_text, replace_text
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import MOTION
 from granular_lmp.runs.scales import force_of, length_of
+from granular_lmp.scene.kinds import QUANTITIES
 
 Columns = dict[str, NDArray[Any]]
 # Unit and meaning of each signal
@@ -35,16 +36,6 @@ _SAID = {
     "velocity": ("{length}/t0", "velocity of the recorded spheres"),
     "spin": ("{length}/t0", "rate of rotation of the recorded spheres, R omega"),
     "force": ("m {length}/t0^2", "force on the recorded spheres"),
-}
-# Unit and meaning of what is known of many spheres, contacts or rows; NAME_t is the rate of NAME
-_OF_MANY = {
-    **{name: ("{length}", f"displacement along {axis}") for name, axis in zip("uvw", "xyz", strict=True)},
-    **{f"phi{axis}": ("{length}/R rad", f"rotation about {axis or 'z'}, R theta") for axis in ("", *"xyz")},
-    "normal": ("{force}", "normal force of the contact, positive where it pushes"),
-    "shear": ("{force}", "shear force of the contact"),
-    "rolling": ("{force} R", "torque of the roll"),
-    "overlap": ("{overlap}", "overlap of the contact"),
-    "flux": ("{power}", "energy flux through the row, positive along +y"),
 }
 
 
@@ -88,7 +79,9 @@ class Many:
 
     def _said(self, name: str) -> dict[str, str]:
         rate = name.endswith("_t")
-        unit, meaning = _OF_MANY[name.partition("_")[0]]
+        quantity, scale = QUANTITIES[name.partition("_")[0]], self.scene.scale
+        unit = quantity.unit.words(_length(self.scene), scale.name, of_impact=scale.of_impact)
+        unit, meaning = unit + " rad" * (quantity.unit.si == "rad"), quantity.meaning
         axis = f" along {name[-1]}" if name[-2:] in ("_x", "_y", "_z") else ""
         return _told(self.scene, f"{unit}/t0" if rate else unit, f"rate of {meaning}" if rate else f"{meaning}{axis}")
 
@@ -242,12 +235,7 @@ def _length(scene: Scene) -> str:
 
 def _told(scene: Scene, unit: str, meaning: str) -> dict[str, str]:
     """Return the attributes of a variable."""
-    length = _length(scene)
-    names = {"force": f"k1 {length}", "power": f"k1 {length}^2/t0"}
-    if scene.scale.of_impact:
-        names = {"force": "m l/t0^2", "power": "m l^2/t0^3"}
-    names["overlap"] = scene.scale.name
-    return {"units": unit.format(length=length, **names), "long_name": meaning}
+    return {"units": unit.format(length=_length(scene)), "long_name": meaning}
 
 
 def _dataset(

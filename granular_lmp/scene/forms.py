@@ -73,8 +73,3 @@ MEANING = f"{', '.join(_OTHERS)}, or {_LAST}"  # of the key
 STILL = tuple(name for name, form in FORMS.items() if not form.waves)  # the crystal is shaken or struck
 DRIVEN = tuple(name for name, form in FORMS.items() if form.driven)
 NO_WAVE = FORMS["none"]  # that of a scene without [wave], too
-
-
-def named(names: tuple[str, ...]) -> str:
-    """Return forms in words: '"driven" or "none"'."""
-    return " or ".join(f'"{name}"' for name in names)

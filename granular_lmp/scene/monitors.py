@@ -1,12 +1,8 @@
 """Monitors: spheres whose motion is recorded beside the centre sphere, with the forces of their contacts if wanted.
 
-A monitor has spheres, and records at every sample of the run
-
-    motion      displacement, velocity, angle and spin of each
-    contacts    as motion, and the force of each of their contacts
-    flux        as contacts, for whole rows; gives the energy flux through each row (`granular_lmp.runs.monitors`)
-
-Recording changes no motion. What a run leaves is read by `granular_lmp.runs.monitors`.
+A monitor has spheres, and records at every sample of the run their displacement, velocity, angle and spin, and what its
+kind says (`granular_lmp.scene.kinds`). Recording changes no motion. What a run leaves is read by
+`granular_lmp.runs.monitors`.
 """
 
 from collections.abc import Sequence
@@ -20,6 +16,7 @@ from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
+from granular_lmp.scene.kinds import KINDS, MEANING, WITHOUT_CONTACTS, Kind
 from granular_lmp.scene.places import (
     LAYERS_RULE,
     Rows,
@@ -32,7 +29,6 @@ from granular_lmp.scene.places import (
 )
 from granular_lmp.scene.schema import NameRule, choice
 
-WHAT = ("motion", "contacts", "flux")
 # LAMMPS has 32 groups. A monitor takes one, two with contacts; a source takes one, and the rest of a deck at most 8
 MOST_GROUPS = 24
 _CONTACT_LINE = 110  # bytes
@@ -51,19 +47,25 @@ class Monitor:
     spheres : sequence of (row, column)
     layers : (first, last)
         Layers along z to which these are confined; a crystal of several needs them for single spheres.
-    what : "motion", "contacts" or "flux"
+    what : str
+        Its kind.
     """
 
     name: str = field(default="", metadata={"rule": NameRule(str, "", "of its files, and of columns of a sweep")})
     rows: Rows = places_field(rows_rule())
     spheres: Spheres = places_field(spheres_rule())
     layers: Rows = field(default=(), metadata={"rule": LAYERS_RULE})
-    what: str = choice("contacts: motion and contact forces; flux: these of rows, for energy", WHAT, default="motion")
+    what: str = choice(MEANING, tuple(KINDS), default="motion")
+
+    @property
+    def known(self) -> Kind:
+        """Properties of its kind."""
+        return KINDS[self.what]
 
     @property
     def with_contacts(self) -> bool:
         """True if the forces of contacts are recorded."""
-        return self.what != "motion"
+        return self.known.contacts
 
     @property
     def places(self) -> str:
@@ -142,14 +144,14 @@ def placed_monitors(
         if each.with_contacts:
             if unrecorded:
                 raise SceneError(
-                    f'monitor {each.name}: what = "{each.what}": must be "motion" with the effect {unrecorded[0]}, '
-                    "of which the record of contacts may lack forces or torques",
+                    f'monitor {each.name}: what = "{each.what}": must be {WITHOUT_CONTACTS} with the effect '
+                    f"{unrecorded[0]}, of which the record of contacts may lack forces or torques",
                     because="not built",
                 )
             if contacts is not None and _far(contacts, crystal, shape):
                 raise SceneError(
-                    f'monitor {each.name}: what = "{each.what}": must be "motion" where contacts reach beyond the next '
-                    "row, as they do in this crystal at rest",
+                    f'monitor {each.name}: what = "{each.what}": must be {WITHOUT_CONTACTS} where contacts reach '
+                    "beyond the next row, as they do in this crystal at rest",
                     because="not built",
                 )
             around = _around(each, crystal, shape)

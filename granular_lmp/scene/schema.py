@@ -308,6 +308,11 @@ def allowed_names(key: str, names: Iterable[str], said: str = "allowed") -> str:
     return f"did you mean '{close[0]}'?" if close else f"{said}: {', '.join(names)}"
 
 
+def either(names: Iterable[str]) -> str:
+    """Return names in words: '"driven" or "none"'."""
+    return " or ".join(f'"{name}"' for name in names)
+
+
 def shown(value: Any) -> str:
     """Return a value for an error message, cut to one line of 60 characters."""
     try:

@@ -32,8 +32,8 @@ from granular_lmp.rest.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.scene.forms import STILL, named
-from granular_lmp.scene.schema import shown
+from granular_lmp.scene.forms import STILL
+from granular_lmp.scene.schema import either, shown
 from granular_lmp.scene.sources import Source
 from granular_lmp.studies.running_waves import (
     PERIODS,
@@ -235,7 +235,7 @@ def _source_of(scene: Scene) -> Source:
         raise SceneError(f'packing.lattice = "{shape.lattice.name}": must be "hexagonal" for scattering')
     if scene.form.waves:
         raise SceneError(
-            f'wave.form = "{scene.wave.form}": must be {named(STILL)} for scattering, whose [[source]] makes the wave'
+            f'wave.form = "{scene.wave.form}": must be {either(STILL)} for scattering, whose [[source]] makes the wave'
         )
     if len(scene.source) != 1:
         raise SceneError(f"source = {len(scene.source)}: must be one table [[source]] for scattering")
