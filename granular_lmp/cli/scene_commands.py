@@ -67,7 +67,7 @@ def _init(options: Options) -> int:
     return 0
 
 
-def _list(options: Options) -> int:
+def _list(_: Options) -> int:
     from granular_lmp.scene.shipped import shipped
 
     groups = {
@@ -137,25 +137,7 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
     lies = [under[scene.substrate.sides]] if scene.substrate else []
     if differs := [*lies, *([scene.imperfections] if scene.imperfections else [])]:
         yield "crystal", "; ".join(differs)
-    runs = f" in {found.runs} runs, or more if their errors ask for it" if found.runs > 1 else ""
-    of = f" of {len(problem.recorded)} spheres" if problem.mode is None else f", {found.snapshots} snapshots"
-    yield "steps", f"{found.steps}{runs}; {found.records} records{of}"
-    seconds = "" if found.seconds is None else f"about {found.seconds:.2g} s on one rank; "
-    yield "time", f"{seconds}{found.basis}"
-    if found.needs_kernel:
-        yield "kernel", f"needed: {found.needs_kernel}"
-    elif found.slower is not None:
-        yield "kernel", f"{found.share}; about {found.slower:.2g} s with --no-kernel"
-    elif found.without_kernel:
-        yield "kernel", f"none: {found.without_kernel}"
-    for ranks, how in ((4, ""), (64, ", extrapolated")):
-        bounds = found.on(ranks)
-        if bounds and found.spheres >= WORTH_RANKS:
-            yield f"on {ranks}", f"{bounds[0]:.2g} to {bounds[1]:.2g} s{how}"
-    if lost := found.lost_on(2):
-        yield "ranks", lost
-    yield "restart", f"a checkpoint about every {found.checkpoint:.3g} minutes"
-    yield "memory", f"about {found.memory / 1e6:.0f} MB"
+    yield from _of_cost(problem, found)
     unit, ratio = ("l", "l/R") if scene.loose else ("Delta0", "Delta0/R")
     length = f"{unit} = {scale.length:.4g} m, {ratio} = {scale.length / scene.sphere.radius:.3g}"
     yield "scale", f"t0 = {scale.time:.4g} s, {length}"
@@ -175,6 +157,29 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
         yield "source", f"{each.words}, as much time as {each.cost} spheres"
     for watched in problem.monitors:
         yield "monitor", f"{watched.monitor.name}: {watched.words}, {watched.bytes * found.records / 1e6:.2g} MB"
+
+
+def _of_cost(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]":
+    """Yield the lines of what a run takes: steps, time on how many ranks, checkpoints and memory."""
+    runs = f" in {found.runs} runs, or more if their errors ask for it" if found.runs > 1 else ""
+    of = f" of {len(problem.recorded)} spheres" if problem.mode is None else f", {found.snapshots} snapshots"
+    yield "steps", f"{found.steps}{runs}; {found.records} records{of}"
+    seconds = "" if found.seconds is None else f"about {found.seconds:.2g} s on one rank; "
+    yield "time", f"{seconds}{found.basis}"
+    if found.needs_kernel:
+        yield "kernel", f"needed: {found.needs_kernel}"
+    elif found.slower is not None:
+        yield "kernel", f"{found.share}; about {found.slower:.2g} s with --no-kernel"
+    elif found.without_kernel:
+        yield "kernel", f"none: {found.without_kernel}"
+    for ranks, how in ((4, ""), (64, ", extrapolated")):
+        bounds = found.on(ranks)
+        if bounds and found.spheres >= WORTH_RANKS:
+            yield f"on {ranks}", f"{bounds[0]:.2g} to {bounds[1]:.2g} s{how}"
+    if lost := found.lost_on(2):
+        yield "ranks", lost
+    yield "restart", f"a checkpoint about every {found.checkpoint:.3g} minutes"
+    yield "memory", f"about {found.memory / 1e6:.0f} MB"
 
 
 def _defaults(scene: "Scene") -> dict[str, object]:
