@@ -113,7 +113,7 @@ class Case:
         parts = []
         if self._waves:
             along = "y" if self.mode.along_y else "x"
-            parts.append(self._with_rows(normal, shear, along if scene.form == "driven" else ""))
+            parts.append(self._with_rows(normal, shear, along if scene.form.driven else ""))
         if scene.source:
             shaken = self._with_rows(normal, shear, "xy")
             if any(each.motion == ROTATION for each in scene.source):
@@ -136,7 +136,7 @@ class Case:
     @property
     def _waves(self) -> bool:
         """True if the wave is there, or is the unit of strikes alone."""
-        return self.scene.wave is not None and (self.scene.form != "none" or not self.scene.source)
+        return self.scene.wave is not None and (self.scene.form.waves or not self.scene.source)
 
     def _with_rows(self, normal: np.ndarray, shear: np.ndarray, axes: str) -> list[np.ndarray]:
         """Return stretches, at least those of the contacts of a row that is moved by 1 along each of some axes."""

@@ -41,7 +41,7 @@ def _fastest(scene: Scene) -> float:
 @lru_cache(maxsize=8)  # selection, deck and rules ask, each for every effect
 def winds_up(scene: Scene) -> bool:
     """Return whether the wave of a scene creeps as is known; contacts that part or slide move it too."""
-    plane = scene.space == 3 and scene.form == "running" and not scene.envelope.finite and not scene.shape.faces
+    plane = scene.space == 3 and scene.form.runs and not scene.envelope.finite and not scene.shape.faces
     if not plane or not scene.perfect or scene.source or scene.struck or _fastest(scene) <= _SILENT:
         return False
     return not any(each.called_for(Case(scene)).called_for for each in (contact_opening, sliding))

@@ -14,7 +14,7 @@ def called_for(case: Case) -> Finding:
     if case.scene.wave is None:
         return Finding(True, case.viscosity, "the dashpot of a contact at rest is {} m/t0")
     rate = case.decay_rate
-    if case.scene.wave.form == "driven":
+    if case.scene.form.driven:
         return Finding(True, rate, "the wave decays by {} per tau on its way from the driven row")
     if case.scene.source:
         return Finding(True, rate, "the wave that is the unit of the sources decays by {} per tau")

@@ -32,8 +32,8 @@ def suits(scene: Scene) -> bool:
     """Return whether LAMMPS makes the spheres of a scene: a large perfect sheet, at rest or with a plane wave."""
     if scene.wave is None:
         return False
-    waved = scene.wave.form in ("running", "standing", "none") and not scene.envelope.finite
-    moved = scene.wave.form != "none" and any(each.motion for each in scene.source)
+    waved = not scene.form.driven and not scene.envelope.finite
+    moved = scene.form.waves and any(each.motion for each in scene.source)
     made = waved and scene.perfect and not scene.start.moves and not moved
     alike = scene.lattice.sheet and scene.shape.infinite and scene.lattice.cell_size == 1
     return made and alike and scene.shape.spheres >= LARGE
@@ -113,7 +113,7 @@ def _places(scene: Scene) -> list[str]:
 def _wave(problem: Problem) -> list[str]:
     """Return the lines that set the fields of the spheres that are not held; fields that are zero stay so."""
     scene, mode = problem.scene, problem.mode
-    if scene.wave.form == "none":
+    if not scene.form.fills:
         return []
     along_x = f"+{mode.vector.per_column!r}*v_column" if mode.vector.per_column else ""
     angle = f"variable     angle  atom {mode.vector.per_row!r}*v_row{along_x}+{scene.wave.phase!r}"
@@ -129,14 +129,13 @@ def _wave(problem: Problem) -> list[str]:
 
 def _in_space(problem: Problem) -> dict[str, str]:
     """Return the formulas of the fields of a mode of six freedoms, by name; those that are zero are left out."""
-    mode, fields = problem.mode, {}
+    mode, form, fields = problem.mode, problem.scene.form, {}
     names = [f"{field}{axis}" for field in ("u", "phi") for axis in "xyz"]
     for freedom in problem.physics.coordinates:
         amplitude, name = mode.shape()[0, freedom], names[freedom]
         rate = -1j * mode.frequency * amplitude
-        fields[name] = amplitude
-        if problem.scene.wave.form == "running":
-            fields[f"v{name.removeprefix('u')}"] = rate
+        fields[name] = form.displacement * amplitude
+        fields[f"v{name.removeprefix('u')}"] = form.velocity * rate
     smallest = 1e-14  # below the last of 13 decimals of a field
     return {
         name: f"({part.real!r}*cos(v_angle)-({part.imag!r})*sin(v_angle))"
@@ -147,11 +146,11 @@ def _in_space(problem: Problem) -> dict[str, str]:
 
 def _in_plane(problem: Problem) -> dict[str, str]:
     """Return the formulas of the fields of a mode in the plane, by name; those that are zero are left out."""
-    scene, mode = problem.scene, problem.mode
-    fields = {"ux": (mode.ux, "cos"), "uy": (mode.uy, "cos"), "phi": (-mode.f, "sin")}
-    if scene.wave.form == "running":
-        rates = {"vx": (mode.ux, "sin"), "vy": (mode.uy, "sin"), "vphi": (mode.f, "cos")}
-        fields |= {name: (mode.frequency * size, wave) for name, (size, wave) in rates.items()}
+    form, mode = problem.scene.form, problem.mode
+    moves = {"ux": (mode.ux, "cos"), "uy": (mode.uy, "cos"), "phi": (-mode.f, "sin")}
+    rates = {"vx": (mode.ux, "sin"), "vy": (mode.uy, "sin"), "vphi": (mode.f, "cos")}
+    fields = {name: (form.displacement * size, wave) for name, (size, wave) in moves.items()}
+    fields |= {name: (form.velocity * mode.frequency * size, wave) for name, (size, wave) in rates.items()}
     return {name: f"{size!r}*{wave}(v_angle)" for name, (size, wave) in fields.items() if size}
 
 

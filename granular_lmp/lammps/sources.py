@@ -163,7 +163,7 @@ def _once(tag: str) -> str:
 def driven_row(problem: Problem) -> list[str]:
     """Return the block of the driven row of a wave, [] without one."""
     wave = problem.scene.wave
-    if wave is None or wave.form != "driven":
+    if not problem.scene.form.driven:
         return []
     along_z = "NULL" if problem.scene.space == 2 else "v_rest"  # with NULL spheres would move along z by their forces
     return [

@@ -87,16 +87,11 @@ def _state(problem: Problem) -> NDArray[np.float64]:
 # --- the lines --------------------------------------------------------------------------------------------------------
 
 
-def _waves(problem: Problem) -> bool:
-    wave = problem.scene.wave
-    return wave is not None and wave.form in ("running", "standing")
-
-
 def _preloads(problem: Problem) -> bool:
     """Return whether contacts are sheared at the beginning; without a wave only by a state that displaces spheres."""
     if problem.scene.wave is None:
         return problem.on["shear"] and bool(problem.state[:, :3].any())
-    return _waves(problem) or problem.scene.start.moves
+    return problem.scene.form.fills or problem.scene.start.moves
 
 
 def _sum(problem: Problem, of_wave: str, of_state: str) -> str:
@@ -104,7 +99,7 @@ def _sum(problem: Problem, of_wave: str, of_state: str) -> str:
 
     The field of a driven row says where it will move; a preload would shear its contacts as if it had moved at once.
     """
-    if not _waves(problem):
+    if not problem.scene.form.fills:
         return of_state
     return of_wave + (f"+{of_state}" if problem.scene.start.moves else "")
 
@@ -161,8 +156,7 @@ def plane(problem: Problem) -> list[str]:
 
 def kept_field(problem: Problem, checkpoint: str) -> list[str]:
     """Return the line by which LAMMPS finds the field of a driven row in a checkpoint."""
-    wave = problem.scene.wave
-    return [field(problem)] if wave and wave.form == "driven" else []
+    return [field(problem)] if problem.scene.form.driven else []
 
 
 def begin(problem: Problem) -> list[str]:

@@ -70,7 +70,7 @@ def variables(problem: Problem) -> list[str]:
 
 
 def _ramp(problem: Problem) -> list[str]:
-    if problem.scene.wave.form != "driven":
+    if not problem.scene.form.driven:
         return []
     return [f"variable ramp      index {problem.scene.envelope.ramp!r}  # tau in which the first row is switched on"]
 
@@ -97,7 +97,7 @@ def _said(problem: Problem) -> str:
     scene = problem.scene
     optional = {
         "friction": bool(selection.lines("variables", problem)),
-        "ramp": scene.wave.form == "driven",
+        "ramp": scene.form.driven,
         "particles": scene.output.particles > 0,
     }
     names = ["amplitude", "timestep", "sample", "duration", "dump", *(name for name in optional if optional[name])]

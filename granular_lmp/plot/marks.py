@@ -56,7 +56,7 @@ class Marks:
         """Draw the legend below the axes."""
         if snapshots.held[drawn].any():
             edge = {"markeredgewidth": 1.5, "markerfacecolor": "white", "markeredgecolor": "black"}
-            name = "held or driven" if snapshots.scene.form == "driven" else "held"
+            name = "held or driven" if snapshots.scene.form.driven else "held"
             handles[name] = Line2D([], [], linestyle="none", marker="o", markersize=8, **edge)  # type: ignore[arg-type]
         figure = axes.get_figure()
         if handles and figure is not None:

@@ -49,7 +49,7 @@ def expected(scene: Scene) -> float:
         If the scene is not one of a driven row before a quiet end.
     """
     end = quiet_end_of(scene)
-    if end is None or scene.wave.form != "driven":
+    if end is None or not scene.form.driven:
         raise ViewError(f'{scene.name}: must have wave.form = "driven" and absorb.rows')
     return reflection(unit_contacts(scene), scene.sphere, incident(scene), end, physics_of(scene), scene.time.step)
 

@@ -121,7 +121,7 @@ class SpheresInAxes:
 
 def usual_rows(scene: Scene) -> int:
     """Return how many rows are drawn by default: `ROWS` of a wave, which is everywhere; all of a push or a strike."""
-    return scene.shape.rows if scene.form == "none" else min(ROWS, scene.shape.rows)
+    return min(ROWS, scene.shape.rows) if scene.form.waves else scene.shape.rows
 
 
 def copies_of(shape: Shape) -> int:
@@ -150,6 +150,6 @@ def _count_rows(axis: Axis, ends: tuple[int, int], scene: Scene) -> None:
     """Write the numbers of rows along an axis: of a wave from the centre row, else as scene files count them."""
     spacing = scene.shape.lattice.row_distance(lattice_constant(scene.sphere))
     apart = 5 * -(-(ends[1] - ends[0] + 1) // 60)
-    zero = scene.shape.centre_row if scene.form == "none" else 0
+    zero = 0 if scene.form.waves else scene.shape.centre_row
     ticks = range(-(-(ends[0] + zero) // apart) * apart, ends[1] + zero + 1, apart)
     axis.set_ticks((np.array(ticks) - zero) * spacing, [str(row).replace("-", "\N{MINUS SIGN}") for row in ticks])

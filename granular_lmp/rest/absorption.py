@@ -46,12 +46,12 @@ def waves_at_ends(scene: Scene, step: float = 0.0) -> list[Mode]:
     SceneError
         If no wave along y has the frequency of a source.
     """
-    if scene.form == "none":
+    if not scene.form.waves:
         return _waves_of_sources(scene, step)
     shaken = _waves_of_sources(scene, step) if scene.source else []
     mode, sphere, physics = mode_of(scene), scene.sphere, physics_of(scene)
     lattice, usual = unit_contacts(scene), frequency_in_run(mode.frequency, step)
-    if scene.form == "driven":
+    if scene.form.driven:
         usual = mode.frequency
         numbers = _numbers_at(scene, frequency_in_lattice(usual, step), mode.name) if step else ()
         # At the edge of a band none may be left; the row shakes its neighbours nevertheless
@@ -120,7 +120,7 @@ def quiet_side(scene: Scene) -> str:
     """
     last = scene.shape.rows - 1
     low, high = (any(each.is_in_row(end) for each in scene.source) for end in (0, last))
-    low, high = low or scene.form == "driven" or "first" not in scene.quiet, high or "last" not in scene.quiet
+    low, high = low or scene.form.driven or "first" not in scene.quiet, high or "last" not in scene.quiet
     if low and high:
         ends = "both ends" if len(scene.quiet) == 2 else f"the {scene.quiet[0]} row, which alone is quiet"
         raise SceneError(f"absorb.rows = {scene.absorb.rows!r}: must be 0 where sources move {ends}", because="physics")

@@ -23,6 +23,7 @@ from granular_lmp.rest.shape import Room, decide, declared_shape
 from granular_lmp.rest.space import lattice_of, remarks_on_space, space_of, wall_of
 from granular_lmp.scene.bodies import Contact
 from granular_lmp.scene.declaration import Declaration
+from granular_lmp.scene.forms import NO_WAVE, Form
 from granular_lmp.scene.sections import (
     Effects,
     Packing,
@@ -116,9 +117,9 @@ class Derived(Declaration):
         return tuple(found)
 
     @property
-    def form(self) -> str:
-        """Form of the wave; "none" without a wave too."""
-        return "none" if self.wave is None else self.wave.form
+    def form(self) -> Form:
+        """How the wave begins; that of a crystal at rest without a wave too."""
+        return NO_WAVE if self.wave is None else self.wave.known
 
     @cached_property
     def lattice(self) -> Lattice:
@@ -155,7 +156,7 @@ class Derived(Declaration):
             self.declared_vector,
             self.time.duration,
             room=self._room,
-            driven=self.wave.form == "driven",
+            driven=self.form.driven,
             lattice=self.lattice,
             first=packing.first,
             last=packing.last,
@@ -169,7 +170,7 @@ class Derived(Declaration):
         envelope, (x, y) = self.envelope, self.declared_vector.unit
         rows, columns = (DEVIATIONS * deviation for deviation in envelope.spread(self.declared_vector))
         way = self.lattice.fastest * self.time.duration if envelope.length else 0.0
-        way *= 2 if self.wave.form == "standing" else 1  # its two halves run apart and must not meet again
+        way *= max(1, self.form.halves)  # two halves run apart and must not meet again
         return Room(
             strip=rows + 2 * abs(envelope.offset),
             rows=rows + way * abs(y),
@@ -183,7 +184,7 @@ class Derived(Declaration):
 
         That of a crystal at rest is as declared, as no wave has to fit the cell.
         """
-        if self.wave.form == "none":
+        if not self.form.waves:
             return self.declared_vector
         shape = self.shape
         return self.declared_vector.snapped(

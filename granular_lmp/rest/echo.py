@@ -5,6 +5,7 @@ from math import hypot, inf
 
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.rest.shape import arrival_time
+from granular_lmp.scene.forms import Form
 from granular_lmp.scene.places import AtPlaces
 
 
@@ -13,7 +14,7 @@ def echo_at(
     pushed: Sequence[AtPlaces],
     shape: Shape,
     *,
-    form: str,
+    form: Form,
     quiet: Collection[str],
 ) -> float:
     """Return the time τ at which an echo of the faces may reach a block, by the shortest way and `arrival_time`.
@@ -28,8 +29,8 @@ def echo_at(
     pushed : sequence
         Sources and strikers.
     shape : Shape
-    form : str
-        That of the wave.
+    form : Form
+        How the wave begins.
     quiet : collection of str
         The quiet ends, "first" and "last".
 
@@ -45,12 +46,12 @@ def echo_at(
 
 
 def _from_ends(
-    rows: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, form: str, quiet: Collection[str]
+    rows: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, form: Form, quiet: Collection[str]
 ) -> list[int]:
     """Return the ways of waves to rows by an end, in rows."""
     end = shape.rows - 1
     beyond = {0: rows[0], end: end - rows[1]}  # rows from an end to these
-    of_wave = {"none": {}, "driven": {end: end + beyond[end]}}.get(form, beyond)
+    of_wave = beyond if form.fills else {end: end + beyond[end]} if form.driven else {}
     still = {wall for wall, name in ((0, "first"), (end, "last")) if name in quiet}
     return [way for wall, way in of_wave.items() if wall not in still] + [
         abs(row - wall) + beyond[wall]
@@ -64,7 +65,7 @@ def _from_ends(
 
 
 def _from_sides(
-    rows: Sequence[int], columns: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, form: str
+    rows: Sequence[int], columns: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, form: Form
 ) -> Iterator[float]:
     """Yield the ways of waves to a block by a side, in rows; whole rows reach from side to side."""
     if "sides" not in shape.faces:
@@ -75,8 +76,8 @@ def _from_sides(
         return 0 if shape.along_y else max(rows[0] - last, first - rows[1], 0)
 
     for wall, beyond in ((0, columns[0]), (side, side - columns[1])):
-        if form != "none":
-            yield hypot(beyond * column_width, apart(0, 0) if form == "driven" else 0)
+        if form.waves:
+            yield hypot(beyond * column_width, apart(0, 0) if form.driven else 0)
         for each in pushed:
             if each.rows:
                 yield hypot(beyond * column_width, apart(each.rows[0], each.rows[1]))

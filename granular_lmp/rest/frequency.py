@@ -19,6 +19,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.forms import STILL
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.signals import SIGNALS
 from granular_lmp.scene.sources import Source
@@ -191,7 +192,7 @@ def with_placeholder(tables: Mapping[str, Any]) -> Mapping[str, Any]:
     wave = tables.get("wave")
     if not isinstance(wave, Mapping):
         return tables
-    if wave.get("form") == "none" and wave.keys().isdisjoint(("wavenumber", "frequency")):
+    if wave.get("form") in STILL and wave.keys().isdisjoint(("wavenumber", "frequency")):
         _refuse_without_frequency(tables.get("source"))
         return {**tables, "wave": {**wave, "wavenumber": 1.0}}
     if "frequency" not in wave:

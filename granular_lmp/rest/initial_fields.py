@@ -50,9 +50,8 @@ class Fields:
 def initial_fields(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
     """Return the wave of a scene at τ = 0, which is zero on the held rows.
 
-    A standing wave has the displacement of the running one and no velocity. A driven wave has only the displacement of
-    its first row at cos(Ωτ − phase) = 1, along y for L and along x for TR and RT, without rotation. With the
-    form "none" all is at rest.
+    A driven wave has only the displacement of its first row at cos(Ωτ − phase) = 1, along y for L and along x for TR
+    and RT, without rotation. All is at rest where there is no wave.
 
     Parameters
     ----------
@@ -67,14 +66,12 @@ def initial_fields(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
     Fields
         For unit amplitude; the deck multiplies them by D0.
     """
-    if scene.wave.form == "none":
-        return Fields(np.zeros((len(packing), 6)), np.zeros((len(packing), 6)))
-    if scene.wave.form == "driven":
+    if scene.form.driven:
         return _driven_row(packing, mode, scene.envelope)
+    if not scene.form.fills:
+        return Fields(np.zeros((len(packing), 6)), np.zeros((len(packing), 6)))
     fields = _enveloped(scene, packing, mode) if scene.envelope.finite else plane_wave(packing, mode, scene.wave.phase)
-    if scene.wave.form == "standing":
-        return Fields(fields.displacement, np.zeros_like(fields.velocity))
-    return fields
+    return Fields(scene.form.displacement * fields.displacement, scene.form.velocity * fields.velocity)
 
 
 def plane_wave(packing: ase.Atoms, mode: Mode, phase: float = 0.0) -> Fields:

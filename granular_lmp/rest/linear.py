@@ -24,7 +24,7 @@ def viscosity_of(scene: Scene) -> float:
 
 def starts_along_y(scene: Scene) -> bool:
     """Return whether the wave starts as a running plane wave along y."""
-    running = scene.form == "running" and not scene.envelope.finite
+    running = scene.form.runs and not scene.envelope.finite
     running = running and not scene.struck and not scene.source
     return running and scene.vector.axis == "y" and scene.vector.per_row > 0
 

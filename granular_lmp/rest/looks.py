@@ -28,7 +28,7 @@ def fastest(scene: Scene, mode: Mode | None = None) -> float:
     """
     usual = mode.frequency if mode else usual_frequency(scene)
     own = [each.top(scene.sphere, usual) for each in scene.drives]
-    if scene.form != "none" or not any(own):
+    if scene.form.waves or not any(own):
         own.append(usual)
     top = highest_frequency(unit_contacts(scene), scene.sphere, physics_of(scene)) if scene.struck else TOP
     return max(2 * max(own), top * swiftness(scene))

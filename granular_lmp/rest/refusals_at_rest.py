@@ -26,6 +26,7 @@ from granular_lmp.rest.derived import Derived
 from granular_lmp.rest.refusal import ALL, AT_REST, Refusal, joining
 from granular_lmp.rest.space import substrate_trouble
 from granular_lmp.scene.bodies import Contact
+from granular_lmp.scene.forms import DRIVEN, STILL, named
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.without_wave import HELD
 
@@ -329,10 +330,10 @@ def quiet_ends(scene: Derived) -> str:
             'packing.rows = "auto": must be declared with absorb.rows, as no echo says how many are needed: the quiet '
             "ends, and those that the wave is to cross"
         )
-    if form not in ("driven", "none") and not envelope.length:
+    if form.fills and not envelope.length:
         return (
             f"absorb.rows = {absorb.rows!r}: would damp a wave that fills the packing; needs envelope.length above 0 "
-            'or wave.form = "driven" or "none"'
+            f"or wave.form = {named((*DRIVEN, *STILL))}"
         )
     return ""
 

@@ -63,7 +63,7 @@ def too_strong_a_strike(scene: Derived) -> str:
 def nothing_shakes_a_crystal_at_rest(scene: Derived) -> str:
     """Refuse a crystal that is neither shaken nor struck, and a phase or an envelope without a wave."""
     wave, envelope, sources = scene.wave, scene.envelope, scene.drives
-    if wave.form != "none":
+    if scene.form.waves:
         return ""
     needed = {
         "source": (len(sources), bool(sources) or scene.struck, "at least one table [[source]], or a strike,"),
@@ -73,7 +73,7 @@ def nothing_shakes_a_crystal_at_rest(scene: Derived) -> str:
     }
     for key, (value, right, allowed) in needed.items():
         if not right:
-            return f'{key} = {shown(value)}: must be {allowed} with wave.form = "none"'
+            return f'{key} = {shown(value)}: must be {allowed} with wave.form = "{wave.form}"'
     return ""
 
 
@@ -112,7 +112,7 @@ def _troubles(source: Source, scene: Derived) -> Iterator[str]:
         if key not in source.known.keys and getattr(source, key) != getattr(Source, key):
             allowed = " or ".join(name for name, signal in SIGNALS.items() if key in signal.keys)
             yield f'{key} = {getattr(source, key)!r}: is for signal = {allowed} only, not "{source.kind}"'
-    if source.motion and scene.form == "driven" and source.is_in_row(0):
+    if source.motion and scene.form.driven and source.is_in_row(0):
         yield f"{source.places}: must not hold spheres of the first row, which is driven"
     if source.force and shape.holds(*source.marks(shape.columns // 2)).any():
         held = " and ".join(name for name, face in shape.faces.items() if face == HELD_FACE)

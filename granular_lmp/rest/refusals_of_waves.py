@@ -7,6 +7,7 @@ from granular_lmp.rest.derived import Derived
 from granular_lmp.rest.refusal import Refusal, joining
 from granular_lmp.rest.refusals_at_rest import EPSILON, FEWEST_ROUNDINGS, MOST_SPHERES, smallest_motion
 from granular_lmp.rest.shape import LARGEST_CELL, SNAP
+from granular_lmp.scene.forms import DRIVEN, named
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.sections import Envelope
 from granular_lmp.scene.without_wave import WAVE
@@ -33,22 +34,22 @@ def along_a_chain(scene: Derived) -> str:
 def driven_row_along_y(scene: Derived) -> str:
     """Refuse a driven row whose wave is oblique or ends."""
     wave, length = scene.wave, scene.envelope.length
-    if wave.form != "driven" or wave.degrees == 90 and not length:
+    if not scene.form.driven or wave.degrees == 90 and not length:
         return ""
     key, value, allowed = "wave.direction", wave.direction, '"y"'
     if wave.degrees == 90:
         key, value, allowed = "envelope.length", length, "0"
-    return f'{key} = {shown(value)}: must be {allowed} with wave.form = "driven"'
+    return f'{key} = {shown(value)}: must be {allowed} with wave.form = "{scene.wave.form}"'
 
 
 @line("physics")
 def driven_row_at_an_end(scene: Derived) -> str:
     """Refuse a driven row other than the held first one."""
     packing, shape = scene.packing, scene.shape
-    if scene.wave.form != "driven" or not shape.along_y and shape.first == HELD:
+    if not scene.form.driven or not shape.along_y and shape.first == HELD:
         return ""
     key, allowed = ("ends", '"fixed" or "auto"') if shape.along_y else ("first", '"held" or "auto"')
-    return f'packing.{key} = {shown(getattr(packing, key))}: must be {allowed} with wave.form = "driven"'
+    return f'packing.{key} = {shown(getattr(packing, key))}: must be {allowed} with wave.form = "{scene.wave.form}"'
 
 
 @line("physics")
@@ -61,8 +62,8 @@ def wave_vector_and_envelope(scene: Derived) -> str:
             f"wave.wavenumber = {wave.wavenumber!r}: must be a number in [1e-9, {edge:.6g}], rad per row; the "
             f"Brillouin zone ends there in wave.direction = {wave.direction!r}"
         )
-    if wave.form != "driven" and envelope.ramp != Envelope.ramp:
-        return f'envelope.ramp = {envelope.ramp!r}: is for wave.form = "driven" only'
+    if not scene.form.driven and envelope.ramp != Envelope.ramp:
+        return f"envelope.ramp = {envelope.ramp!r}: is for wave.form = {named(DRIVEN)} only"
     axis = wave.vector(shape.lattice).axis
     if axis is None and (envelope.length > 0) != (envelope.width > 0):
         return (

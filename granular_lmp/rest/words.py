@@ -28,12 +28,12 @@ def shaken(sources: Sequence[Source], strikers: Sequence[Striker], start: Start,
     counts = {"source": len(sources), "striker": len(strikers), "state": bool(start.state)}
     said = [f"{count:d} {name}{'s' * (count > 1)}" for name, count in counts.items() if count]
     said += ["noise"] if start.noise else []
-    return " and ".join(said) + (" in units of " if wave.form == "none" else " beside ") if said else ""
+    return " and ".join(said) + (" in units of " if not wave.known.waves else " beside ") if said else ""
 
 
 def across(wave: Wave | None, sources: Sequence[Source], start: Start) -> str:
     """Return the first key that moves spheres across y or turns them, with its value; "" if all moves along y."""
-    plain = wave is None or wave.form == "none" or wave.mode == "L"
+    plain = wave is None or not wave.known.waves or wave.mode == "L"
     words = [] if plain or wave is None else [f"wave.mode = {wave.mode!r}"]
     for number, each in enumerate(sources, 1):
         kind = "motion" if each.motion else "force"

@@ -201,7 +201,7 @@ def _of_wave(record: Record, dump: Path, problem: Problem) -> None:
     """Raise RunFolderError unless the centre sphere begins where the wave puts it, or at rest."""
     scene = problem.scene
     expected = np.zeros(2)
-    if scene.wave.form != "driven":
+    if scene.form.fills:
         crystal = problem.crystal
         ux, uy = initial_fields(scene, crystal, problem.mode).displacement[centre(crystal), :2]
         expected = np.array([scene.vector.along(ux, uy), scene.vector.across(ux, uy)])

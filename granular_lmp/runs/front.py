@@ -186,7 +186,7 @@ def _starts(scene: Scene, crystal: ase.Atoms, origin: tuple[int, int] | None) ->
     found = [
         spheres_at(each.rows, each.spheres, crystal, "origin", each.layers) for each in (*scene.striker, *scene.source)
     ]
-    if scene.form == "driven":
+    if scene.form.driven:
         found.append(spheres_at((0, 0), (), crystal, "origin"))
     if not found:
         raise ReadoutError(f"{scene.name}: nothing strikes, pushes or drives it; say where the front starts, origin")

@@ -39,7 +39,7 @@ class Moved(NamedTuple):
 def moved_spheres(scene: Scene, spheres: NDArray[np.integer]) -> list[Moved]:
     """Return the prescribed motions of recorded spheres (N,), which are their indices in the crystal, ascending."""
     motions = [each for each in scene.drives if each.motion]
-    driven = scene.wave is not None and scene.wave.form == "driven"
+    driven = scene.form.driven
     if not driven and not motions:
         return []
     atoms = crystal_of(scene).atoms

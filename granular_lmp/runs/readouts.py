@@ -45,10 +45,10 @@ def drive_of(scene: Scene) -> tuple[float, float]:
     ReadoutError
         If no driven row and no source is there, a source is no tone, or they have different frequencies.
     """
-    usual, driven = usual_frequency(scene), scene.form == "driven"
-    if scene.struck or not (driven or scene.source and scene.form == "none"):
+    usual, driven = usual_frequency(scene), scene.form.driven
+    if scene.struck or not (driven or scene.source and not scene.form.waves):
         beside = " alone" if scene.source or driven else ""
-        begins = "wave: missing table" if scene.wave is None else f'wave.form = "{scene.form}"'
+        begins = "wave: missing table" if scene.wave is None else f'wave.form = "{scene.wave.form}"'
         raise ReadoutError(f"{begins}: nothing{beside} drives the crystal at one frequency")
     for number, each in enumerate(scene.source, 1):
         if each.kind != "tone":
@@ -73,7 +73,7 @@ def steady_part(scene: Scene, monitor: Monitor) -> tuple[float, float, float]:
     frequency, risen = drive_of(scene)
     first, last = monitor.span
     rows = [(each.rows_of()[0], each.rows_of()[-1]) for each in scene.source]
-    rows += [(0, 0)] if scene.form == "driven" else []
+    rows += [(0, 0)] if scene.form.driven else []
     far = max(abs(row - place) for ends in rows for row in ends for place in (first, last))
     arrived = risen + far / scene.lattice.fastest
     recorded = scene.time.samples * scene.time.sample

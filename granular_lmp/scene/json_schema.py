@@ -14,6 +14,7 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.scene import samples
 from granular_lmp.scene.declaration import Declaration
 from granular_lmp.scene.document import note
+from granular_lmp.scene.forms import STILL
 from granular_lmp.scene.schema import (
     LONGEST_DESCRIPTION,
     LONGEST_NAME,
@@ -124,7 +125,7 @@ def _tables(variant: str) -> dict[str, Any]:
             inner["wavevector"] = pair | {"description": note("wave.wavevector", Declaration)}
             needed["wave"].remove("wavenumber")
             which = [{"required": [name]} for name in ("wavenumber", "wavevector", "frequency")]
-            no_wave = {"required": ["form"], "properties": {"form": {"const": "none"}}, "not": {"anyOf": which}}
+            no_wave = {"required": ["form"], "properties": {"form": {"enum": [*STILL]}}, "not": {"anyOf": which}}
             table["oneOf"] = [*which, no_wave]
         table |= {"required": needed[section]} if needed[section] else {}
         fewest = {"minItems": 1} if variant != WAVE and section in MOVING_TABLES else {}

@@ -30,6 +30,7 @@ from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.clock import Ladder, Step
+from granular_lmp.scene.forms import FORMS, MEANING, Form
 from granular_lmp.scene.places import LAYERS_RULE, AtPlaces, Rows, Spheres, rows_rule, spheres_rule
 from granular_lmp.scene.records import Remembering
 from granular_lmp.scene.schema import AUTO, Auto, Rule, choice, count, flag, number, shown, switch
@@ -39,7 +40,6 @@ FACES = (HELD, FREE, WALL, QUIET, AUTO)
 SHEAR_LAWS = ("secant", "incremental")
 RESCALED = "rescaled"  # "secant" with a shear displacement that shrinks as the contact does; no theory holds it
 _OR_AUTO: dict[str, Any] = {"words": (AUTO,), "default": AUTO}
-FORMS = ("running", "standing", "driven", "none")
 LARGEST_WAVENUMBER = sqrt(2) * pi  # the corner of the Brillouin zone of the square lattice
 _BRANCH = "[SH]?[1-9][0-9]{0,3}"
 NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all others
@@ -135,7 +135,7 @@ class Wave:
     wavenumber: float = number("rad per row", "xi", 1e-9, LARGEST_WAVENUMBER)
     amplitude: float = number("D0/Delta0", "displacement in static overlaps", 0, 100, open_low=True)
     phase: float = number("rad", "at the centre sphere, or of the driven row", -2 * pi, 2 * pi, default=0.0)
-    form: str = choice("running, standing, driven by the first row, or none: at rest", FORMS, default="running")
+    form: str = choice(MEANING, tuple(FORMS), default="running")
     frequency: float | None = number("Hz", "in place of wavenumber", 1e-6, 1e15, default=None)
     direction: float | str = number(
         "degrees", "from x towards y; or x, y", -180, 180, open_low=True, words=tuple(DIRECTIONS), default="y"
@@ -144,7 +144,12 @@ class Wave:
     @property
     def words(self) -> str:
         """Mode and form in words: "TR", "TR standing"."""
-        return self.mode if self.form in ("running", "none") else f"{self.mode} {self.form}"
+        return f"{self.mode} {self.known.words}".rstrip()
+
+    @property
+    def known(self) -> Form:
+        """Properties of its form."""
+        return FORMS[self.form]
 
     @property
     def degrees(self) -> float:

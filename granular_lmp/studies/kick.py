@@ -143,8 +143,10 @@ def _refuse_unfit(scene: Scene) -> None:
         if not periodic:
             value = getattr(scene.packing, key)
             raise SceneError(f'packing.{key} = {value!r}: must be "periodic" for a sheet that is kicked')
-    if scene.wave.form == "none":
-        raise SceneError('wave.form = "none": must be another for a sheet that is kicked, which has no sources')
+    if not scene.form.waves:
+        raise SceneError(
+            f'wave.form = "{scene.wave.form}": must be another for a sheet that is kicked, which has no sources'
+        )
     if scene.sphere.adhesion_law != "dmt":
         raise SceneError(
             f'sphere.adhesion_law = "{scene.sphere.adhesion_law}": must be "dmt" for a sheet that is kicked, as its '

@@ -23,7 +23,7 @@ def remarks(scenes: Iterable[Scene]) -> list[str]:
     cells: dict[Shape, set[WaveVector]] = defaultdict(set)
     steps: dict[float, set[float]] = defaultdict(set)
     for scene in scenes:
-        if scene.wave is not None and scene.shape.ends == "periodic" and scene.wave.form != "none":
+        if scene.form.waves and scene.shape.ends == "periodic":
             cells[scene.shape].add(scene.declared_vector)
         steps[scene.time.sample].update(scene.time.clock.declared)
     found = [_of_waves(shape, waves) for shape, waves in cells.items()]

@@ -32,6 +32,7 @@ from granular_lmp.rest.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.snapshots import Snapshots
+from granular_lmp.scene.forms import STILL, named
 from granular_lmp.scene.schema import shown
 from granular_lmp.scene.sources import Source
 from granular_lmp.studies.running_waves import (
@@ -232,9 +233,9 @@ def _source_of(scene: Scene) -> Source:
         raise SceneError("inclusion = []: must be at least one table [[inclusion]], as nothing scatters without it")
     if shape.lattice != HEXAGONAL:
         raise SceneError(f'packing.lattice = "{shape.lattice.name}": must be "hexagonal" for scattering')
-    if scene.wave.form != "none":
+    if scene.form.waves:
         raise SceneError(
-            f'wave.form = "{scene.wave.form}": must be "none" for scattering, whose [[source]] makes the wave'
+            f'wave.form = "{scene.wave.form}": must be {named(STILL)} for scattering, whose [[source]] makes the wave'
         )
     if len(scene.source) != 1:
         raise SceneError(f"source = {len(scene.source)}: must be one table [[source]] for scattering")

@@ -37,7 +37,8 @@ from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Effect
 from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.sections import FORMS, MODES, SHEAR_LAWS
+from granular_lmp.scene.forms import FORMS
+from granular_lmp.scene.sections import MODES, SHEAR_LAWS
 from tests.conftest import PAPER
 from tests.stand_in import Changed
 
