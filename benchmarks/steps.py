@@ -4,8 +4,8 @@
 
 The scene is a TR wave in a perfect periodic sheet, whose steps all three take to the same motion. Times are processor
 seconds of all threads, over contacts and steps: of LAMMPS, on one rank, the time loop without the writing of snapshots;
-of JAX, on the device that it chooses, a run that is compiled. The gradient is that of the amplitude of one sphere by the
-densities of 600. What came out is in RESULTS.md.
+of JAX, on the device that it chooses, a run that is compiled. The gradient is that of the amplitude of one sphere by
+the densities of 600. What came out is in RESULTS.md.
 """
 
 import argparse
