@@ -97,6 +97,9 @@ def test_a_contact_that_opens_or_slides_is_named_and_refused_unless_asked_for() 
     with pytest.raises(TheoryError, match=r"\d+ contacts opened, first pair \d+"):
         gradients.gradient(wide, read_off, ones)
     assert np.isfinite(gradients.gradient(wide, read_off, ones, kinks=True)[1]["density"]).all()
+    far = replace(run, state=start(run.network, 1e3 * run.state.motion[:2].T, 0.0))
+    with pytest.raises(TheoryError, match="spheres move so far that others may touch"):
+        gradients.gradient(far, read_off, ones, kinks=True)
     slippery = replace(run, network=replace(run.network, friction=1e-2))
     with pytest.raises(TheoryError, match=r"\d+ contacts slid"):
         gradients.gradient(slippery, read_off, ones)
