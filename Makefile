@@ -67,6 +67,7 @@ figures: paper
 
 witness: .venv/ready
 	$(BIN)/python -m benchmarks.network
+	$(BIN)/python -m benchmarks.steps
 
 gallery: .venv/ready
 	mkdir -p runs && sed -n '/^```toml/,/^```/{/^```/!p}' README.md > runs/first.toml

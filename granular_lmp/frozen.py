@@ -58,7 +58,7 @@ def _set_once(self: Any, name: str, value: Any) -> None:
     values[name] = value
 
 
-def _refuse_deletion(self: Any, name: str) -> None:
+def _refuse_deletion(_: Any, name: str) -> None:
     raise FrozenInstanceError(f"cannot delete field {name!r}")
 
 

@@ -17,13 +17,20 @@ class AnyUnits(Protocol):
     """
 
     @property
-    def own(self) -> bool: ...
+    def own(self) -> bool:
+        """Whether t0 is 1."""
+
     @property
-    def style(self) -> str: ...
+    def style(self) -> str:
+        """Argument of the command ``units``."""
+
     @property
-    def names(self) -> str: ...
+    def names(self) -> str:
+        """Names of the units, as a deck says them."""
+
     @property
-    def title(self) -> str: ...
+    def title(self) -> str:
+        """Title of the block of units in a deck."""
 
     def number(self, value: Value, *, mass: int = 0, length: int = 0, time: int = 0) -> Value:
         """Return an SI quantity of dimension kg^mass m^length s^time in these units."""
@@ -31,7 +38,7 @@ class AnyUnits(Protocol):
 
 @dataclass(frozen=True)
 class Units:
-    """A LAMMPS unit style: its mass, length and time as powers of ten of kg, m, s. https://docs.lammps.org/units.html
+    """A LAMMPS unit style (https://docs.lammps.org/units.html): mass, length and time as powers of ten of kg, m, s.
 
     Attributes
     ----------

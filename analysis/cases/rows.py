@@ -36,7 +36,7 @@ class Rows:
 
 
 def load_form(folder: str | Path, form: str) -> tuple[Record, Rows]:
-    """A run whose wave, along y, has the form, and the motion of its rows.
+    """Load a run whose wave, along y, has the form, and the motion of its rows.
 
     Raises SystemExit with one line for another form, a run without snapshots, and physics that the theory of the form
     does not hold.
@@ -54,7 +54,7 @@ def load_form(folder: str | Path, form: str) -> tuple[Record, Rows]:
 
 
 def rows_of(record: Record) -> Rows:
-    """The snapshots of a run, row by row; GranularError where there are none."""
+    """Return the snapshots of a run, row by row; GranularError where there are none."""
     particles, shape = record.snapshots(), record.scene.shape
     displacement, rotation = particles.stacks("displacement", "rotation")
     moved = displacement.reshape(-1, shape.rows, shape.columns, 2).mean(axis=2)

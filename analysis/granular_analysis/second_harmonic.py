@@ -235,7 +235,7 @@ def refuse_oblique(mode: Mode) -> None:
         raise ValueError(f"direction = {mode.direction} of the mode is not 90: the closed forms are those of y")
 
 
-def doubled_frequency(mode: Mode, ratios: Ratios) -> float:
+def doubled_frequency(mode: Mode) -> float:
     """w̃ = Ω_L(2ξ) = sin ξ, the frequency of the free waves at twice the wavenumber, in rad per unit of τ."""
     refuse_oblique(mode)  # here, since every closed form of a second harmonic asks for this
     return float(np.sin(mode.wavenumber))
@@ -256,7 +256,7 @@ def generated_amplitude(mode: Mode, ratios: Ratios) -> float:
     >>> print(round(abs(nonlinearity(constants, 0.2) * generated_amplitude(wave, constants)) / 2, 5))  # of D0
     0.00195
     """
-    w = doubled_frequency(mode, ratios)
+    w = doubled_frequency(mode)
     if mode.name == "L":  # w̃² − 4Ω² = −4 sin⁴(ξ/2), which a difference loses at small ξ
         return float(ratios.longitudinal / np.tan(mode.wavenumber / 2) / 2)
     strength = float(w * source(mode, ratios))
@@ -267,7 +267,7 @@ def generated_amplitude(mode: Mode, ratios: Ratios) -> float:
 def second_harmonic_terms(
     mode: Mode, ratios: Ratios, amplitude: float, tau: ArrayLike, row: float = 0, phase: float = 0.0
 ) -> tuple[Floats, Floats, Floats]:
-    """The three waves of the second harmonic, real fields: generated, free forward, free backward, shaped like tau.
+    """Return the second harmonic's waves, real fields: generated, free forward, free backward, shaped like tau.
 
         p_SH = (ε/2) Re {P̃1 e^{2iϑ} + P̃₊ e^{i(2ξn − w̃τ)} + P̃₋ e^{i(2ξn + w̃τ)}},  w̃ = Ω_L(2ξ)           Eq. 25
         P̃₊ = −(w̃ + 2Ω)/(2w̃) P̃1,  P̃₋ = −(w̃ − 2Ω)/(2w̃) P̃1                               Eqs. 30, 31, right as printed
@@ -283,7 +283,7 @@ def second_harmonic_terms(
     [-0.0019, -0.0017, 0.0002]
     """
     tau, half = np.asarray(tau, dtype=float), nonlinearity(ratios, amplitude) / 2
-    w, twice = doubled_frequency(mode, ratios), 2 * mode.frequency
+    w, twice = doubled_frequency(mode), 2 * mode.frequency
     angle, g = 2 * (mode.wavenumber * row + phase), source(mode, ratios)
     # P̃₊ and P̃₋ with the common factor sin ξ of numerator and denominator taken out: regular at ξ=π.
     generated = -half * generated_amplitude(mode, ratios) * np.sin(angle - twice * tau)
@@ -320,7 +320,7 @@ def second_harmonic(
     [0.0, -0.0034]
     """
     tau = np.asarray(tau, dtype=float)
-    w, twice = doubled_frequency(mode, ratios), 2 * mode.frequency
+    w, twice = doubled_frequency(mode), 2 * mode.frequency
     start = np.exp(2j * (mode.wavenumber * row + phase))
     backward = np.exp(1j * w * tau) * _phase_integral(-w - twice, tau)
     forward = np.exp(-1j * w * tau) * _phase_integral(w - twice, tau)

@@ -92,7 +92,7 @@ def _errors_by_step(scene: Scene, signals: Signals) -> Callable[[float], Errors]
     """Return the errors of the signals of a run, by the step (τ) that it might have had."""
     names = linear_signals(scene)
     if not names:
-        return lambda step: {}
+        return lambda _: {}
     decay = Case(scene).decay_rate if scene.effects.damping is True else 0.0
     alike = not decay and order(scene) and "p" in judged(scene, signals)
     harmonic = _harmonic_error(scene, signals["p"], "p" in names) if alike else None

@@ -35,7 +35,7 @@ def _doctor(options: Options) -> int:
     return found.exit_status
 
 
-def _build_kernel(options: Options) -> int:
+def _build_kernel(_: Options) -> int:
     from granular_lmp.lammps.kernel.library import build
 
     say(f"{build()}: runs take it wherever it knows their contacts")

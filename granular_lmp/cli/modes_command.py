@@ -236,7 +236,7 @@ def _branches_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     if not has_modes(scene):
         raise SceneError(
             f"modes --path and --dos: {scene.name} must have spheres that adhere, or a sheet that is pressed together; "
-            "loose spheres have no modes"
+            "spheres that meet have no modes"
         )
     crystal, sphere, physics = wave_contacts(scene), scene.sphere, physics_of(scene)
     hertz = 1 / sphere.time_scale / (2 * pi)

@@ -84,7 +84,7 @@ def interruptible() -> Iterator[ProgressBar | None]:
             bar.close()
 
 
-def progress_of_rest(stage: str, steps: int, force: float, energy: float) -> None:
+def progress_of_rest(stage: str, steps: int, force: float, _energy: float) -> None:
     """Say how far a crystal is from rest, where there is a terminal."""
     if sys.stderr.isatty():
         remark(f"\r\033[Kthe crystal comes to rest: {stage}, step {steps}, largest force {force:.1e} k1 Delta0", end="")

@@ -67,7 +67,7 @@ def _init(options: Options) -> int:
     return 0
 
 
-def _list(options: Options) -> int:
+def _list(_: Options) -> int:
     from granular_lmp.scene.shipped import shipped
 
     groups = {
@@ -139,6 +139,28 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
     lies = [under[scene.substrate.sides]] if scene.substrate else []
     if differs := [*lies, *([scene.imperfections] if scene.imperfections else [])]:
         yield "crystal", "; ".join(differs)
+    yield from _of_cost(problem, found)
+    length = f"{scale.name} = {scale.length:.4g} m, {scale.name}/R = {scale.length / scene.sphere.radius:.3g}"
+    yield "scale", f"t0 = {scale.time:.4g} s, {length}"
+    yield from _of_rest(problem)
+    if law := law_words(scene.material, scene.effects):
+        yield "law", law
+    yield "duration", f"{scene.time.duration * scale.time:.4g} s"
+    if (steps := problem.rest.steps_to_collision) is not None:
+        yield "step", f"{steps:.3g} to the shortest collision"
+    if scene.wave is None and (taken := _defaults(problem.declared)):
+        said = ", ".join(f"{key} = {json.dumps(value)}" for key, value in taken.items())
+        yield "default", f"{said}: as there is no [wave]"
+    yield "effects", ", ".join(name for name, on in problem.on.items() if on) or "none"
+    yield "guards", ", ".join(problem.guards) or "none"
+    for each in problem.sources:
+        yield "source", f"{each.words}, as much time as {each.cost} spheres"
+    for watched in problem.monitors:
+        yield "monitor", f"{watched.monitor.name}: {watched.words}, {watched.bytes * found.records / 1e6:.2g} MB"
+
+
+def _of_cost(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]":
+    """Yield the lines of what a run takes: steps, time on how many ranks, checkpoints and memory."""
     runs = f" in {found.runs} runs, or more if their errors ask for it" if found.runs > 1 else ""
     of = f" of {len(problem.recorded)} spheres" if problem.mode is None else f", {found.snapshots} snapshots"
     yield "steps", f"{found.steps}{runs}; {found.records} records{of}"
@@ -158,23 +180,6 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
         yield "ranks", lost
     yield "restart", f"a checkpoint about every {found.checkpoint:.3g} minutes"
     yield "memory", f"about {found.memory / 1e6:.0f} MB"
-    length = f"{scale.name} = {scale.length:.4g} m, {scale.name}/R = {scale.length / scene.sphere.radius:.3g}"
-    yield "scale", f"t0 = {scale.time:.4g} s, {length}"
-    yield from _of_rest(problem)
-    if law := law_words(scene.material, scene.effects):
-        yield "law", law
-    yield "duration", f"{scene.time.duration * scale.time:.4g} s"
-    if (steps := problem.rest.steps_to_collision) is not None:
-        yield "step", f"{steps:.3g} to the shortest collision"
-    if scene.wave is None and (taken := _defaults(problem.declared)):
-        said = ", ".join(f"{key} = {json.dumps(value)}" for key, value in taken.items())
-        yield "default", f"{said}: as there is no [wave]"
-    yield "effects", ", ".join(name for name, on in problem.on.items() if on) or "none"
-    yield "guards", ", ".join(problem.guards) or "none"
-    for each in problem.sources:
-        yield "source", f"{each.words}, as much time as {each.cost} spheres"
-    for watched in problem.monitors:
-        yield "monitor", f"{watched.monitor.name}: {watched.words}, {watched.bytes * found.records / 1e6:.2g} MB"
 
 
 def _defaults(scene: "Scene") -> dict[str, object]:

@@ -93,6 +93,7 @@ class Factors:
         return x
 
     def __call__(self, force: Floats) -> Floats:
+        """Return L f, near the displacements that balance a force."""
         axes = self._tangent.axes
         u = self._solve(force[:-axes])
         e = np.linalg.solve(self._schur, force[-axes:] - self._tangent.by_both.T @ u)

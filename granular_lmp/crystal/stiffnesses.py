@@ -41,10 +41,12 @@ class Measured(Protocol):
     """A contact whose stiffnesses at rest, N/m, may be declared; None: those that the law gives."""
 
     @property
-    def normal_stiffness(self) -> float | None: ...
+    def normal_stiffness(self) -> float | None:
+        """Stiffness along the line of centres, N/m; None: that of the law."""
 
     @property
-    def shear_stiffness(self) -> float | None: ...
+    def shear_stiffness(self) -> float | None:
+        """Stiffness across the line of centres, N/m; None: that of the law."""
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,7 @@ class WaveVector:
 
     @property
     def axis(self) -> str | None:
-        """ "x" or "y" when the wave runs along it, up or down; None in between."""
+        """Axis, "x" or "y", along which the wave runs, up or down; None in between."""
         return "y" if self.per_column == 0 else "x" if self.per_row == 0 else None
 
     def snapped(self, rows: int | None, columns: int | None) -> "WaveVector":

@@ -35,9 +35,11 @@ _NUMBERS_A_LINE = 5
 
 @dataclass(frozen=True)
 class _Signal:
-    """A signal in LAMMPS's variable language: its kind, the end of its names, its factor, the duration of its ramp or
-    burst, its phase and sweep, and the names of the variables that hold the time since it began, now and a step ago (or
-    ahead); of samples also the number of intervals between them, and their delay in intervals.
+    """A signal in LAMMPS's variable language.
+
+    It has its kind, the end of its names, its factor, the duration of its ramp or burst, its phase and sweep, and the
+    names of the variables that hold the time since it began, now and a step ago (or ahead); of samples also the number
+    of intervals between them, and their delay in intervals.
     """
 
     kind: str
@@ -130,12 +132,12 @@ def _step(signal: _Signal, time: str, s: str) -> tuple[str, str]:
 
 
 def _ricker(signal: _Signal, time: str, s: str) -> tuple[str, str]:
-    """Here s is y of the wavelet, −12 at t = 0, where the signal is 71 e^{-36} = 2e-14 of its largest value."""
+    """Return the signal; s is y of the wavelet, −12 at t = 0, where it is 71 e^{-36} = 2e-14 of its largest value."""
     return f"v_Omega{signal.tag}*v_{time}-12.0", f"(1-0.5*{s}^2)*exp(-0.25*{s}^2)"
 
 
 def _samples(signal: _Signal, i: str, s: str) -> tuple[str, str]:
-    """Here the interval i stands for the time, and s is the way through it."""
+    """Return the signal; the interval i stands for the time, and s is the way through it."""
     c0, c1, c2, c3 = (f"v_c{order}_{signal.tag}[v_{i}]" for order in range(4))
     return "", f"({c0}+{s}*({c1}+{s}*({c2}+{s}*{c3})))"
 

@@ -91,19 +91,16 @@ def view(
         If the run does not hold the requested data, or a program is missing on this machine.
     """
     folder, path = Path(folder), Path(path)
-    movie, as_page = path.suffix.lower() in MOVIES, path.suffix.lower() == ".html"
     of_a_run: dict[str, Any] = {"tau": tau, "colour": colour, "magnify": magnify, "rows": rows}
     of_a_run |= {"fronts": fronts or None, "side": side, "monitor": monitor, "fps": fps}
     if at_rest:
         _refuse(folder, "a crystal at rest", of_a_run | {"column": column})
-        if movie:
-            raise ViewError(f"{path}: a crystal at rest is drawn in a picture; not in a movie")
+        _refuse_movie(path, "a crystal at rest is drawn in a picture")
         save(at_rest_figure(Scene.load(folder)), path, size)
         return []
     if (folder / SWEEP).is_file():
         _refuse(folder, "the picture of a sweep", of_a_run)
-        if movie:
-            raise ViewError(f"{path}: a sweep is drawn as a curve, in a picture; not in a movie")
+        _refuse_movie(path, "a sweep is drawn as a curve, in a picture")
         swept = Sweep.load(folder)
         save(sweep_figure(swept, column), path, size)
         return swept.notes
@@ -112,39 +109,51 @@ def view(
         raise ViewError(f"{folder}: holds no record yet; there is nothing to draw")
     status, message = record.info.get("status"), record.info.get("message")
     lacks = [f"{folder}: not a finished run (status '{status}': {message})"] * (status != "finished")
-    if monitor is not None:
-        _refuse(folder, "the picture of a monitor", of_a_run | {"monitor": None, "column": column})
-        if movie:
-            raise ViewError(f"{path}: a monitor is drawn over time, in a picture; not in a movie")
-        save(monitor_figure(record.monitor(monitor)), path, size)
-        return lacks
+    if monitor is None:
+        return lacks + _draw_spheres(record, folder, path, of_a_run, column, size)
+    _refuse(folder, "the picture of a monitor", of_a_run | {"monitor": None, "column": column})
+    _refuse_movie(path, "a monitor is drawn over time, in a picture")
+    save(monitor_figure(record.monitor(monitor)), path, size)
+    return lacks
+
+
+def _draw_spheres(
+    record: Record, folder: Path, path: Path, options: dict[str, Any], column: str | None, size: tuple[int, int] | None
+) -> list[str]:
+    """Draw the spheres of a run: a chain over time, else a picture, a movie or a page; return what is missing."""
+    movie, as_page = path.suffix.lower() in MOVIES, path.suffix.lower() == ".html"
     chain = record.scene.wave is None and record.scene.lattice == CHAIN and not as_page
     what = "the picture of a chain, which shows all times" if chain else f"a {'movie' if movie else 'picture'} of a run"
-    _refuse(folder, what, {"column": column} | ({"tau": tau} if movie else {"fps": fps}))
+    unfit = "tau" if movie else "fps"
+    _refuse(folder, what, {"column": column, unfit: options[unfit]})
     if chain:
-        _refuse(folder, what, of_a_run)
-        if movie:
-            raise ViewError(f"{path}: a chain is drawn at all times, in a picture; not in a movie")
+        _refuse(folder, what, options)
+        _refuse_movie(path, "a chain is drawn at all times, in a picture")
         save(chain_figure(record), path, size)
-        return lacks
+        return []
     try:
         snapshots = Snapshots.load(folder)
     except RunFolderError as missing:
-        if movie or as_page or any(value is not None for value in of_a_run.values()):
+        if movie or as_page or any(value is not None for value in options.values()):
             raise ViewError(str(missing)) from missing
         save(record.plot(), path, size)
-        return [*lacks, f"{missing}; drawn are p, q and phi of the centre sphere"]
+        return [f"{missing}; drawn are p, q and phi of the centre sphere"]
     if as_page:
-        _refuse(folder, "a page, on which it is chosen", of_a_run | {"size": size})
+        _refuse(folder, "a page, on which it is chosen", options | {"size": size})
         with whole(path) as draft:
             draft.write_text(page(snapshots), encoding="utf-8")
-        return lacks
-    drawn: dict[str, Any] = {"colour": colour, "magnify": magnify, "rows": rows, "fronts": fronts, "side": side}
+        return []
+    drawn = {key: options[key] for key in ("colour", "magnify", "rows", "side")} | {"fronts": bool(options["fronts"])}
     if movie:
-        run_movie(record, snapshots, path, **drawn, fps=fps, size=size)
+        run_movie(record, snapshots, path, **drawn, fps=options["fps"], size=size)
     else:
-        save(run_figure(record, snapshots, tau=tau, **drawn), path, size)
-    return lacks
+        save(run_figure(record, snapshots, tau=options["tau"], **drawn), path, size)
+    return []
+
+
+def _refuse_movie(path: Path, instead: str) -> None:
+    if path.suffix.lower() in MOVIES:
+        raise ViewError(f"{path}: {instead}; not in a movie")
 
 
 def _refuse(folder: Path, what: str, options: dict[str, Any]) -> None:

@@ -94,7 +94,6 @@ def _band(
     sphere: Sphere, physics: Physics, mode: str, degrees: float, kind: Lattice, wall: Wall | None
 ) -> tuple[list[float], list[float]]:
     """Return wave numbers in rad per row, ascending, extrema among them, and their frequencies in hertz."""
-
     edge, lattice = kind.zone_edge(degrees), unit_lattice(sphere, kind, wall)
     grid = [_LOWEST, *(edge * k / _POINTS for k in range(1, _POINTS + 1))]
     known: dict[float, float] = {}
@@ -219,7 +218,7 @@ def _refuse_without_frequency(sources: Any) -> None:
 
 
 def without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The tables with ``wave.wavevector``, [kx, ky] in rad per lattice constant, as wave number and direction.
+    """Return tables with ``wave.wavevector``, [kx, ky] in rad per lattice constant, as wave number and direction.
 
     The lattice constant is the distance of two spheres that touch.
 

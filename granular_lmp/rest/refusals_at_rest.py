@@ -145,7 +145,7 @@ def ends_of_a_periodic_cell(scene: Derived) -> str:
 
 @line("physics")
 def faces(scene: Derived) -> str:
-    """A free face bears no load, and sides have a distance."""
+    """Refuse a load on a free face, and sides without a distance."""
     packing, shape = scene.packing, scene.shape
     if packing.contact_force and shape.free:
         return (

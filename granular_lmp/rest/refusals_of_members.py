@@ -61,7 +61,7 @@ def too_strong_a_strike(scene: Derived) -> str:
 
 @line("physics", of=(WAVE,))
 def nothing_shakes_a_crystal_at_rest(scene: Derived) -> str:
-    """A crystal without a wave is shaken or struck, and no wave has a phase or an envelope."""
+    """Refuse a crystal that is neither shaken nor struck, and a phase or an envelope without a wave."""
     wave, envelope, sources = scene.wave, scene.envelope, scene.drives
     if scene.form.waves:
         return ""

@@ -32,7 +32,7 @@ def along_a_chain(scene: Derived) -> str:
 
 @line("not built")
 def driven_row_along_y(scene: Derived) -> str:
-    """A driven row sends a wave along y that does not end."""
+    """Refuse a driven row whose wave is oblique or ends."""
     wave, length = scene.wave, scene.envelope.length
     if not scene.form.driven or wave.degrees == 90 and not length:
         return ""
@@ -44,7 +44,7 @@ def driven_row_along_y(scene: Derived) -> str:
 
 @line("physics")
 def driven_row_at_an_end(scene: Derived) -> str:
-    """The row that is driven is the held first one."""
+    """Refuse a driven row other than the held first one."""
     packing, shape = scene.packing, scene.shape
     if not scene.form.driven or not shape.along_y and shape.first == HELD:
         return ""

@@ -124,7 +124,27 @@ class Scene(HasCard, Derived):
         monitor: Sequence[Monitor] = (),
         striker: Sequence[Striker] = (),
     ) -> None:
-        tables = {key: table for key, table in locals().items() if key not in ("self", "material")}
+        tables: dict[str, Any] = {
+            "name": name,
+            "description": description,
+            "packing": packing,
+            "time": time,
+            "sphere": sphere,
+            "wave": wave,
+            "envelope": envelope,
+            "effects": effects,
+            "output": output,
+            "absorb": absorb,
+            "contact": contact,
+            "substrate": substrate,
+            "disorder": disorder,
+            "start": start,
+            "inclusion": inclusion,
+            "pair": pair,
+            "source": source,
+            "monitor": monitor,
+            "striker": striker,
+        }
         if material is None:
             made = self.from_dict(self._told(tables))
         else:  # all fields of a scene, some of them changed

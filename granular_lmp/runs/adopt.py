@@ -127,7 +127,7 @@ def adopt(
         clear(place)
         write_files(place, simulation.files())
 
-        def copy(job: Job) -> None:
+        def copy(_: Job) -> None:
             with writable(place):
                 shutil.copyfile(source / LOG, place / LOG)
                 others = {
@@ -141,7 +141,7 @@ def adopt(
             mend(place, problem.scene)
 
         with collected() as seconds:
-            job = Job(place, deck.input_name, LOG, lock, lambda step: None)
+            job = Job(place, deck.input_name, LOG, lock, lambda _: None)
             return execute(simulation, job, copy, info, seconds)
 
 

@@ -40,7 +40,7 @@ _BESIDE = 0.5  # radii: a sphere this far from the line lies on it, as where rad
 _UNITS = {"distance": "_m", "arrival": "_s", "error": "_s", "height": "_m_s"}
 # The part of a sphere's velocity (T, n, d) that counts, from the unit vector of the front's way
 MOTIONS: dict[str, Callable[[Floats, Floats], Floats]] = {
-    "speed": lambda velocity, way: velocity,
+    "speed": lambda velocity, _: velocity,
     "along": lambda velocity, way: (velocity @ way)[..., None],
     "across": lambda velocity, way: velocity - (velocity @ way)[..., None] * way,
 }

@@ -122,7 +122,7 @@ def _job(
 ) -> Job:
     """Return the job of an input: its deck is told the mark of its checkpoints, and their interval on ranks."""
     progress, steps = options.progress, simulation.steps
-    report = (lambda step: progress(min(step, steps), steps)) if progress else (lambda step: None)
+    report = (lambda step: progress(min(step, steps), steps)) if progress else (lambda _: None)
     variables: tuple[str, ...] = ("-var", "marked", mark(info["scene_sha256"]))
     if info["ranks"] > 1:
         variables += ("-var", "checkpoint", str(simulation.checkpoint_steps(info["ranks"])))

@@ -81,8 +81,9 @@ class MonitorRecord(HasTables):
 
     @classmethod
     def load(cls, folder: str | Path, name: str) -> Self:
-        """Return the record of a monitor in a run folder; for a run with a tolerance that of its answer, or
-        of its finest step if an earlier release left no other.
+        """Return the record of a monitor in a run folder.
+
+        For a run with a tolerance it is that of its answer, or of its finest step if an earlier release left no other.
 
         Raises
         ------

@@ -174,7 +174,7 @@ def readouts_of(record: Record) -> dict[str, Any]:
 
 
 def readout_columns(info: dict[str, Any]) -> dict[str, float]:
-    """Return the read-outs in ``run.json`` as columns of a table: "line.u_static", "line.u1", "line.u1_error", …"""
+    """Return the read-outs in ``run.json`` as columns of a table: "line.u_static", "line.u1", "line.u1_error"."""
     found: dict[str, float] = {}
     for monitor, said in info.get("monitors", {}).items():
         for component in (name for name in NAMES if name in said):

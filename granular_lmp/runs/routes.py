@@ -273,6 +273,7 @@ def _last_command(folder: Path) -> str:
 
 
 def log_tail(folder: Path, lines: int = 15) -> str:
+    """Return the last lines of LAMMPS's log; "" if it cannot be read."""
     try:
         return "\n".join((folder / LOG).read_text(encoding="utf-8", errors="replace").splitlines()[-lines:])
     except OSError:

@@ -28,7 +28,7 @@ from granular_lmp.runs.routes import Job, log_tail
 Judge = Callable[[Record], dict[str, Any]]
 
 
-def nothing_more(record: Record) -> dict[str, Any]:
+def nothing_more(_: Record) -> dict[str, Any]:
     """Return no more entries of ``run.json``."""
     return {}
 

@@ -149,8 +149,10 @@ class Snapshots(HasCard, HasTables):
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
-        """Find the snapshots of a run folder; for a run with a tolerance those of its answer,
-        or of its finest step if an earlier release left no others.
+        """Find the snapshots of a run folder.
+
+        For a run with a tolerance they are those of its answer, or of its finest step if an earlier release left no
+        others.
 
         Raises
         ------

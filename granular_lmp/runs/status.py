@@ -102,5 +102,6 @@ def _text_of(info: dict[str, Any], indent: int | None = None) -> str:
 
 
 def seal_of(info: dict[str, Any]) -> str:
+    """Return the SHA-256 of ``run.json`` without its own seal."""
     said = {key: value for key, value in info.items() if key != SEAL}
     return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()

@@ -148,7 +148,6 @@ def checked(pairs: Samples, key: str) -> Samples:
         If there are fewer than `FEWEST` or more than `MOST`, times do not begin at 0 or grow by unequal steps, the
         first value is not 0 or all are, or a spline through every second one misses the others.
     """
-
     head, rows = split(pairs)
     name = head[0] if head else "tau"
 

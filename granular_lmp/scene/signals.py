@@ -19,13 +19,20 @@ class Declared(Protocol):
     """Keys of a source that say how its signal is (`granular_lmp.scene.sources.Source`)."""
 
     @property
-    def cycles(self) -> float: ...
+    def cycles(self) -> float:
+        """Periods of a burst or chirp."""
+
     @property
-    def ramp(self) -> float: ...
+    def ramp(self) -> float:
+        """Time in which a tone or a step rises, τ."""
+
     @property
-    def sweep(self) -> float: ...
+    def sweep(self) -> float:
+        """Last frequency of a chirp over its first."""
+
     @property
-    def phase(self) -> float: ...
+    def phase(self) -> float:
+        """Phase, rad."""
 
 
 @dataclass(frozen=True)

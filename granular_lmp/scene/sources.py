@@ -47,9 +47,12 @@ class Scaled(Protocol):
     """What a scene says of its units."""
 
     @property
-    def sphere(self) -> Sphere: ...
+    def sphere(self) -> Sphere:
+        """Sphere of the deck."""
+
     @property
-    def displacement_amplitude(self) -> float: ...
+    def displacement_amplitude(self) -> float:
+        """D0 in metres."""
 
 
 @dataclass(frozen=True)

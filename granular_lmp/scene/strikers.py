@@ -17,7 +17,7 @@ from granular_lmp.scene.schema import number
 from granular_lmp.scene.start import Start
 
 WORDS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}  # unit vectors
-WORDS |= {f"-{name}": tuple(0.0 - part for part in vector) for name, vector in WORDS.items()}  # type: ignore[misc]
+WORDS |= {f"-{name}": (0.0 - x, 0.0 - y, 0.0 - z) for name, (x, y, z) in WORDS.items()}
 
 
 @dataclass(frozen=True)

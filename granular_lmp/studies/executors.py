@@ -181,7 +181,7 @@ def terminable() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def _end_after_call(number: int, frame: FrameType | None) -> None:
+def _end_after_call(_number: int, _frame: FrameType | None) -> None:
     global _terminated
     _terminated = True
     raise KeyboardInterrupt

@@ -41,7 +41,7 @@ def _of_waves(shape: Shape, waves: set[WaveVector]) -> str:
     return count + words(shape.rows, shape.columns) + "; " + _remedy(shape, waves, along_y=along_y)
 
 
-def _along_y(rows: int, columns: int) -> str:
+def _along_y(rows: int, _columns: int) -> str:
     return f"{rows} rows"
 
 

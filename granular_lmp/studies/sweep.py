@@ -267,7 +267,7 @@ def sweep(
         library.built()
     asked = {key: plain_value([*values]) for key, values in over.items()}
     request = {"over": asked, "scene": scene.given()}
-    say = remark or (lambda sentence: None)
+    say = remark or (lambda _: None)
     if found := _found(folder, scene, request, say):
         return found
     if isinstance(executor, Workers):

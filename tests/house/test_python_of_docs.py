@@ -72,6 +72,7 @@ PAGES_OF_PYTHON = [
     "docs/sweeps.md",
     "docs/gallery.md",
     "docs/network.md",
+    "docs/gpu.md",
     "docs/imperfect.md",
     "docs/layers.md",
     "docs/impacts.md",
@@ -86,7 +87,7 @@ PAGES_OF_PYTHON = [
 
 
 MORE = ["docs/how-to.md", "docs/sweeps.md", "docs/experiments.md", "docs/impacts.md", "docs/layers.md"]
-MORE += ["docs/gallery.md", "docs/collisions.md", "analysis/cases/solitary/README.md"]
+MORE += ["docs/gallery.md", "docs/gpu.md", "docs/collisions.md", "analysis/cases/solitary/README.md"]
 PAGE = "```python\nimport granular_analysis\nx = 1\n```\n\n```console\nfalse\n```\n\n```python\n{}\n```\n"
 LINES = {"right": "assert x == 1", "wrong": "assert x == 2", "gone": "import os; os._exit(0)"}
 
@@ -102,6 +103,8 @@ def failures(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 @pytest.mark.parametrize("page", members(PAGES_OF_PYTHON, *MORE))
 def test_the_python_of_a_page_runs(page: str, failures: dict[str, str]) -> None:
+    if page == "docs/gpu.md":
+        pytest.importorskip("jax")
     assert failures[page] == ""
 
 

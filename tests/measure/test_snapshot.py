@@ -133,6 +133,7 @@ def test_a_dump_without_masses_needs_a_density(dump):
 BRIEF = {"time.duration": 0.5, "time.sample": 0.5, "output.particles": 0.5}
 LAYER = BRIEF | {"packing.rows": 8, "packing.columns": 6, "packing.ends": "periodic", "wave.wavenumber": np.pi / 4}
 UNEQUAL = {"disorder.radius": 5e-5}
+ROLLING = {"effects.rolling": True, "effects.rolling_stiffness": 10.0, "effects.rolling_friction": 1.0}
 WALLED = {"packing.rows": 9, "packing.first": "wall", "packing.last": "wall", "time.allow_echo": True}
 STANDING = {
     "a layer": ("monolayer_rocking", LAYER),
@@ -170,6 +171,13 @@ def test_a_substrate_is_where_adhesion_and_repulsion_balance(tmp_path):
     # 2 pi w R = (4/3) E* R^(1/2) d^(3/2)
     depth = (1.5 * np.pi * adhesion * np.sqrt(sphere.radius) / modulus) ** (2 / 3)
     assert wall.point[2] == pytest.approx(-(1 - depth / sphere.radius) * first.radius, rel=1e-12)
+
+
+def test_a_run_whose_contacts_resist_rolling_has_no_network(tmp_path):
+    scene = Scene.load("tr_periodic").with_values(BRIEF | ROLLING)
+    record = run(scene, tmp_path / "run")
+    with pytest.raises(TheoryError, match=r"the network leaves out effects\.rolling"):
+        first_snapshot(record)
 
 
 def test_quiet_ends_damp_as_the_run_says(tmp_path):

@@ -9,6 +9,7 @@ from granular_analysis.theory.network import Network, Wall
 from granular_analysis.theory.network_outside import Drive
 from granular_analysis.theory.network_state import State, contacts, resultants, start
 from granular_analysis.theory.network_verlet import march
+from tests.conftest import latin
 from tests.theory.test_loops import LAWS, RNG, STEEL, packing
 
 traced = pytest.importorskip("granular_analysis.theory.network_traced", reason="needs JAX")
@@ -27,8 +28,7 @@ def touching(dimension: int, **changes: object) -> tuple[Network, State]:
     return network, replace(state, shear=state.shear + RNG.normal(0, 1e-4, state.shear.shape))
 
 
-@pytest.mark.parametrize("changes", LAWS, ids=str)
-@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize(("changes", "dimension"), latin(LAWS, [2, 3]), ids=str)
 def test_forces_of_any_law_are_those_of_numpy(changes: dict[str, object], dimension: int) -> None:
     network, state = touching(dimension, **changes)
 

@@ -162,7 +162,7 @@ def lattice(wave: Wave, tau: NDArray[np.float64], rtol: float) -> Trajectory:
 
 
 def front(settings: Iterable[Setting], component: str | None = None) -> list[Setting]:
-    """The settings that no other beats in both time and error (of one component, or the largest), in order of time."""
+    """Return the settings that no other beats in both time and error (of one or all components), in order of time."""
     best: list[Setting] = []
     for setting in sorted(settings, key=lambda setting: (setting.seconds, _error(setting, component))):
         if _error(setting, component) < (GAIN * _error(best[-1], component) if best else inf):

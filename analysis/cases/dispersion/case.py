@@ -31,7 +31,7 @@ def table(sheet: Sheet) -> str:
 
 
 def draw(sheet: Sheet) -> Figure:
-    """The spectral density over the path, each wave vector in units of its largest, and the theory over it."""
+    """Draw the spectral density over the path, each wave vector in units of its largest, and the theory over it."""
     wavevectors, corners = zone_path(sheet.box)
     frequencies, power = density(sheet, wavevectors)
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(wavevectors, axis=0), axis=1))])

@@ -78,7 +78,7 @@ class Sheet:
 
 
 def zone_path(box: Floats) -> tuple[Floats, list[int]]:
-    """The wave vectors (K, 2) that a periodic sheet holds on Γ–M–K–Γ, and where on it the four corners are.
+    """Return the wave vectors (K, 2) that a periodic sheet holds on Γ–M–K–Γ, and where on it the four corners are.
 
     M = (0, 2π/√3) and K = (2π/3, 2π/√3), or (4π/3, 0), in 1/lattice constant; rows of spheres lie along x.
 

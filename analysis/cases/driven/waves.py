@@ -98,7 +98,7 @@ def linear_waves(wave: Wave) -> RowWaves:
 
 
 def free_wavenumber(frequency: float, contact: Contact) -> complex:
-    """k of the L wave of a frequency, speed·sin(k/2) = Ω: in (0, π], or π + 2i·arcosh(Ω/speed) above the cutoff."""
+    """Solve speed·sin(k/2) = Ω for k of the L wave: in (0, π], or π + 2i·arcosh(Ω/speed) above the cutoff."""
     ratio = frequency / _speed(contact)
     return complex(2 * np.arcsin(ratio)) if ratio <= 1 else complex(np.pi, 2 * np.arccosh(ratio))
 

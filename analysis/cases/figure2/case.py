@@ -29,7 +29,7 @@ PAPER = (0.802, 1.475, 2.127)  # rad per row, of the paper's three runs
 
 
 def draw(constants: Ratios) -> Figure:
-    """The three panels for one lattice."""
+    """Draw the three panels for one lattice."""
     figure = Figure(figsize=(11.0, 4.0), layout="constrained")
     branches, upper, lower = figure.subplots(1, 3)
     _dispersion(branches, constants)

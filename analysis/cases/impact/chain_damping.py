@@ -25,7 +25,7 @@ from cases.solitary.travelling import solitary_wave
 
 def power(chain: Chain, u: Array, v: Array) -> Array:
     """Return the power that each dashpot takes, η_j δ_j^{1/4} δ_j'² (…, n + 1), of states (…, n)."""
-    return dashpot_forces(chain, u, v) * rates(chain, v)
+    return dashpot_forces(chain, u, v) * rates(v)
 
 
 def damping_ratio(restitution: float) -> float:

@@ -82,7 +82,7 @@ def strength(wave: Complexes) -> Floats:
 
 
 def second_harmonic(record: Record) -> tuple[Floats, Complexes]:
-    """Times (T,) and X(τ) (T, 3) of p, q, φ of a run, from its snapshots.
+    """Return the times (T,) and X(τ) (T, 3) of p, q, φ of a run, from its snapshots.
 
     Raises ValueError where 2k and −2k are one wave vector of the lattice: X is then not told from its conjugate.
     """
@@ -153,7 +153,7 @@ def table(runs: Measured) -> str:
 
 
 def draw(runs: Measured) -> Figure:
-    """The strength of p, q, φ at 2k over the direction for each mode, runs on theory, and below the error of each run.
+    """Draw the strength of p, q, φ at 2k over the direction for each mode, runs on theory; below, the error of each.
 
     The lines are theory at the mean wave number; that of each run is as near to it as its cell allows.
     """

@@ -36,7 +36,7 @@ HELD = HOLDS["second-order"] - WALLS - {NO_SHEAR, NO_ROTATION} | {STANDING, ENVE
 
 
 def carrier(sheet: Sheet, field: Floats, rate: Floats) -> Floats:
-    """The wave vector (2,) of the strongest wave in an initial field, in the first zone, upwards (ky > 0)."""
+    """Return the wave vector (2,) of the strongest wave in an initial field, in the first zone, upwards (ky > 0)."""
     power = sum(np.sum(np.abs(sheet.waves(part)) ** 2, axis=-1) for part in (field, rate))
     images = _images(sheet.wavevectors[np.unravel_index(np.argmax(power), power.shape)])
     found = np.round(images[np.argmin(np.round(np.linalg.norm(images, axis=1), 9))], 12)  # a zero may be 1e-17
@@ -68,7 +68,7 @@ class Comparison:
         return self.run - self.linear
 
     def around(self, field: Floats, *multiples: int) -> Floats:
-        """The part of a field at wave vectors nearer to ±mk, with m of the multiples, than with another m of 0 to 3."""
+        """Return what a field has at wave vectors nearer to ±mk, m of the multiples, than with other m of 0 to 3."""
         centres = [[m * self.wavevector, -m * self.wavevector] for m in range(4)]
         images = _images(self.sheet.wavevectors[None, None] - np.array(centres)[:, :, None, None])
         nearest = np.argmin(np.round(np.linalg.norm(images, axis=-1).min(axis=(1, -1)), 9), axis=0)
@@ -133,7 +133,7 @@ def table(c: Comparison) -> str:
 
 
 def draw(c: Comparison, snapshot: int = -1) -> Figure:
-    """Maps of y1, run − y1 and a y2 at a snapshot, of the component largest in theory; below, the errors over time."""
+    """Draw y1, run − y1 and a y2 at a snapshot, of the component largest in theory; below, the errors over time."""
     fields = [in_frame(f[snapshot], c.wavevector) for f in (c.linear, c.beyond, c.second)]
     first, second = (int(np.argmax(np.linalg.norm(fields[which], axis=0))) for which in (0, 2))
     scales = np.abs(fields[0][:, first]).max(), np.abs([f[:, second] for f in fields[1:]]).max()

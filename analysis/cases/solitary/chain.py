@@ -184,14 +184,14 @@ def forces(chain: Chain, u: Array) -> Array:
     return pressed
 
 
-def rates(chain: Chain, v: Array) -> Array:
+def rates(v: Array) -> Array:
     """Return the rates of the overlaps δ_j' (…, n + 1), of open contacts too."""
     return _approaches(v)
 
 
 def dashpot_forces(chain: Chain, u: Array, v: Array) -> Array:
     """Return the forces of the dashpots η_j δ_j^{1/4} δ_j' (…, n + 1); negative ones pull."""
-    result: Array = chain.dashpot * np.sqrt(np.sqrt(np.maximum(overlaps(chain, u), 0.0))) * rates(chain, v)
+    result: Array = chain.dashpot * np.sqrt(np.sqrt(np.maximum(overlaps(chain, u), 0.0))) * rates(v)
     return result
 
 

@@ -121,7 +121,7 @@ def _wave(records: Sequence[Record], name: str) -> Wave:
 
 
 def draw(found: Measured) -> Figure:
-    """The amplitude of each mode over the wave number, runs on theory, and below the deviation of each run.
+    """Draw the amplitude of each mode over the wave number, runs on theory, and below the deviation of each run.
 
     Each amplitude of the wave has its marker; standard errors are drawn where there is one amplitude.
     """

@@ -94,12 +94,12 @@ def response(tau: Floats, frequencies: Frequencies) -> Floats:
 
 
 def pair(frequency: float, tau: Floats) -> list[Floats]:
-    """cos and sin of a frequency."""
+    """Return cos and sin of a frequency."""
     return [np.cos(frequency * tau), np.sin(frequency * tau)]
 
 
 def columns(record: Record, frequencies: Frequencies) -> list[Floats]:
-    """The time functions of p: S first, then the free waves; for L the fundamental and its slow drift, of order a²τ."""
+    """Return time functions of p: S, then the free waves; for L the fundamental and its slow drift, of order a²τ."""
     fundamental = pair(frequencies.fundamental, record.tau) if record.scene.wave.mode == "L" else []
     drift = [record.tau * each for each in fundamental]
     return [response(record.tau, frequencies), *pair(frequencies.free, record.tau), *fundamental, *drift]
@@ -136,7 +136,7 @@ def measured(record: Record, start: Frequencies) -> Frequencies:
 
 
 def point(record: Record) -> Point:
-    """The generated amplitude of a run, by the frequencies of the linear lattice."""
+    """Return the generated amplitude of a run, by the frequencies of the linear lattice."""
     wave = wave_of(record)
     epsilon = nonlinearity(wave.contact, wave.amplitude)
     frequencies = linear(wave)

@@ -75,7 +75,7 @@ class Comparison:
         return {"p": p, "q": q, "phi": phi, HARMONIC: p - self._linear(tau, n)}
 
     def measured(self) -> dict[str, Floats]:
-        """The same of the run, (T, rows)."""
+        """Return the same of the run, (T, rows)."""
         run = self.run
         return {"p": run.p, "q": run.q, "phi": run.phi, HARMONIC: run.p - self._linear(run.tau[:, None], self.n)}
 

@@ -112,7 +112,7 @@ def _against(record: Record, wave: Wave | None) -> list[str]:
     try:
         first_snapshot(record)
     except (TheoryError, OSError, GranularError) as error:
-        found.append(str(error))
+        found += [] if str(error) in found else [str(error)]
     too_long = _too_long(record, wave)
     return [*found, too_long] if too_long else found
 

@@ -31,6 +31,8 @@ from granular_analysis.theory.network_motion import Trajectory
 from granular_analysis.theory.network_state import State, loaded, start
 from granular_lmp.runs.record import Record
 
+__all__ = ["first_snapshot"]
+
 Floats = NDArray[np.float64]
 
 _TURNS = {2: ["v_theta"], 3: [f"Orientation.{part}" for part in "WXYZ"]}  # by dimension
@@ -97,11 +99,13 @@ def first_snapshot(record: Record) -> FirstSnapshot:
 
     Raises RunFolderError for a run without snapshots (``output.particles``), OSError for a folder without `CENTRE`, and
     TheoryError for a first snapshot that is none of step 0, lacks a column, as without ``effects.tracking``, or a
-    sphere, or is no dump, for a declared material that no sphere has, and for what acts from outside and is not known
-    (`granular_analysis.measure.outside`).
+    sphere, or is no dump, for a declared material that no sphere has, for what acts from outside and is not known
+    (`granular_analysis.measure.outside`), and for contacts that resist rolling or twisting.
     """
     scene, path = record.scene, _snapshots(record)
     on, declared = switched(record), record.scene.effects
+    if lacks := [f"effects.{name}" for name in ("rolling", "twisting") if on.get(name, False)]:
+        raise TheoryError(f"the network leaves out {', '.join(lacks)}")
     scales = scales_of(record)
     damped = on.get("damping", True)
     network, state = read_network(

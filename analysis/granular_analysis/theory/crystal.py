@@ -372,8 +372,7 @@ def _across(wavevector: Floats, normal: Floats) -> bool:
 def find_contacts(
     vectors: Floats, position: Floats, radius: Floats
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
-    """Return first and second sphere (C,) of all that touch, each contact once, and by how many vectors the second is
-    moved (C, d)."""
+    """Return both spheres (C,) of each contact, once, and by how many vectors the second is moved (C, d)."""
     reach = 2 * float(radius.max()) + float(np.ptp(position, axis=0).max()) * np.sqrt(3)
     # Planes of the lattice are 1/|b| apart, b the reciprocal vector without 2π
     most = np.floor(reach * np.linalg.norm(np.linalg.pinv(vectors), axis=0) + _TOUCHES_TWICE).astype(int)

@@ -184,7 +184,7 @@ def initial_state(mode: Mode, amplitude: ArrayLike, phases: Floats, contact: Con
 
 
 def with_shear(moving: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
-    """The state (..., 6, K), with the rows of the contacts' shear appended where the contact has a history."""
+    """Return the state (..., 6, K), with the rows of the contacts' shear appended where the contact has a history."""
     if not contact.has_history:
         return moving
     apart = neighbours.deform(moving[..., None, :3, :])[..., 0, :, :, :]

@@ -95,6 +95,7 @@ class Slope:
         self.function, self.data, self._arrays = function, data, arrays
 
     def __call__(self, state: Array) -> Array:
+        """Return the rate of a state."""
         out = np.empty_like(state)
         self.function(ctypes.byref(self.data), address(state), address(out))
         return out

@@ -155,12 +155,16 @@ class Network:
     drag: Floats | None = None
 
     def __post_init__(self) -> None:
+        self._check_spheres()
+        self._check_contacts()
+        self._check_surroundings()
+
+    def _check_spheres(self) -> None:
         for name in ("position", "radius", "density"):
             object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
         count = len(self.position)
         if self.position.shape not in ((count, 2), (count, 3)) or not count or not np.all(np.isfinite(self.position)):
             raise TheoryError(f"position must be finite and of shape (N, 2) or (N, 3), not {self.position.shape}")
-        object.__setattr__(self, "cell", self.cell or (np.inf,) * self.dimension)
         for name in ("radius", "density"):
             values = getattr(self, name)
             if values.shape != (count,) or not np.all(np.isfinite(values) & (values > 0)):
@@ -170,6 +174,8 @@ class Network:
                 raise TheoryError(f"{name} must be of shape ({count},), not {np.shape(getattr(self, name))}")
         if not np.all((self.kinds >= 0) & (self.kinds < len(self.materials))):
             raise TheoryError(f"kind must be from 0 to {len(self.materials) - 1}, an index into materials")
+
+    def _check_contacts(self) -> None:
         for name, allowed in (
             ("law", get_args(Law)),
             ("shear_mixing", get_args(ShearMixing)),
@@ -187,6 +193,9 @@ class Network:
             raise TheoryError(
                 f"restitution = {self.restitution} must be in (0, 1], beside no viscosity and no work_of_adhesion"
             )
+
+    def _check_surroundings(self) -> None:
+        object.__setattr__(self, "cell", self.cell or (np.inf,) * self.dimension)
         if len(self.cell) != self.dimension or not min(self.cell) > 2 * self.reach:
             number = "two" if self.dimension == 2 else "three"
             raise TheoryError(f"cell = {self.cell} must be {number} periods of more than {2 * self.reach}, or inf")

@@ -188,6 +188,8 @@ def gradient(
         For such a run without `kinks`, and for spheres that move so far that others may touch.
     """
     known = events(run, factors)
+    if known.farthest > 1:
+        raise TheoryError("spheres move so far that others may touch, which a gradient does not search")
     if known.trouble and not kinks:
         raise TheoryError(f"{known.trouble}; the gradient is that of one side: kinks = True takes it")
     value, slope = _value_and_slope(run, objective, on_device(dict(factors)))
@@ -223,8 +225,6 @@ class Events(NamedTuple):
         """Return what makes a kink, "" if nothing does."""
         kinds = {"opened": self.parted, "closed": self.met, "slid": self.slid}
         found = [f"{len(which)} contacts {what}, first pair {which[0]}" for what, which in kinds.items() if len(which)]
-        if self.farthest > 1:
-            found.append("spheres move so far that others may touch")
         return "; ".join(found)
 
 

@@ -1,10 +1,10 @@
-"""Motion of a packing of spheres: the laws of `granular_analysis.theory.network`, by an error-controlled Runge–Kutta
-method.
+"""Motion of a packing of spheres by an error-controlled Runge–Kutta method.
 
-LAMMPS takes velocity Verlet with a fixed step. Here it is DOP853, of order 8, whose steps follow from its own error
-estimate; the slip of every contact is a part of the state, and so is the work W of the ledger E − W. After every step a
-contact that is open forgets its slip, one that slides keeps the slip of its limit, and where a sphere has moved far
-enough for new contacts, the step is taken back and the pairs are searched again.
+The laws are those of `granular_analysis.theory.network`. LAMMPS takes velocity Verlet with a fixed step. Here it is
+DOP853, of order 8, whose steps follow from its own error estimate; the slip of every contact is a part of the state,
+and so is the work W of the ledger E − W. After every step a contact that is open forgets its slip, one that slides
+keeps the slip of its limit, and where a sphere has moved far enough for new contacts, the step is taken back and the
+pairs are searched again.
 
 Good values: rtol from 1e-6 (a figure) to 1e-11 (a witness). An evaluation of all forces takes 0.2 µs of processor time
 per contact, a tenth of that in the compiled loop (`granular_analysis.theory.network_loop`). A wave in a crystal needs 7
@@ -234,8 +234,7 @@ def _farthest(state: State) -> float:
 
 
 class _Rates:
-    """The time derivative of the packed state, from one settled state on: the equations of
-    `granular_analysis.theory.network`.
+    """Time derivative of the packed state, from one settled state on, by `granular_analysis.theory.network`.
 
     Attributes
     ----------

@@ -23,6 +23,8 @@ from granular_analysis.theory.network_outside import imposed
 from granular_analysis.theory.network_state import Pairs, State
 from granular_analysis.theory.network_verlet import Bodies, Carried, begun, renewed, signals, stepped
 
+__all__ = ["march"]
+
 jax.config.update("jax_enable_x64", True)
 Floats = NDArray[np.float64]
 Arrays = dict[str, Any]

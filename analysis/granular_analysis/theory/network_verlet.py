@@ -52,6 +52,8 @@ from granular_analysis.theory.network_tangents import (
     times,
 )
 
+__all__ = ["march"]
+
 Floats = NDArray[np.float64]
 
 

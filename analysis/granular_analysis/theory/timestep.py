@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 def stepped_second_harmonic(wave: Wave, tau: Floats, step: float) -> Floats:
-    """p of the second harmonic in D0 at τ, (T,), as steps of `step` make it; `second_harmonic` for the step → 0.
+    """Return p of the second harmonic in D0 at τ, (T,), as steps of `step` make it; `second_harmonic` is step → 0.
 
         p_{n+1} − 2p_n + p_{n−1} = h²[Re(F f_n²) − w̃² p_n],   f = e^{i phase}(cos Ω_hτ − ir sin Ω_hτ)
 

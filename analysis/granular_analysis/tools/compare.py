@@ -140,10 +140,12 @@ class Comparison:
 
     @cached_property
     def lattice_error(self) -> dict[str, float | None]:
+        """Return the error of each component against the exact lattice; none if there is no such solution."""
         return {} if self._exact is None else errors(self.record, self._exact)
 
     @cached_property
     def budget(self) -> list[Source]:
+        """Return the sources of error and what each adds; none without an exact lattice."""
         if self.wave is None or self._exact is None:
             return []
         return error_budget(self.record, self.wave, self.lattice_error, self._exact)
@@ -227,7 +229,7 @@ def notes(record: Record, wave: Wave | None, reference: Reference) -> list[str]:
 
 
 def table(comparisons: list[Comparison]) -> str:
-    """The comparisons as text, two lines a wave: against theory and the exact lattice; a line for other runs; notes."""
+    """Return the comparisons as text, two lines a wave: on theory and the exact lattice; other runs a line; notes."""
     width = max([len("run"), *(len(c.run) for c in comparisons)])
     lines: list[str] = []
     waves, others = ([c for c in comparisons if (c.wave is None) == without] for without in (False, True))
@@ -252,7 +254,7 @@ def table(comparisons: list[Comparison]) -> str:
 
 
 def swept_table(swept: Swept, comparisons: list[Comparison]) -> str:
-    """The runs of a sweep as text, a line each: what was varied, errors against theory, the second harmonic in D0."""
+    """Return a sweep as text, a line a run: what was varied, errors against theory, the second harmonic in D0."""
     varied = swept.columns([c.record for c in comparisons])
     signals = names_of(comparisons[0])
     titles = [*varied, "against", *signals, "SH measured", "±", "predicted", "deviation"]
