@@ -1,6 +1,5 @@
 """Claims about monitors that hold for each kind that is declared (`granular_lmp.scene.kinds`)."""
 
-
 import numpy as np
 import pytest
 
