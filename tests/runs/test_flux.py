@@ -25,8 +25,8 @@ from tests.manual import Measure, Mutant, off, verifies
     reason="velocity Verlet errs by (Ωh)²/24 = 4e-4 at Ω = 1.8",
     mutant=Mutant(
         "granular_lmp/runs/monitors.py",
-        "(0.5 * up[:, None] * (of[:, None] == self.rows))",
-        "(0.51 * up[:, None] * (of[:, None] == self.rows))",
+        "(0.5 * up[:, None] * (of[:, None] == monitor.rows))",
+        "(0.51 * up[:, None] * (of[:, None] == monitor.rows))",
     ),
 )
 def test_a_plane_wave_carries_its_energy_with_the_group_velocity(

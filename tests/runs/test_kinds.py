@@ -21,10 +21,10 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
 @pytest.mark.parametrize("kind", KINDS)
 def test_columns_exports_and_plots_have_the_quantities_of_the_kind(kind: str, record: Record) -> None:
     monitor, known = record.monitor(kind), KINDS[kind].quantities
-    names = [name for name in monitor.columns() if quantity_of(name, known)]
-    units = [name.rpartition("_")[2] for name in si_columns_of_monitor(monitor)]
-    assert names
-    assert all(known[name.partition("_")[0]].unit.si in (*units, "m", "rad") for name in names)
+    names = dict(zip(monitor.columns(), si_columns_of_monitor(monitor), strict=True))
+    units = {said: quantity.unit.si for name, said in names.items() if (quantity := quantity_of(name, known))}
+    assert units
+    assert all(said.removesuffix("_s").endswith(f"_{unit}") for said, unit in units.items())
     labels = [each.get_ylabel().partition(" (")[0] for each in monitor_figure(monitor).axes]
     assert {*labels} <= {quantity.symbol for quantity in known.values() if quantity.symbol}
 

@@ -36,7 +36,7 @@ def flux_of_the_running_wave(tmp_path_factory: pytest.TempPathFactory) -> float:
 def test_the_flux_is_that_of_the_wave_less_that_of_its_time_reversal(
     name: str, flux_of_the_running_wave: float, tmp_path: Path
 ) -> None:
-    """A flux goes as the square of an amplitude. The step shifts Ω by 2e-5, which is left of a period."""
+    """A flux goes as the square of an amplitude. The step shifts Ω by 1e-5, and the mean by about as much."""
     form = FORMS[name]
     found = mean_flux(WATCHED.with_values({"wave.form": name}), tmp_path / "run") / flux_of_the_running_wave
     assert found == pytest.approx(form.forward**2 - form.backward**2, abs=1e-3)
