@@ -11,7 +11,6 @@ from typing import Any
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, STATUS
-from granular_lmp.runs.folder import refuse_links
 from granular_lmp.runs.formats import FORMAT, format_of
 from granular_lmp.runs.manifest import triggered
 from granular_lmp.runs.seal import refuse_changed, refuse_other_scene
@@ -28,8 +27,8 @@ def read_unfinished(folder: Path) -> dict[str, Any]:
     Raises
     ------
     RunFolderError
-        If it is finished, or failed by a guard, its scene or another file changed, ``run.json`` does not say how it was
-        started, or a file of the run is a link.
+        If it is finished, or failed by a guard, its scene or another file changed, or ``run.json`` does not say how it
+        was started.
     """
     info = read_status(folder)
     if info["status"] == "finished":
@@ -41,7 +40,6 @@ def read_unfinished(folder: Path) -> dict[str, Any]:
     if not {"launcher", "ranks"} <= set(info):
         raise RunFolderError(f"{folder}: {_NOT_SAID}")
     refuse_other_scene(folder, info)
-    refuse_links(folder)
     refuse_changed(folder, info)
     return info
 

@@ -172,21 +172,6 @@ def written_files(folder: Path) -> list[str]:
     return names + sorted(f"{part.name}/{STATUS}" for part in inners if _is_part(part) and (part / STATUS).is_file())
 
 
-def refuse_links(folder: Path) -> None:
-    """Raise RunFolderError if a file that a run wrote, or the folder of one of its steps, is a link or no plain file.
-
-    To continue the run would write through it.
-    """
-    written = _own_names(folder)
-    for inner in folder.iterdir():
-        plain = inner.is_file() if inner.name in written else inner.is_dir() or not _is_part(inner)
-        if (inner.name in written or _is_part(inner)) and (inner.is_symlink() or not plain):
-            raise RunFolderError(
-                f"{inner}: is a link, or no plain file, and a run writes into its own folder only; put its file there, "
-                "or remove the link"
-            )
-
-
 def _is_part(path: Path) -> bool:
     """Return whether a path is named like the folder of one step of a run to a tolerance."""
     return re.fullmatch(rf"\d+{PER_SAMPLE}", path.name) is not None
