@@ -106,7 +106,7 @@ def test_a_study_is_never_the_old_run(study: str, small: Scene, tmp_path: Path) 
 def test_a_sweep_takes_the_folder_of_a_run_over(small: Scene, tmp_path: Path) -> None:
     once(small, tmp_path)
     sweep(small, {"wave.phase": [0.0]}, tmp_path, force=True)
-    assert {path.name for path in tmp_path.iterdir()} == {"sweep.json", "sweep.csv", "known.json", "runs"}
+    assert {path.name for path in tmp_path.iterdir()} == {"sweep.json", "sweep.csv", "runs"}
 
 
 def test_a_scene_that_names_files_elsewhere_deletes_none_of_them(tmp_path: Path) -> None:
