@@ -35,7 +35,6 @@ from granular_lmp.runs.simulation import mend
 from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.shipped import shipped
 from granular_lmp.studies import collide, cost
-from granular_lmp.studies.kick import run_kicked
 from granular_lmp.studies.sweep import sweep
 from tests.conftest import kernel_lacks, members, run_input
 from tests.hard.guard_study import FAMILIES, random_scene
@@ -598,12 +597,6 @@ def test_a_sweep_without_a_kernel_is_refused_at_once(
     with pytest.raises(LammpsMissingError, match="build-kernel"):
         sweep(small, {"wave.amplitude": [0.1]}, tmp_path / "sweep", kernel=True)
     assert not (tmp_path / "sweep").exists()
-
-
-def test_a_kicked_sheet_takes_it(tmp_path: Path) -> None:
-    sheet = {"packing.rows": 12, "packing.columns": 12, "time.duration": 10.0, "time.sample": 0.5}
-    path = run_kicked(Scene.load("tr_periodic").with_values(sheet), tmp_path / "run")
-    assert read_status(path.parent)["kernel"] == library.description()
 
 
 @pytest.mark.parametrize(

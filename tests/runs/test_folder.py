@@ -22,7 +22,7 @@ from granular_lmp.runs.seal import files_of
 from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.schema import LONGEST_NAME
 from granular_lmp.studies.collide import run as collide
-from granular_lmp.studies.kick import run_kicked
+from granular_lmp.studies.kick import kicked
 from granular_lmp.studies.sweep import sweep
 
 Action = Callable[[Scene, Path], object]
@@ -34,7 +34,7 @@ def to_tolerance(scene: Scene, folder: Path) -> None:
 
 
 def kick(scene: Scene, folder: Path) -> None:
-    run_kicked(scene.with_values({"name": "kicked", "time.duration": 4.0}), folder, force=True)
+    run(kicked(scene.with_values({"name": "kicked", "time.duration": 4.0})), folder, force=True)
 
 
 def once(scene: Scene, folder: Path) -> None:
