@@ -30,7 +30,7 @@ from typing import Any
 
 CASES = Path(__file__).parent
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*(?:e[-+]?\d+)?|nan|inf)(?![\w.])")
-PROGRAMS = {"granular-lmp": ["-P", "-m", "granular_lmp"], "python": []}  # -P: nothing of the folder is imported
+PROGRAMS = {"granular-lmp": ["-P", "-m", "granular_lmp"]}  # -P: nothing of the folder is imported
 CONTINUED = ("sweep", "cost")  # commands that keep what is finished in a folder; others begin again
 
 
