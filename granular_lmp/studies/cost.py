@@ -14,11 +14,11 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
-from operator import attrgetter
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from granular_lmp.accuracy.ladder import sphere_steps
 from granular_lmp.accuracy.tolerance import run as run_scene
 from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted, ToleranceError, one_line
 from granular_lmp.frozen import dataclass
@@ -30,7 +30,7 @@ from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked, refuse_long
 from granular_lmp.runs.options import core_count
-from granular_lmp.studies.cost_settings import Run, Setting, base, reference, settings
+from granular_lmp.studies.cost_settings import Setting, base, settings
 from granular_lmp.studies.cost_table import NOT_MET, collect, is_done, place, to_csv
 from granular_lmp.studies.forecast import speed
 from granular_lmp.studies.sweep_points import scene_hash
@@ -55,9 +55,10 @@ class Plan:
     left_out : dict
         Setting → reason why it cannot be run.
     repeats : int
-        Number of rounds.
+        Number of rounds; the reference is run once. *Good values*: 5 or more, because times scatter.
     budget : float
-        Time for the runs of a call, s; infinite if unlimited.
+        Time in seconds for the runs of `measure`. The longest settings, and later rounds, are left for another call if
+        they do not fit. A run that has started is not stopped.
     kernel : bool
         True if the kernel computes the contacts of all runs.
     rate, overhead : float
@@ -74,18 +75,18 @@ class Plan:
     rate: float = 1.0
     overhead: float = 0.0
 
-    def todo(self) -> dict[Path, Run]:
+    def todo(self) -> dict[Path, Scene]:
         """Return folder → run of those that are not done: the reference, then each round sorted by length."""
         first, *others = self.settings
-        runs = sorted((run for each in others for run in each.runs), key=attrgetter("work"))
+        runs = sorted((run for each in others for run in each.runs), key=sphere_steps)
         wanted = [(run, 1) for run in first.runs]
         wanted += [(run, turn) for turn in range(1, self.repeats + 1) for run in runs]
         places = {place(self.folder, run, turn): run for run, turn in wanted}
         return {there: run for there, run in places.items() if not is_done(there)}
 
-    def estimate(self, run: Run) -> float:
+    def estimate(self, run: Scene) -> float:
         """Return the time of a run by the short run of the scene, s."""
-        return self.overhead + run.work / self.rate
+        return self.overhead + sphere_steps(run) / self.rate
 
     @property
     def seconds(self) -> float:
@@ -104,14 +105,10 @@ def plan(
         A running plane wave along y, or a scene without a wave.
     folder : path
         Study folder, new or of the same study.
-    repeats : int
-        Number of rounds; the reference is run once. *Good values*: 5 or more, because times scatter.
-    budget : float
-        Time in seconds for the runs of `measure`. The longest settings, and later rounds, are left for another call if
-        they do not fit. A run that has started is not stopped.
+    repeats, budget
+        As in `Plan`.
     kernel : bool, optional
-        Compute contacts with the kernel (`granular_lmp.run`), whose settings have a study of their own. By default a
-        study continues as it began.
+        As in `granular_lmp.run`. By default a study continues as it began.
 
     Raises
     ------
@@ -129,12 +126,12 @@ def plan(
     if kernel:
         library.built()
     made, left_out = settings(scene)
-    planned = Plan(folder, scene, [reference(scene), *made], left_out, repeats, budget, kernel)
+    planned = Plan(folder, scene, made, left_out, repeats, budget, kernel)
     todo = planned.todo().values()
     if todo:
         rate, overhead = speed(scene, kernel)
         planned = replace(planned, rate=rate, overhead=overhead)
-    least = sum(planned.estimate(run) for run in planned.settings[0].runs if run in todo)
+    least = sum(planned.estimate(run) for run in made[0].runs if run in todo)
     if least > budget:
         raise LaunchError(f"budget = {budget:g}: must be at least {ceil(least)} s, which the reference takes")
     return planned
@@ -188,15 +185,15 @@ def measure(plan: Plan, *, progress: Progress | None = None) -> dict[str, Any]:
     return result
 
 
-def _run(run: Run, folder: Path, plan: Plan, failures: dict[str, str]) -> None:
+def _run(run: Scene, folder: Path, plan: Plan, failures: dict[str, str]) -> None:
     """Do one run; if it fails, note its message."""
     try:
-        run_scene(run.scene, folder, force=True, kernel=plan.kernel)
+        run_scene(run, folder, force=True, kernel=plan.kernel)
     except GranularError as error:
         if isinstance(error, RunInterrupted) or run in plan.settings[0].runs:
             raise
         # A tolerance that no step meets is an answer of the study, not a failure of it
-        failures[run.name] = NOT_MET * isinstance(error, ToleranceError) + str(error)
+        failures[scene_hash(run)] = NOT_MET * isinstance(error, ToleranceError) + str(error)
 
 
 def _save(plan: Plan, failures: dict[str, str]) -> dict[str, Any]:

@@ -16,7 +16,8 @@ from granular_lmp.lammps.outputs import SCENE, csv_text, replace_text
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import STATUS, TRAJECTORY, Record, read_status, write_status
 from granular_lmp.runs.seal import files_of
-from granular_lmp.studies.cost_settings import REFERENCE, Run, Setting
+from granular_lmp.studies.cost_settings import REFERENCE, Setting
+from granular_lmp.studies.sweep_points import scene_hash
 
 NOT_RUN = "not run yet, the same command continues"
 NOT_MET = "no step meets it: "
@@ -33,9 +34,9 @@ def components(scene: Scene) -> tuple[str, ...]:
     return ("velocity", "spin", "displacement") if scene.wave is None else ("p", "q", "phi")
 
 
-def place(folder: Path, run: Run, turn: int) -> Path:
+def place(folder: Path, run: Scene, turn: int) -> Path:
     """Return the folder of a run in one round of a study."""
-    return folder / "runs" / run.name / str(turn)
+    return folder / "runs" / scene_hash(run) / str(turn)
 
 
 def is_done(folder: Path) -> bool:
@@ -92,7 +93,8 @@ def _record(places: list[Path]) -> Record:
 def _row(folder: Path, setting: Setting, repeats: int, best: Record, failures: dict[str, str]) -> Row:
     turns = ([place(folder, run, turn) for run in setting.runs] for turn in range(1, repeats + 1))
     rounds = [places for places in turns if all(map(is_done, places))]
-    message = next((failures[run.name] for run in setting.runs if run.name in failures), "" if rounds else NOT_RUN)
+    failed = [failures[name] for name in map(scene_hash, setting.runs) if name in failures]
+    message = failed[0] if failed else "" if rounds else NOT_RUN
     names = (*_COLUMNS, *(f"error_{name}" for name in components(best.scene)), "options", "message")
     row: Row = dict.fromkeys(names) | {"knob": setting.knob, "setting": setting.name, "repeats": len(rounds)}
     row |= {"options": setting.options, "message": message}
