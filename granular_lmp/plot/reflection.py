@@ -72,7 +72,7 @@ def measured(snapshots: Snapshots) -> float:
     rows = np.arange(_NEAR, scene.shape.rows - 1 - int(scene.absorb.rows) - _NEAR)
     if late.sum() < 20 or len(rows) < 8:
         raise ViewError(f"{snapshots.path}: {late.sum()} late snapshots of {len(rows)} rows: must be 20 of 8")
-    along = int(scene.wave.mode == "L")
+    along = int(scene.require_wave().mode == "L")
     field = snapshots.stack("displacement")[late][:, :: scene.shape.columns, along][:, rows]
     phase = mode_of(scene).frequency * tau[late]
     (cosine, sine), *_ = np.linalg.lstsq(np.column_stack([np.cos(phase), np.sin(phase)]), field)
@@ -108,7 +108,7 @@ def figure(sweeps: Sequence[Sweep], wavenumbers: Sequence[float] = WAVENUMBERS) 
         for place, rows in enumerate(THICKNESSES):
             reflections = best(sphere, name, rows, wavenumbers)
             panel.plot(wavenumbers, reflections, color=f"C{place}", label=f"best layer, {rows} rows")
-        for run in (each for each in runs if each.scene.wave.mode == name):
+        for run in (each for each in runs if each.scene.require_wave().mode == name):
             rows, wavenumber = int(run.scene.absorb.rows), run.scene.wavenumber
             colour = f"C{THICKNESSES.index(rows)}" if rows in THICKNESSES else "black"
             panel.plot(wavenumber, expected(run.scene), "o", color=colour, markersize=7, fillstyle="none")

@@ -145,7 +145,7 @@ def _refuse_unfit(scene: Scene) -> None:
             raise SceneError(f'packing.{key} = {value!r}: must be "periodic" for a sheet that is kicked')
     if not scene.form.waves:
         raise SceneError(
-            f'wave.form = "{scene.wave.form}": must be another for a sheet that is kicked, which has no sources'
+            f'wave.form = "{scene.form.name}": must be another for a sheet that is kicked, which has no sources'
         )
     if scene.sphere.adhesion_law != "dmt":
         raise SceneError(
