@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.mode import Mode, Physics
+from granular_lmp.crystal.mode import Physics
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.effect import Chosen
@@ -21,9 +21,8 @@ from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.rest.absorption import remarks_on_ends
 from granular_lmp.rest.at_rest import CrystalAtRest, echo_at
 from granular_lmp.rest.face import Rest
-from granular_lmp.rest.held import largest_step
 from granular_lmp.rest.kinds import rest_of
-from granular_lmp.rest.linear import physics_of
+from granular_lmp.rest.linear import BlochWave, physics_of
 from granular_lmp.rest.scene import Scene
 from granular_lmp.rest.step_rules import StepRule, refuse_step
 from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
@@ -52,7 +51,7 @@ class Problem:
     Examples
     --------
     >>> problem = prepare(Scene.load("tr_periodic"))
-    >>> print(f"{len(problem.crystal)} spheres, {problem.mode.frequency:.4f} rad/t0, t0 = {problem.scale.time:.3e} s")
+    >>> print(f"{len(problem.crystal)} spheres, {problem.rest.frequency:.4f} rad/t0, t0 = {problem.scale.time:.3e} s")
     48 spheres, 0.2713 rad/t0, t0 = 4.981e-10 s
     """
 
@@ -67,9 +66,9 @@ class Problem:
         return self.rest.scene
 
     @property
-    def mode(self) -> Mode:
-        """Bloch mode of the wave in the lattice with these effects; None without a wave."""
-        return self.rest.mode
+    def wave(self) -> BlochWave | None:
+        """Wave in the lattice with these effects; None without a wave."""
+        return self.rest.wave
 
     @property
     def at_rest(self) -> CrystalAtRest:
@@ -119,7 +118,7 @@ class Problem:
     @cached_property
     def sources(self) -> tuple[PlacedSource, ...]:
         """Sources in the crystal."""
-        return placed(self.scene.drives, self.crystal, self.scene.sphere, self.mode.frequency if self.mode else 0.0)
+        return placed(self.scene.drives, self.crystal, self.scene.sphere, self.rest.frequency)
 
     @property
     def strikers(self) -> tuple[NDArray[np.int64], ...]:
@@ -163,11 +162,6 @@ class Problem:
         """Rules for the time step."""
         return self.rest.step_rules()
 
-    @property
-    def largest_step(self) -> float:
-        """Stability limit of velocity Verlet, τ."""
-        return largest_step(self.scene)
-
     def warnings(self) -> list[str]:
         """Return a sentence for each change that made the scene fit, effect forced off, and echo at a monitor."""
         of_scene = [*self.declared.remarks(), *self.at_rest.remarks(), *remarks_on_ends(self.scene)]
@@ -176,7 +170,7 @@ class Problem:
     def _echoes(self) -> list[str]:
         """Return a sentence for each monitor that the echo of the faces reaches, unless the scene allows an echo."""
         time = self.scene.time
-        judged = () if time.allow_echo or self.mode is None else self.scene.monitor
+        judged = () if time.allow_echo or self.wave is None else self.scene.monitor
         found = {each.name: echo_at(self.scene, each) for each in judged}
         return [
             f"monitor {name}: the echo of the {self.scene.shape.edge} may reach it at tau = {echo:.4g}"

@@ -76,7 +76,7 @@ def one_of(options: Options, problem: Problem) -> One:
     """
 
     def made(scene: Scene, place: Path, progress: Progress | None, looks: bool) -> Record:
-        stepped = prepare(scene) if problem.mode is None else replace(problem.stepped(scene), declared=scene)
+        stepped = prepare(scene) if problem.wave is None else replace(problem.stepped(scene), declared=scene)
         what = stepped if looks else stepped.without_looks()
         return launch.launch(what, place, replace(options, force=True, progress=progress))
 

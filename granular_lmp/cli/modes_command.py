@@ -68,14 +68,14 @@ def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     from granular_lmp.problem import prepare
 
     problem = prepare(scene)
-    assert problem.mode is None
     t0 = problem.scale.time
     found, count = ranges(problem.rest.cell), len(problem.rest.cell[0])
+    sound = problem.rest.pressed["sound_m_s"]
     if options.json:
-        say_json({"cell": count, "t0_s": t0, "sound_m_s": problem.rest.sound} | as_json(found, t0))
+        say_json({"cell": count, "t0_s": t0, "sound_m_s": sound} | as_json(found, t0))
     else:
         many = f"{count} sphere{'s' * (count > 1)}"
-        say(f"{problem.scene.name}: {many} to a cell; sound {problem.rest.sound:.6g} m/s; t0 = {t0:.6g} s")
+        say(f"{problem.scene.name}: {many} to a cell; sound {sound:.6g} m/s; t0 = {t0:.6g} s")
         for line in as_text(found, t0):
             say(line)
 

@@ -162,7 +162,7 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
 def _of_cost(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]":
     """Yield the lines of what a run takes: steps, time on how many ranks, checkpoints and memory."""
     runs = f" in {found.runs} runs, or more if their errors ask for it" if found.runs > 1 else ""
-    of = f" of {len(problem.recorded)} spheres" if problem.mode is None else f", {found.snapshots} snapshots"
+    of = f" of {len(problem.recorded)} spheres" if problem.wave is None else f", {found.snapshots} snapshots"
     yield "steps", f"{found.steps}{runs}; {found.records} records{of}"
     seconds = "" if found.seconds is None else f"about {found.seconds:.2g} s on one rank; "
     yield "time", f"{seconds}{found.basis}"

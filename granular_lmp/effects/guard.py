@@ -5,7 +5,7 @@ result.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import ase
 
@@ -32,8 +32,6 @@ class Prepared(Protocol):
 
     @property
     def scene(self) -> Scene: ...
-    @property
-    def mode(self) -> Any: ...  # `granular_lmp.crystal.modes.Mode`, or None without a wave
     @property
     def crystal(self) -> ase.Atoms: ...
     @property
@@ -113,4 +111,4 @@ class Guard:
         """Return the limit above which the guard triggers, with `every` τ between two looks, or those of the deck."""
         if self.roundings:
             return self.limit + self.roundings * gathered_rounding(problem.scene)
-        return self.limit * (1 - hidden(problem.scene, problem.mode, every)) if self.hides else self.limit
+        return self.limit * (1 - hidden(problem.scene, problem.rest.frequency, every)) if self.hides else self.limit

@@ -89,7 +89,9 @@ def at_rest_lines(problem: Prepared) -> list[str]:
 def changed_lines(problem: Prepared) -> list[str]:
     """Return the lines of v_open, the contacts that have opened or formed."""
     scene = problem.scene
-    near = "" if judged_singly(scene) else f"+({{}}==0)*({nearly_open(scene, problem.mode):.4f}>v_overlap){_MAY}"
+    near = (
+        "" if judged_singly(scene) else f"+({{}}==0)*({nearly_open(scene, problem.rest.frequency):.4f}>v_overlap){_MAY}"
+    )
     if not by_pairs(scene):
         missed = f"variable     missed atom abs(f_at_rest-c_touching){on_walls.missed(problem)}"
         return [

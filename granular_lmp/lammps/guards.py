@@ -75,7 +75,7 @@ def _none(problem: Problem) -> list[str]:
 
 def look_lines(problem: Problem) -> list[str]:
     """Return the line of v_look, the steps between two looks: `look_interval`, for another step by -var too."""
-    time = repr(longest(problem.scene, problem.mode))
+    time = repr(longest(problem.scene, problem.rest.frequency))
     return [f"variable     look equal $(1+floor(abs({time}*v_t0/v_step-1)))  # steps between two looks, at least 1"]
 
 
@@ -159,7 +159,7 @@ def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkp
         ends = [f"compute      ends inside property/local patom1 patom2 cutoff {how.law.cutoff}"]
     holds = {
         SLIP.title: f"({SLIP.limit_in(problem):.4f}>={seen['v_slip']})",
-        OPEN.title: f"({seen['v_overlap']}>={nearly_open(scene, problem.mode):.4f})",
+        OPEN.title: f"({seen['v_overlap']}>={nearly_open(scene, problem.rest.frequency):.4f})",
     }
     return [
         *ends,
@@ -181,6 +181,6 @@ def _trouble(guard: Guard, problem: Problem) -> str:
     limit = guard.limit_in(problem)
     if guard.heading:
         return f"{guard.column}, {guard.heading.format(limit=limit)}"
-    held = UNWAVED_CONTACTS if problem.mode is None else CONTACTS
+    held = UNWAVED_CONTACTS if problem.wave is None else CONTACTS
     each = f"; {held} then holds each contact" if guard is SLIP else ""
     return f"{guard.column} is above {limit:.4g}: {guard.meaning.rpartition(': ')[2]}{each}"

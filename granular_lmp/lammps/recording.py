@@ -50,7 +50,7 @@ def sphere_names(problem: Problem) -> str:
 def record(problem: Problem, checkpoint: str = "") -> list[str]:
     """Return the block of the record; from a checkpoint on, its dumps are continued."""
     minutes = minutes_between(problem.scene.output.checkpoint, problem.scene.shape.spheres)
-    of, dumps = (" of the centre sphere", _centre(problem)) if problem.mode else ("", _recorded(problem))
+    of, dumps = (" of the centre sphere", _centre(problem)) if problem.wave else ("", _recorded(problem))
     names = [line.split()[1] for line in dumps if line.startswith("dump ")]
     return [
         f"# --- record{of}, all digits; a checkpoint about every {minutes:.3g} minutes",

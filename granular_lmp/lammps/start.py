@@ -55,9 +55,9 @@ def columns(problem: Problem) -> NDArray[np.float64]:
 
     In space the wave has 6 or 12 columns, and the state is in `state`.
     """
-    if problem.scene.wave is None:
+    if problem.wave is None:
         return _state(problem)
-    fields = initial_fields(problem.scene, problem.crystal, problem.mode)
+    fields = initial_fields(problem.scene, problem.crystal, problem.wave)
     for source in problem.sources:
         if source.source.motion:
             fields.displacement[source.spheres] = fields.velocity[source.spheres] = 0.0

@@ -30,7 +30,7 @@ def data_title(problem: Problem) -> str:
 def heading(problem: Problem) -> list[str]:
     """Return what a deck is, how it is run, and when its run is invalid."""
     scene = problem.scene
-    values = "-var amplitude 0.1 -var timestep 0.025" if problem.mode else "-var timestep 0.01"
+    values = "-var amplitude 0.1 -var timestep 0.025" if problem.wave else "-var timestep 0.01"
     return [
         f"# {title(scene)}",
         f"# Runs in this folder:  lmp -in in.{scene.name}; with other values:  lmp -in in.{scene.name} {values}",

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from granular_lmp.rest.face import Rest
 from granular_lmp.rest.held import Held, decided
-from granular_lmp.rest.linear import mode_of
+from granular_lmp.rest.linear import bloch_wave
 from granular_lmp.rest.scene import Scene
 
 
@@ -30,4 +30,4 @@ def rest_of(scene: Scene, switches: Mapping[str, bool] | None = None, *, turns: 
 
         return Meeting(scene, turns)
     whole = decided(scene, switches or {})
-    return Held(whole, turns) if whole.wave is None else Held(whole, turns, mode_of(whole))
+    return Held(whole, turns) if whole.wave is None else Held(whole, turns, bloch_wave(whole))

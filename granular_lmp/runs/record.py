@@ -190,18 +190,18 @@ class Record(HasCard):
                 signals["force"] = force_on(table, scene)
             return cls(tau, signals, scene, info or {}, folder)
         table = read_centre(folder / (dump or DUMP))
-        displacement = scene.displacement_amplitude
+        unit = scene.displacement_amplitude
         metre = scene.units.number(1.0, length=1)
         untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)
         first = table["step"][0] if is_one_column(scene) else 0  # LAMMPS could not set the step back there
-        turn = scene.sphere.radius / displacement
+        turn = scene.sphere.radius / unit
         signals = {
-            "p": scene.vector.along(table["ux"], table["uy"]) / (metre * displacement),
-            "q": scene.vector.across(table["ux"], table["uy"]) / (metre * displacement) + 0.0,
+            "p": scene.vector.along(table["ux"], table["uy"]) / (metre * unit),
+            "q": scene.vector.across(table["ux"], table["uy"]) / (metre * unit) + 0.0,
             "phi": table.get("theta", table.get("thetaz", untracked)) * turn,
         }
         if scene.space == 3:
-            signals |= {name: table[name] / (metre * displacement) for name in IN_SPACE[:3]}
+            signals |= {name: table[name] / (metre * unit) for name in IN_SPACE[:3]}
             signals |= {name: table.get(f"theta{name[-1]}", untracked) * turn for name in IN_SPACE[3:]}
         return cls((table["step"] - first) * scene.time.step, signals, scene, info or {}, folder)
 

@@ -235,7 +235,7 @@ def _source_of(scene: Scene) -> Source:
         raise SceneError(f'packing.lattice = "{shape.lattice.name}": must be "hexagonal" for scattering')
     if scene.form.waves:
         raise SceneError(
-            f'wave.form = "{scene.wave.form}": must be {either(STILL)} for scattering, whose [[source]] makes the wave'
+            f'wave.form = "{scene.form.name}": must be {either(STILL)} for scattering, whose [[source]] makes the wave'
         )
     if len(scene.source) != 1:
         raise SceneError(f"source = {len(scene.source)}: must be one table [[source]] for scattering")
@@ -316,7 +316,7 @@ def _windows(problem: Problem) -> _Windows:
 
 def _running(windows: _Windows, scene: Scene, frequencies: Floats) -> Floats:
     """Return the frequencies at which the incident wave runs, but for edges of bands in front and behind."""
-    name, physics = scene.wave.mode, physics_of(scene)
+    name, physics = scene.require_wave().mode, physics_of(scene)
     found = []
     for frequency in frequencies:
         with suppress(CrystalError):  # the edge of a band
@@ -334,7 +334,7 @@ def _running(windows: _Windows, scene: Scene, frequencies: Floats) -> Floats:
 def _compare(problem: Problem, normal: Snapshots, scattered: Snapshots, frequencies: Floats) -> list[Row]:
     """Return the table of one pair of runs."""
     scene, windows, physics = problem.scene, _windows(problem), physics_of(problem.scene)
-    signal, incident = scene.source[0].kind, scene.wave.mode
+    signal, incident = scene.source[0].kind, scene.require_wave().mode
     fields = [
         _field(signal, run_.tau, motion[:, window], frequencies)
         for run_, motion in ((each, row_motion(each)) for each in (normal, scattered))

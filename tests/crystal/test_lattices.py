@@ -31,7 +31,7 @@ from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.rest.at_rest import crystal_of
 from granular_lmp.rest.initial_fields import initial_fields
-from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.rest.linear import bloch_wave, mode_of, physics_of, unit_contacts
 from granular_lmp.rest.shape import FASTEST_ROWS_PER_TAU
 from tests.crystal.test_sphere import SILICA
 
@@ -356,12 +356,12 @@ def test_the_wave_is_at_the_same_places_where_others_are_empty(lattice: str, env
     scene = scene_of(lattice, a_wave_of(lattice)).with_values(shape | envelope)
     empty = [[39, column] for column in range(shape["packing.columns"])] + [[7, 0]]  # the whole last row, and one more
     broken = scene.with_values({"inclusion": [{"spheres": empty, "vacancy": True}]})
-    crystal, mode = crystal_of(broken).atoms, mode_of(scene)
+    crystal, wave = crystal_of(broken).atoms, bloch_wave(scene)
     there = crystal.arrays["row"] * shape["packing.columns"] + crystal.arrays["column"]
     assert len(there) == scene.shape.spheres - len(empty)
     assert there[centre(crystal)] == centre(packed(scene.sphere, scene.shape))
-    whole = initial_fields(scene, packed(scene.sphere, scene.shape), mode)
-    found = initial_fields(broken, crystal, mode)
+    whole = initial_fields(scene, packed(scene.sphere, scene.shape), wave)
+    found = initial_fields(broken, crystal, wave)
     # Sums of some ten terms of order 1/10
     np.testing.assert_allclose(found.displacement, whole.displacement[there], rtol=0, atol=1e-13)
     np.testing.assert_allclose(found.velocity, whole.velocity[there], rtol=0, atol=1e-13)

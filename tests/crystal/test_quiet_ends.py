@@ -20,6 +20,7 @@ from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.rest.absorption import quiet_end_of, waves_at_ends
+from granular_lmp.rest.held import largest_step
 from granular_lmp.runs.launch import resume
 from tests.crystal.test_sphere import SILICA
 from tests.manual import Measure, Mutant, verifies
@@ -227,8 +228,8 @@ def test_all_runs_to_a_tolerance_have_one_layer() -> None:
 
 def test_quiet_ends_leave_the_stable_step_as_it_is(tmp_path: Path) -> None:
     scene = DRIVEN.with_values({"packing.rows": 41, "absorb.rows": 12, "time.duration": 100.0, "output.particles": 0})
-    limit = prepare(scene).largest_step
-    assert limit == prepare(scene.with_values({"absorb.rows": 0, "time.duration": 20.0})).largest_step
+    limit = largest_step(prepare(scene).scene)
+    assert limit == largest_step(prepare(scene.with_values({"absorb.rows": 0, "time.duration": 20.0})).scene)
     step = 0.95 * limit
     record = run(scene.with_values({"time.sample": step, "time.timestep": step}), tmp_path / "run")
     assert np.abs(record.q).max() < 2  # the wave of the row and what it was switched on with

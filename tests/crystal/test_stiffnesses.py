@@ -77,13 +77,13 @@ def test_the_curvature_is_given_by_adhesion_over_modulus_where_stiffnesses_are_m
 
 def test_modes_of_layers_in_turn_have_the_stiffnesses_of_their_pairs() -> None:
     scene = BASE.with_values(LAYERS | {"pair": PAIRS, "wave.mode": "3"})
-    hertz = prepare(scene).mode.frequency / scene.sphere.time_scale
+    hertz = prepare(scene).wave.mode.frequency / scene.sphere.time_scale
     assert hertz == pytest.approx(Setting(scene).mode().frequency, rel=1e-9)
     plain = BASE.with_values(LAYERS | {"wave.mode": "3"})
-    assert abs(hertz * scene.sphere.time_scale / prepare(plain).mode.frequency - 1) > 0.01
+    assert abs(hertz * scene.sphere.time_scale / prepare(plain).wave.mode.frequency - 1) > 0.01
     computed = [{"of": [0, 1], "normal_stiffness": K}, {"of": [1, 1], "shear_stiffness": G}]
     same = prepare(plain.with_values({"pair": computed}))
-    assert same.mode.frequency == pytest.approx(prepare(plain).mode.frequency, rel=1e-12)
+    assert same.wave.mode.frequency == pytest.approx(prepare(plain).wave.mode.frequency, rel=1e-12)
 
 
 def test_a_spread_has_its_deviation_and_the_mean_stays() -> None:

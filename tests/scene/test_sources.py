@@ -143,7 +143,7 @@ def test_spheres_that_are_turned_by_hand_make_the_waves_of_the_linear_crystal(tm
 
 def test_a_shaken_row_makes_the_waves_of_the_linear_strip(tmp_path: Path) -> None:
     found, snapshots = extrapolated(STRIP, tmp_path)
-    load = Load([45, 46, 47], "x", signals.tone(prepare(STRIP).mode.frequency, 10.0), moves=True)
+    load = Load([45, 46, 47], "x", signals.tone(prepare(STRIP).wave.mode.frequency, 10.0), moves=True)
     expected = response(crystal_of(snapshots), [load], snapshots.tau)[0]
     row = snapshots.crystal.arrays["row"]
     assert worst(found[0], expected, np.flatnonzero(np.abs(row - 15) == 1)) < 1e-3  # as above
@@ -349,10 +349,10 @@ def test_a_scene_is_read_back_from_its_text() -> None:
 
 def test_the_usual_frequency_is_that_of_the_wave_and_hertz_are_turned_into_it() -> None:
     plain = prepare(STRIP)
-    assert plain.sources[0].frequency == plain.mode.frequency
-    hertz = plain.mode.frequency / (2 * np.pi * STRIP.sphere.time_scale)
+    assert plain.sources[0].frequency == plain.wave.mode.frequency
+    hertz = plain.wave.mode.frequency / (2 * np.pi * STRIP.sphere.time_scale)
     again = prepare(STRIP.with_values({"source.1.hertz": hertz})).sources[0].frequency
-    assert again == pytest.approx(plain.mode.frequency, rel=1e-14)  # rounding
+    assert again == pytest.approx(plain.wave.mode.frequency, rel=1e-14)  # rounding
 
 
 def test_the_wave_is_a_unit_and_need_not_fit_a_periodic_cell() -> None:

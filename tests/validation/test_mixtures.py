@@ -13,7 +13,8 @@ from granular_lmp import Scene, build, run
 from granular_lmp.accuracy.ladder import first_step
 from granular_lmp.effects.looks import fastest
 from granular_lmp.errors import SceneError
-from granular_lmp.problem import largest_step, prepare
+from granular_lmp.problem import prepare
+from granular_lmp.rest.held import largest_step
 from tests.conftest import PAPER
 
 UNIT = PAPER.scale.length / PAPER.scale.time  # m/s

@@ -70,7 +70,7 @@ def measured(record: Record) -> float:
     rows = np.arange(_NEAR, scene.shape.rows - 1 - int(scene.absorb.rows) - _NEAR)
     if late.sum() < 20 or len(rows) < 8:
         raise ValueError(f"{record.folder}: {late.sum()} late snapshots of {len(rows)} rows: must be 20 of 8")
-    along = int(scene.wave.mode == "L")
+    along = int(scene.require_wave().mode == "L")
     field = snapshots.stack("displacement")[late][:, :: scene.shape.columns, along][:, rows]
     phase = mode_of(scene).frequency * tau[late]
     (cosine, sine), *_ = np.linalg.lstsq(np.column_stack([np.cos(phase), np.sin(phase)]), field)
@@ -101,7 +101,7 @@ def table(runs: Sequence[Record]) -> str:
     both = np.array([(expected(run.scene), measured(run)) for run in runs])
     lines = [f"{'mode':5}{'xi':>6}{'rows':>6}{'theory':>12}{'LAMMPS':>12}"]
     for run, (theory, lammps) in zip(runs, both.tolist(), strict=True):
-        place = f"{run.scene.wave.mode:5}{run.scene.wavenumber:6.3f}{int(run.scene.absorb.rows):6}"
+        place = f"{run.scene.require_wave().mode:5}{run.scene.wavenumber:6.3f}{int(run.scene.absorb.rows):6}"
         lines.append(f"{place}{theory:12.4e}{lammps:12.4e}")
     seen = both[both[:, 0] > 1e-4]
     apart = float(np.median(np.abs(seen[:, 1] / seen[:, 0] - 1)))
@@ -117,7 +117,7 @@ def draw(runs: Sequence[Record], wavenumbers: Sequence[float] = WAVENUMBERS) -> 
         for place, rows in enumerate(THICKNESSES):
             reflections = best(sphere, name, rows, wavenumbers)
             panel.plot(wavenumbers, reflections, color=f"C{place}", label=f"best layer, {rows} rows")
-        for run in (each for each in runs if each.scene.wave.mode == name):
+        for run in (each for each in runs if each.scene.require_wave().mode == name):
             rows, wavenumber = int(run.scene.absorb.rows), run.scene.wavenumber
             colour = f"C{THICKNESSES.index(rows)}" if rows in THICKNESSES else "black"
             panel.plot(wavenumber, expected(run.scene), "o", color=colour, markersize=7, fillstyle="none")
