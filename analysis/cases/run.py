@@ -217,7 +217,7 @@ def main(argv: list[str] | None = None) -> int:
         cases = [Case.load(name) for name in chosen.cases]
     except ValueError as error:
         parser.error(str(error))
-    if chosen.list:
+    if chosen.list or not cases:
         print("\n".join(line for each in cases for line in recipe(each)) or listing())
         return 0
     return max(map(partial(_play, chosen), cases), default=0)
