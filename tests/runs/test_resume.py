@@ -16,7 +16,7 @@ from granular_lmp.runs.continuation import whole_checkpoints
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER
-from tests.pause import as_if_killed, paused
+from tests.pause import paused
 
 # 8 rows, as `small`, with a monitor; 12,000 steps, and few records, which each continuation reads again
 WAVE = PAPER.with_values(
@@ -62,9 +62,7 @@ def cut(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("stopped")
     scenes = {
         "wave": WAVE,
-        "weaker": WAVE.with_values({"wave.amplitude": 0.1}),
         "impact": CHAIN,
-        "faster": CHAIN.with_values({"striker.1.velocity": 2.0}),
     }
     return {name: stopped(scene, folder / name) for name, scene in scenes.items()}
 
@@ -86,17 +84,6 @@ def test_no_more_ranks_are_started_than_there_are_cores(kind: str, cut: dict[str
 
 
 # --- checkpoints ---
-
-
-@pytest.mark.parametrize(("of", "other"), [("wave", "weaker"), ("impact", "faster")])
-def test_a_checkpoint_of_another_run_is_refused(of: str, other: str, cut: dict[str, Path], tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(cut[of], tmp_path / "run"))
-    as_if_killed(folder)
-    for name in CHECKPOINTS:
-        if (cut[other] / name).is_file():
-            shutil.copy(cut[other] / name, folder / name)
-    with pytest.raises(RunFolderError, match=r"checkpoint\.\w: is not of the scene of this run"):
-        continued(folder)
 
 
 @pytest.mark.parametrize("name", [DUMP, LOG, "data.stopped", "monitor.line.bin", CHECKPOINTS[0]])
