@@ -20,7 +20,7 @@ from granular_lmp.crystal.scale import Scale
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import cached_property, dataclass
-from granular_lmp.lammps.outputs import DUMP, FOR_VIEWERS, SNAPSHOTS, read_centre, read_dump, writable
+from granular_lmp.lammps.outputs import DUMP, FOR_VIEWERS, SNAPSHOTS, read_centre, read_dump
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene as Scene
 from granular_lmp.runs import energy, tables
@@ -376,17 +376,6 @@ class Record(HasCard):
     def write_csv(self, path: str | Path) -> None:
         """Write `columns`, each number in the shortest form that reads back to the same double."""
         tables.write_csv(self.columns, Path(path))
-
-    def write_si(self, path: str | Path) -> None:
-        """Write `si` as a CSV file with every digit.
-
-        Raises
-        ------
-        RunFolderError
-            If the file cannot be written.
-        """
-        with writable(Path(path)):
-            tables.write_csv(self.si, Path(path))
 
     def plot(self) -> "Figure":
         """Return a figure of p, q and φ over τ, without signals that stay zero; a notebook shows it."""
