@@ -36,7 +36,7 @@ _RATES = {"velocity", "spin", *RATES}
 def first_count(problem: Problem, tolerance: float) -> int:
     """Return the steps per sample of the first run of the ladder that is expected to meet a tolerance."""
     steps = max(_FEWEST, _STEPS_AT[0] * (_STEPS_AT[1] / tolerance) ** (1 / _POWER))
-    longest = min(problem.rest.shortest_collision / steps, *(rule.first for rule in problem.step_rules))
+    longest = min(problem.rest.shortest_collision / steps, *(rule.first for rule in problem.rest.step_rules()))
     return max(1, ceil(problem.scene.time.sample / longest))
 
 

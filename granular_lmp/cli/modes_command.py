@@ -68,7 +68,7 @@ def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     from granular_lmp.problem import prepare
 
     problem = prepare(scene)
-    t0 = problem.scale.time
+    t0 = problem.scene.scale.time
     found, count = ranges(problem.rest.cell), len(problem.rest.cell[0])
     sound = problem.rest.pressed["sound_m_s"]
     if options.json:

@@ -4,14 +4,9 @@ Each guard is defined in the file of its effect. `granular_lmp.lammps.guards` wr
 result.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
-import ase
-
-from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.scale import Scale
-from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.looks import hidden
 from granular_lmp.frozen import dataclass
 from granular_lmp.rest.face import Rest
@@ -33,21 +28,11 @@ class Prepared(Protocol):
     @property
     def scene(self) -> Scene: ...
     @property
-    def crystal(self) -> ase.Atoms: ...
-    @property
     def on(self) -> Mapping[str, bool]: ...
     @property
     def units(self) -> AnyUnits: ...
     @property
-    def scale(self) -> Scale: ...
-    @property
     def rest(self) -> Rest: ...
-    @property
-    def planes(self) -> Mapping[str, float]: ...
-    @property
-    def contacts(self) -> Contacts: ...
-    @property
-    def materials(self) -> Sequence[Sphere]: ...
 
 
 Lines = Callable[[Prepared], list[str]]

@@ -106,14 +106,14 @@ def judged_contacts(path: Path, problem: Problem, friction: float) -> Iterator[t
     With dashpots, LAMMPS's Hertz contacts slide at μ times the normal force with its dashpot. The ratio is infinite if
     a contact without adhesion has just opened, or its dashpot pulls.
     """
-    sphere, units, crystal = problem.scene.sphere, problem.units, problem.crystal
+    sphere, units, crystal = problem.scene.sphere, problem.units, problem.rest.atoms
     radius = crystal.arrays["radius"] * sphere.radius
     how = Reading.of(problem)
     for step, _, contacts in read_snapshots(path):
         *others, distance, shear = (contacts[:, :-1] if how.whole else contacts).T
         # The contacts of equal spheres are all alike, and only those of others are written with their spheres
         i, j = (end.astype(int) - 1 for end in others) if others else np.zeros((2, len(shear)), dtype=int)
-        law = law_between(crystal, problem.materials, i, j)
+        law = law_between(crystal, problem.rest.materials, i, j)
         overlap = np.maximum(radius[i] + radius[j] - distance / units.number(1.0, length=1), law.pull_off_overlap)
         force = contacts[:, -1] if how.whole else units.number(law.sliding_force(overlap), mass=1, length=1, time=-2)
         sliding = friction * np.maximum(force, 0.0)
