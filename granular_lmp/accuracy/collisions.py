@@ -23,7 +23,7 @@ from granular_lmp.accuracy import extrapolation
 from granular_lmp.accuracy.extrapolation import Judgement, Signals
 from granular_lmp.problem import Problem
 from granular_lmp.runs.components import FORCES, RATES
-from granular_lmp.scene.kinds import OF_ROWS
+from granular_lmp.scene.monitor_kinds import OF_ROWS
 
 SAFETY = 4.0  # with 3, two in 130 ladders of 35 scenes ended with up to 1.3 of the tolerance (tests/hard)
 # Steps in the shortest collision of the first run: at a tolerance of 1e-4, and the fewest

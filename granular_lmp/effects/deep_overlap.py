@@ -8,7 +8,7 @@ from math import inf
 
 from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect, Meeting
+from granular_lmp.effects.effect import AmongMeeting, Effect
 from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.rest.scene import Scene
 from granular_lmp.rest.step_rules import LONGEST_STEP
@@ -101,7 +101,7 @@ def loss(case: Case) -> str:
 DEEP_OVERLAP = Effect(
     "deep_overlap",
     None,
-    meeting=Meeting(small_overlaps, guard=TOO_DEEP),
+    meeting=AmongMeeting(small_overlaps, guard=TOO_DEEP),
     cost="1.00",
     loss=loss,
     switch="striker",
@@ -111,7 +111,7 @@ DEEP_OVERLAP = Effect(
 LONG_STEP = Effect(
     "long_step",
     None,
-    meeting=Meeting(chosen_step, guard=TOO_LONG),
+    meeting=AmongMeeting(chosen_step, guard=TOO_LONG),
     cost="1.00",
     loss=loss,
     switch="time.timestep",

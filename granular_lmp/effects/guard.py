@@ -7,7 +7,7 @@ result.
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from granular_lmp.effects.looks import hidden
+from granular_lmp.effects.between_looks import hidden
 from granular_lmp.frozen import dataclass
 from granular_lmp.rest.face import Rest
 from granular_lmp.rest.resolution import gathered_rounding
@@ -66,7 +66,7 @@ class Guard:
     roundings : float
         Multiple of the `gathered_rounding` of positions that is added to the limit.
     hides : bool
-        True if the limit is lower by what may hide between two looks (`granular_lmp.effects.looks`).
+        True if the limit is lower by what may hide between two looks (`granular_lmp.effects.between_looks`).
     of_contacts : bool
         True if the lines read `granular_lmp.effects.reading.contact_lines` or `overlap_lines`.
     per_contact : callable

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import law_between
+from granular_lmp.effects.between_looks import nearly_open
 from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.guard import NEVER, Guard
-from granular_lmp.effects.looks import nearly_open
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.frozen import dataclass

@@ -21,7 +21,7 @@ from granular_lmp.lammps.outputs import STATUS, csv_text, replace_text
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import MOTION
 from granular_lmp.runs.scales import force_of, length_of
-from granular_lmp.scene.kinds import QUANTITIES
+from granular_lmp.scene.monitor_kinds import QUANTITIES
 
 Columns = dict[str, NDArray[Any]]
 # Unit and meaning of each signal

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from granular_lmp import Scene, build, run
 from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.effects import selection as effects
+from granular_lmp.effects.between_looks import nearly_open
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.looks import nearly_open
 from granular_lmp.errors import EffectError
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.deck import Deck

@@ -7,7 +7,7 @@ import pytest
 
 from granular_lmp import Scene
 from granular_lmp.accuracy.ladder import build, deciding_frequency
-from granular_lmp.effects.looks import fastest
+from granular_lmp.effects.between_looks import fastest
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.sources import FORMULAS
