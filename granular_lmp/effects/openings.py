@@ -21,8 +21,8 @@ import numpy as np
 
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.effects import on_walls
+from granular_lmp.effects.between_looks import nearly_open
 from granular_lmp.effects.guard import Prepared, watches_part
-from granular_lmp.effects.looks import nearly_open
 from granular_lmp.effects.reading import alike, judged_singly
 from granular_lmp.rest.at_rest import contacts_of, crystal_of, law_at_rest
 from granular_lmp.rest.looks import LOOKS

@@ -1,18 +1,18 @@
 """The guards of a deck: what it looks at, on which spheres, and the limits above which a run is invalid.
 
 A guard is a number that LAMMPS computes from contacts or spheres at *looks*, and the limit above which it triggers. A
-guard is in the deck only if its effect is not. Each look is a line of the thermo table: `granular_lmp.effects.looks`
-says when they are, and `granular_lmp.lammps.region_of_influence` which spheres they judge, those whose state can still
+guard is in the deck only if its effect is not. Each look is a line of the thermo table: `granular_lmp.rest.looks` says
+when they are, and `granular_lmp.lammps.region_of_influence` which spheres they judge, those whose state can still
 affect the record. The guards are defined with their effects (`granular_lmp.effects`).
 """
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from granular_lmp.effects.between_looks import nearly_open
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.guard import Guard
-from granular_lmp.effects.looks import nearly_open
 from granular_lmp.effects.openings import counted_lines
 from granular_lmp.effects.reading import Reading, contact_lines, overlap_lines
 from granular_lmp.effects.selection import guards as all_guards

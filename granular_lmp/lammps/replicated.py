@@ -23,7 +23,7 @@ from granular_lmp.lammps import start
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.ends import box_of
 from granular_lmp.problem import Problem
-from granular_lmp.rest.linear import BlochWave
+from granular_lmp.rest.linear import BlochWave, physics_of
 from granular_lmp.rest.scene import Scene
 
 # Spheres from which a sheet is replicated. LAMMPS parses 1e5 of them in 0.9 s; smaller decks are data that one can read
@@ -45,7 +45,7 @@ def first_rows(problem: Problem) -> DataFile:
     """Return the data file of the rows after which the lattice repeats, without a wave."""
     scene, units = problem.scene, problem.units
     period, to_deck = scene.lattice.row_period, units.number(scene.sphere.radius, length=1)
-    first = problem.crystal[: period * scene.shape.columns * scene.shape.layers]
+    first = problem.rest.atoms[: period * scene.shape.columns * scene.shape.layers]
     position = first.positions * to_deck
     spacing = _row_spacing(scene) * to_deck
     box = box_of(problem)
@@ -120,7 +120,7 @@ def _wave(problem: Problem) -> list[str]:
     mode = wave.mode
     along_x = f"+{mode.vector.per_column!r}*v_column" if mode.vector.per_column else ""
     angle = f"variable     angle  atom {mode.vector.per_row!r}*v_row{along_x}+{wave.declared.phase!r}"
-    fields = _in_space(wave, problem.physics) if scene.space == 3 else _in_plane(wave)
+    fields = _in_space(wave, physics_of(scene)) if scene.space == 3 else _in_plane(wave)
     return [
         angle,
         *(  # 13 decimals, as data files have

@@ -125,7 +125,7 @@ def said_variables(log: str) -> dict[str, str] | None:
 
 def units(problem: Problem) -> list[str]:
     """Return the lengths and times of the scene in the units of the deck, and the clock; [] where they are its own."""
-    of, scale = problem.units, problem.scale
+    of, scale = problem.units, problem.scene.scale
     if of.own:
         return []
     overlap = "static overlap" if problem.scene.wave else "unit of overlaps and displacements"

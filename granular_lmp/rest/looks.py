@@ -1,6 +1,7 @@
 """How fast a crystal at rest moves once a wave runs in it, and how often its deck looks at its contacts.
 
-A deck looks `LOOKS` times in a period of the fastest motion Ω (`granular_lmp.effects.looks` says what may hide).
+A deck looks `LOOKS` times in a period of the fastest motion Ω (what may hide is in
+`granular_lmp.effects.between_looks`).
 """
 
 from math import pi

@@ -206,7 +206,7 @@ def _of_wave(record: Record, dump: Path, problem: Problem, wave: BlochWave) -> N
     scene = problem.scene
     expected = np.zeros(2)
     if wave.declared.known.fills:
-        crystal = problem.crystal
+        crystal = problem.rest.atoms
         ux, uy = initial_fields(scene, crystal, wave).displacement[centre(crystal), :2]
         expected = np.array([scene.vector.along(ux, uy), scene.vector.across(ux, uy)])
     found = np.array([record.p[0], record.q[0]])
@@ -221,17 +221,17 @@ def _of_wave(record: Record, dump: Path, problem: Problem, wave: BlochWave) -> N
 
 def _of_strikes(record: Record, dump: Path, problem: Problem) -> None:
     """Raise RunFolderError unless the recorded spheres begin with the velocities of strikers and state."""
-    if record.velocity.shape[1] != len(problem.recorded):
+    if record.velocity.shape[1] != len(problem.rest.recorded):
         raise RunFolderError(f"{dump}: holds {record.velocity.shape[1]} spheres, and the scene records other ones")
-    velocity = problem.state[:, 3 : 3 + problem.scene.space].copy()
-    for striker, spheres in zip(problem.scene.striker, problem.strikers, strict=True):
+    velocity = problem.rest.state[:, 3 : 3 + problem.scene.space].copy()
+    for striker, spheres in zip(problem.scene.striker, problem.rest.strikers, strict=True):
         velocity[spheres] = striker.components[: problem.scene.space]
-    expected = velocity[problem.recorded] / problem.scale.velocity
+    expected = velocity[problem.rest.recorded] / problem.scene.scale.velocity
     off = np.abs(record.velocity[0] - expected).max(axis=1)
     if off.max() > _PLACED:
         worst = int(off.argmax())
         raise RunFolderError(
-            f"{dump}: sphere {place_of(problem.crystal, int(problem.recorded[worst]))} begins with "
+            f"{dump}: sphere {place_of(problem.rest.atoms, int(problem.rest.recorded[worst]))} begins with "
             f"{record.velocity[0, worst].round(6).tolist()} of the unit of velocity, but that of the scene with "
             f"{expected[worst].round(6).tolist()}; give what differs from the scene, for instance striker.1.velocity"
         )

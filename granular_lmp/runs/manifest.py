@@ -30,7 +30,7 @@ def description(problem: Problem, edits: list[str], launcher: str, ranks: int) -
         "versions": {"granular_lmp": __version__, "python": platform.python_version(), "numpy": np.__version__},
         "launcher": launcher,
         "ranks": ranks,
-        "particles": len(problem.crystal),
+        "particles": len(problem.rest.atoms),
         "steps": time_.steps,
         "timestep_used": time_.step,
         **_of_start(problem),
@@ -54,7 +54,7 @@ def _quiet_ends(scene: Scene) -> dict[str, Any]:
 def _of_start(problem: Problem) -> dict[str, Any]:
     """Return how a run starts, and what it starts in."""
     if problem.wave is None:
-        return {"recorded": len(problem.recorded), **problem.rest.entries}
+        return {"recorded": len(problem.rest.recorded), **problem.rest.entries}
     return _of_wave(problem)
 
 

@@ -149,7 +149,7 @@ class Record(HasCard):
         """Make the record of a run that has recorded nothing."""
         if scene.wave is not None:
             return cls(np.empty(0), dict.fromkeys(header_of(scene)[1:], np.empty(0)), scene, folder=folder)
-        still = np.empty((0, len(prepare(scene).recorded), scene.space))
+        still = np.empty((0, len(prepare(scene).rest.recorded), scene.space))
         return cls(np.empty(0), {"displacement": still, "velocity": still}, scene, folder=folder)
 
     @classmethod
@@ -249,22 +249,22 @@ class Record(HasCard):
     @property
     def spheres(self) -> NDArray[np.int64]:
         """Indices of the recorded spheres, ascending, (n,); of a scene with a wave that of the centre sphere."""
-        return np.asarray(self.problem.recorded)
+        return np.asarray(self.problem.rest.recorded)
 
     @property
     def row(self) -> NDArray[np.int64]:
         """Row of each recorded sphere, (n,), counted from 0."""
-        return np.asarray(self.problem.crystal.arrays["row"][self.spheres])
+        return np.asarray(self.problem.rest.atoms.arrays["row"][self.spheres])
 
     @property
     def column(self) -> NDArray[np.int64]:
         """Column of each recorded sphere, (n,), counted from 0."""
-        return np.asarray(self.problem.crystal.arrays["column"][self.spheres])
+        return np.asarray(self.problem.rest.atoms.arrays["column"][self.spheres])
 
     @property
     def rest(self) -> Floats:
         """Positions of the recorded spheres at rest, (n, 2) or in space (n, 3), in radii."""
-        return np.asarray(self.problem.crystal.positions[self.spheres, : self.scene.space])
+        return np.asarray(self.problem.rest.atoms.positions[self.spheres, : self.scene.space])
 
     @property
     def displacement(self) -> Floats:

@@ -110,7 +110,7 @@ def groups(scene: Scene) -> dict[str, dict[str, list[Changes]]]:
 
 def steps(scene: Scene) -> list[float]:
     """Return the longest step that the scene allows and that fits a sample, and its halves, τ."""
-    rules = prepare(scene).step_rules
+    rules = prepare(scene).rest.step_rules()
     longest = scene.time.sample / (int(scene.time.sample / min(rule.longest for rule in rules)) + 1)
     return [longest / 2**k for k in range(HALVINGS + 1)]
 

@@ -122,9 +122,9 @@ def forecast(problem: Problem) -> Forecast:
     run to a tolerance takes more steps if its errors ask for it.
     """
     scene, counts = planned(problem).scene, plan(problem)
-    spheres, runs, steps = len(problem.crystal), len(counts), sum(counts) * scene.time.samples
+    spheres, runs, steps = len(problem.rest.atoms), len(counts), sum(counts) * scene.time.samples
     records = scene.time.samples + 1
-    kept = len(problem.recorded) * records if problem.wave is None else 0  # snapshots of a wave are not read
+    kept = len(problem.rest.recorded) * records if problem.wave is None else 0  # snapshots of a wave are not read
     (lack, alone), plain = _kernel(problem), None
     try:
         if alone and lack:

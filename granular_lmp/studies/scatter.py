@@ -285,7 +285,7 @@ def _windows(problem: Problem) -> _Windows:
     SceneError
         If inclusions are not above the source, or leave fewer than `FEWEST_ROWS` rows.
     """
-    scene, crystal = problem.scene, problem.crystal
+    scene, crystal = problem.scene, problem.rest.atoms
     arrays = crystal.arrays
     row = arrays["row"]
     quiet, last = int(scene.absorb.rows), scene.shape.rows - 1
@@ -308,7 +308,7 @@ def _windows(problem: Problem) -> _Windows:
                 f"packing.rows = {scene.shape.rows}: leave {max(len(window), 0)} rows {name}, beside {quiet} quiet "
                 f"ones at each end and {CLEAR} next to what differs; must be at least {FEWEST_ROWS}"
             )
-    contacts = problem.at_rest.contacts
+    contacts = problem.rest.crystal.contacts
     middle = [int(np.flatnonzero(row == window[len(window) // 2])[0]) for window in (front, behind)]
     lattices = (lattice_at(contacts, middle[0]), lattice_at(contacts, middle[1]), unit_contacts(scene))
     return _Windows(front, behind, *(line_of(lattice, scene.sphere, physics_of(scene)) for lattice in lattices))

@@ -131,15 +131,15 @@ def test_a_sheet_that_the_linear_theory_does_not_hold_is_refused(
 
 def test_a_kick_changes_nothing_but_the_wave() -> None:
     other, unit = kicked(SMALL, seed=3), SMALL.displacement_amplitude / SMALL.sphere.time_scale
-    state = prepare(other).state
+    state = prepare(other).rest.state
     moving = [3, 4, 8]  # vx, vy and the spin about z
     velocity = state[:, moving] / unit * [1, 1, SMALL.sphere.radius]
     assert not np.delete(state, moving, axis=1).any()
     assert np.abs(velocity[:, :2].mean(axis=0)).max() < 1e-15  # rounding
     assert (np.ptp(velocity, axis=0) <= 1).all()
     assert velocity.std(axis=0) == pytest.approx(np.full(3, 1 / np.sqrt(12)), rel=0.1)  # uniform, of 144 spheres
-    assert np.array_equal(prepare(kicked(SMALL, seed=3)).state, state)
-    assert not np.array_equal(prepare(kicked(SMALL, seed=4)).state, state)
+    assert np.array_equal(prepare(kicked(SMALL, seed=3)).rest.state, state)
+    assert not np.array_equal(prepare(kicked(SMALL, seed=4)).rest.state, state)
     changed = {key for key, value in other.departures().items() if value != prepare(SMALL).scene.departures().get(key)}
     assert changed == {"wave.form", "start.noise", "start.seed", "output.particles", "time.allow_echo"}
 

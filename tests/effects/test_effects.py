@@ -17,9 +17,9 @@ from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.mode import Mode
 from granular_lmp.crystal.modes import decay_rate
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.effects.between_looks import hidden
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Chosen
-from granular_lmp.effects.looks import hidden
 from granular_lmp.effects.selection import EFFECTS, select, warnings, with_all
 from granular_lmp.errors import EffectError, LammpsError, SceneError
 from granular_lmp.problem import prepare

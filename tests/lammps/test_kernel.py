@@ -190,7 +190,7 @@ dump_modify  each format line "%.0f %.0f %.17g %.17g"
 """
     with suppress(EffectError):
         run(deck.edited(after={"guards": lines}), folder)
-    i, j, _ = overlapping(problem.crystal)
+    i, j, _ = overlapping(problem.rest.atoms)
     rest = {(min(pair), max(pair)) for pair in zip(i + 1, j + 1, strict=True)}
     looks = [look for _, look in judged_contacts(folder / "each", problem, Case(scene, problem.on).friction)]
     slip, least = max(look.slip for look in looks), min(look.overlap for look in looks)

@@ -445,7 +445,7 @@ def test_contacts_of_a_strike_follow_the_law_of_hertz(struck: Record) -> None:
 
 def test_the_energy_beyond_a_row_came_through_it(struck: Record) -> None:
     through, contacts = struck.monitor("through"), struck.monitor("everyone").contacts
-    row, kinetic = struck.problem.crystal.arrays["row"], struck.kinetic_energy[-1]
+    row, kinetic = struck.problem.rest.atoms.arrays["row"], struck.kinetic_energy[-1]
     stored = 0.4 * np.nan_to_num(np.maximum(contacts.overlap[-1], 0.0)) ** 2.5
     came = np.trapezoid(through.flux, struck.tau, axis=0)
     for number, each in enumerate(through.rows):

@@ -126,7 +126,7 @@ def test_a_wave_in_a_crystal_of_many_layers_or_laws_keeps_its_shape(
     bare = {key: value for key, value in LAYER.items() if key != "substrate" or name not in BULK}
     scene = PAPER.with_values(bare | {"time.duration": 10.0} | CRYSTALS[name])
     problem = prepare(scene)
-    shape = problem.wave.mode.shape()[places(problem.crystal)[centre(problem.crystal)]]
+    shape = problem.wave.mode.shape()[places(problem.rest.atoms)[centre(problem.rest.atoms)]]
     record = run(scene, tmp_path / "run")
     turning = stepped(problem.wave.mode.frequency, scene.time.step)
     expected = (shape * np.exp(-1j * turning * record.tau)[:, None]).real
@@ -259,7 +259,7 @@ def test_tables_tell_the_spheres_of_several_layers_apart(tmp_path: Path) -> None
     places = ["row", "column", "layer"]
     assert len(snapshots[places].drop_duplicates()) == 72
     assert len(snapshots[places[:2]].drop_duplicates()) == 24
-    arrays, (first, *_) = record.problem.crystal.arrays, record.monitor("line").contacts.pairs
+    arrays, (first, *_) = record.problem.rest.atoms.arrays, record.monitor("line").contacts.pairs
     one = contacts.iloc[0]
     assert [[one[f"{name}_{end}"] for name in places] for end in "ij"] == [
         [arrays[name][sphere] for name in places] for sphere in first[:2]

@@ -100,10 +100,10 @@ def test_a_packet_runs_forward_with_its_branch() -> None:
     rows, step = 96, 1.5 * HONEYCOMB.sphere.lattice_constant / HONEYCOMB.sphere.radius
     scene = branch(2).with_values({"envelope.length": 6.0, "packing.ends": "periodic", "packing.rows": rows})
     problem = prepare(scene)
-    fields = initial_fields(problem.scene, problem.crystal, problem.wave)
+    fields = initial_fields(problem.scene, problem.rest.atoms, problem.wave)
     per_row = 2 * pi / rows * np.arange(8, 25)  # three standard deviations around π/3
     along = np.column_stack([np.zeros_like(per_row), per_row / step])
-    (_, y), place = offsets(problem.crystal), places(problem.crystal)
+    (_, y), place = offsets(problem.rest.atoms), places(problem.rest.atoms)
     waves = np.exp(-1j * np.outer(per_row, y))
     u, v = (
         np.hstack([waves[:, place == own] @ (field[place == own] / TURNS) for own in (0, 1)])

@@ -145,9 +145,9 @@ def test_no_random_vacancy_takes_the_recorded_sphere() -> None:
 def test_spheres_without_a_neighbour_are_left_out_and_said() -> None:
     around = [[8, 3], [8, 5], [7, 4], [7, 5], [9, 4], [9, 5]]  # all neighbours of [8, 4]
     problem = prepare(SHEET.with_values({"inclusion": [{"spheres": around, "vacancy": True}]}))
-    assert len(problem.crystal) == 12 * 8 - 7
+    assert len(problem.rest.atoms) == 12 * 8 - 7
     assert "1 spheres that vacancies leave without a neighbour are left out" in problem.warnings()
-    assert not prepare(SHEET).at_rest.remarks()
+    assert not prepare(SHEET).rest.crystal.remarks()
 
 
 def test_layers_leave_the_rows_alike_and_need_no_columns() -> None:

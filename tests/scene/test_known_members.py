@@ -7,7 +7,7 @@ import pytest
 
 from granular_lmp import Scene
 from granular_lmp.accuracy.ladder import build, deciding_frequency
-from granular_lmp.effects.looks import fastest
+from granular_lmp.effects.between_looks import fastest
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.sources import FORMULAS
@@ -73,7 +73,7 @@ def test_an_effect_that_the_record_of_contacts_does_not_know_is_refused_by_name(
     scene = Scene.load("two_tones").with_values({"monitor": [{"name": "line", "rows": [9, 9], "what": "flux"}]})
     problem = prepare(scene)
     with pytest.raises(SceneError, match=r'what = "flux": must be "motion".* with the effect capillary'):
-        placed_monitors(scene.monitor, problem.crystal, scene.shape, None, ["capillary"])
+        placed_monitors(scene.monitor, problem.rest.atoms, scene.shape, None, ["capillary"])
 
 
 # ---------------------------------------------------------------- signals

@@ -29,11 +29,11 @@ DAMPED = SHEET.with_values({"effects.damping": True, "effects.viscosity": 1e-9})
 def results(scene: Scene) -> list[np.ndarray]:
     at_rest._KEPT.clear()  # what was computed before is known by the contacts
     problem = prepare(scene)
-    contacts, case = problem.contacts, Case(problem.scene, problem.on)
+    contacts, case = problem.rest.contacts, Case(problem.scene, problem.on)
     return [
-        *overlapping(problem.crystal),
+        *overlapping(problem.rest.atoms),
         *contact_stretches(contacts, scene.sphere, problem.wave.mode),
-        np.array([case.largest_slip(), frequency_bound(contacts, scene.sphere, problem.physics)]),
+        np.array([case.largest_slip(), frequency_bound(contacts, scene.sphere, physics_of(scene))]),
     ]
 
 
@@ -49,7 +49,7 @@ def test_the_size_of_blocks_changes_nothing(scene: Scene, monkeypatch: pytest.Mo
 def test_the_quick_limit_of_the_step_is_a_lower_bound(scene: Scene) -> None:
     problem = prepare(scene)
     physics = physics_of(problem.scene)
-    high = [each(problem.contacts, scene.sphere, physics) for each in (frequency_bound, crude_bound)]
+    high = [each(problem.rest.contacts, scene.sphere, physics) for each in (frequency_bound, crude_bound)]
     assert high[0] < high[1] < 2 * high[0]
     quick, limit = largest_step(problem.scene, 0.0), largest_step(problem.scene)
     assert quick < limit == largest_step(problem.scene, (quick + limit) / 2)

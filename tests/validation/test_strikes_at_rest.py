@@ -76,7 +76,7 @@ def test_a_stopped_run_is_continued_to_the_same_bytes(tmp_path: Path, stop: Call
 
 
 def test_monitors_have_the_unit_of_forces_of_the_crystal(watched: Record) -> None:
-    at_rest = watched.problem.contacts.contact_force / (WATCHED.sphere.normal_stiffness * WATCHED.scale.length)
+    at_rest = watched.problem.rest.contacts.contact_force / (WATCHED.sphere.normal_stiffness * WATCHED.scale.length)
     of_monitor = watched.monitor("m").contacts.normal[0]
     assert np.abs(of_monitor).max() <= np.abs(at_rest).max() * 1.01
     assert np.abs(of_monitor).max() > 1e-3
