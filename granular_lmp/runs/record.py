@@ -46,22 +46,6 @@ HEADER = ["tau", "p", "q", "phi"]
 IN_SPACE = ["ux", "uy", "uz", "phix", "phiy", "phiz"]  # behind them in space
 
 
-def _sphere_columns(space: int) -> list[list[str]]:
-    """Return what the columns of a dump of spheres may be that move in some dimensions."""
-    moved, forces = (
-        [f"{name}{axis}" for axis in axes[:space]] for name, axes in (("Displacement.", "XYZ"), ("f", "xyz"))
-    )
-    spins, angles = ["omegaz"], ["v_theta"]
-    if space == 3:
-        spins, angles = ["omegax", "omegay", "omegaz"], [f"Orientation.{part}" for part in "WXYZ"]
-    return [
-        ["id", "type", *"xyz", "radius", *mass, *moved, "vx", "vy", "vz", *turned, *force]
-        for mass in (["mass"], [])
-        for turned in ([], spins, [*spins, *angles])
-        for force in ([], forces)
-    ]
-
-
 def header_of(scene: Scene) -> list[str]:
     """Return the columns of the ``trajectory.csv`` of a scene."""
     return HEADER if scene.space == 2 else HEADER + IN_SPACE
@@ -179,7 +163,8 @@ class Record(HasCard):
             from granular_lmp.runs.prescribed_motion import at_the_instant, moved_spheres  # kept out of start-up
             from granular_lmp.runs.snapshots import dimensionless, force_on
 
-            table = read_dump(folder / (dump or SNAPSHOTS), None, *_sphere_columns(scene.space), but=FOR_VIEWERS)
+            needed = ["id", *(f"Displacement.{axis}" for axis in "XYZ"[: scene.space]), "vx", "vy", "vz"]
+            table = read_dump(folder / (dump or SNAPSHOTS), None, needed, but=FOR_VIEWERS)
             steps = table["step"].tolist()
             tau = table["step"] * scene.time.clock.between(steps, scene.time.sample)
             moved = moved_spheres(scene, table["id"][0].astype(int) - 1) if len(tau) else []
