@@ -118,8 +118,9 @@ class Record(HasCard):
         scene = scene_of(folder)
         refuse_changed(folder, info, lazily=scene.wave is not None)
         if scene.wave is None:
-            return cls._of_spheres(folder, scene, info, whole=not unfinished)
-        return cls._of_trajectory(folder, scene, info, whole=not unfinished)
+            return cls.from_dump(folder, scene, info=info)
+        columns = tables.read_trajectory(folder / TRAJECTORY, header_of(scene))
+        return cls(columns.pop("tau"), columns, scene, info, folder)
 
     @classmethod
     def of_centre(
@@ -135,23 +136,6 @@ class Record(HasCard):
             return cls(np.empty(0), dict.fromkeys(header_of(scene)[1:], np.empty(0)), scene, folder=folder)
         still = np.empty((0, len(prepare(scene).rest.recorded), scene.space))
         return cls(np.empty(0), {"displacement": still, "velocity": still}, scene, folder=folder)
-
-    @classmethod
-    def _of_spheres(cls, folder: Path, scene: Scene, info: dict[str, Any], *, whole: bool) -> Self:
-        """Return the record of a run folder without a trajectory; `whole` if ``run.json`` says how long it is."""
-        record = cls.from_dump(folder, scene, info=info)
-        times, spheres, _ = record.displacement.shape
-        for number, what, said in ((times, "records", "samples"), (spheres, "spheres", "recorded")):
-            if whole and number != info.get(said):
-                raise RunFolderError(f"{folder / SNAPSHOTS}: {number} {what}, and {STATUS} says {info.get(said)}")
-        return record
-
-    @classmethod
-    def _of_trajectory(cls, folder: Path, scene: Scene, info: dict[str, Any], *, whole: bool) -> Self:
-        """Return the record of a run folder with a trajectory; `whole` if ``run.json`` says how long it is."""
-        samples = info.get("samples", 0) if whole else None
-        columns = tables.read_trajectory(folder / TRAJECTORY, header_of(scene), samples)
-        return cls(columns.pop("tau"), columns, scene, info, folder)
 
     @classmethod
     def from_dump(
