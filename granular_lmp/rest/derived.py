@@ -116,6 +116,18 @@ class Derived(Declaration):
                 raise SceneError(f"source {number}: {error}", because=error.because) from error
         return tuple(found)
 
+    def require_wave(self, why: str = "and no wave with a mode") -> Wave:
+        """Return the wave of the scene.
+
+        Raises
+        ------
+        SceneError
+            If the scene has none; `why` ends the sentence.
+        """
+        if self.wave is None:
+            raise SceneError(f"wave: missing table; this scene has sources, strikers or a [start] alone, {why}")
+        return self.wave
+
     @property
     def form(self) -> Form:
         """How the wave begins; that of a crystal at rest without a wave too."""
@@ -141,7 +153,7 @@ class Derived(Declaration):
     @property
     def declared_vector(self) -> WaveVector:
         """Wave vector as declared."""
-        return self.wave.vector(self.lattice)
+        return self.require_wave().vector(self.lattice)
 
     @cached_property
     def shape(self) -> Shape:
@@ -347,10 +359,8 @@ def wave_lattice_of(
 
     It is that without inclusions, but for the number of a branch in a lattice whose waves are L, TR and RT.
     """
-    numbered = wave is not None and wave.mode.isdecimal()
-    if not (numbered and inclusions) or lattice.cell_size > 1 or space == 3:
+    if wave is None or not (wave.mode.isdecimal() and inclusions) or lattice.cell_size > 1 or space == 3:
         return lattice
-    assert wave is not None
     return patterned(lattice, packing, density, inclusions, pairs, wave.mode)
 
 
