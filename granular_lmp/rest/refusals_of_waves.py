@@ -5,7 +5,7 @@ from math import ceil, pi
 from granular_lmp.crystal.lattices import HELD
 from granular_lmp.rest.derived import Derived
 from granular_lmp.rest.refusal import Refusal, joining
-from granular_lmp.rest.refusals_at_rest import EPSILON, FEWEST_ROUNDINGS, MOST_SPHERES, smallest_motion
+from granular_lmp.rest.refusals_at_rest import EPSILON, FEWEST_ROUNDINGS, smallest_motion
 from granular_lmp.rest.shape import LARGEST_CELL, SNAP
 from granular_lmp.scene.forms import DRIVEN
 from granular_lmp.scene.schema import AUTO, either, shown
@@ -99,12 +99,6 @@ def room_for_the_wave(scene: Derived) -> str:
             )
     if not shape.along_y and rows % 2 == 0:
         return f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row"
-    if shape.spheres > MOST_SPHERES:
-        key, layers = (" x packing.layers", f" x {shape.layers}") if shape.layers > 1 else ("", "")
-        return (
-            f"packing.rows x packing.columns{key} = {rows} x {columns}{layers}: must be at most {MOST_SPHERES} "
-            "spheres (LAMMPS takes 690 MB for each million)"
-        )
     spread = [FEWEST_DEVIATIONS * deviation for deviation in envelope.spread(declared)]
     between_walls = not shape.along_y and envelope.offset
     needed = (spread[0] + (2 * abs(envelope.offset) if between_walls else 0.0), spread[1])
@@ -144,10 +138,8 @@ def amplitude_lost_in_rounding(scene: Derived) -> str:
 
 @line("physics")
 def time_and_echo(scene: Derived) -> str:
-    """Check that records and snapshots fit into the run, and that it ends before the echo."""
+    """Check that snapshots fit into the run, and that it ends before the echo."""
     time, output, shape, echo = scene.time, scene.output, scene.shape, scene.echo_time
-    if time.sample > time.duration:
-        return f"time.sample = {time.sample!r}: must be at most time.duration = {time.duration!r}"
     if time.duration > echo and not time.allow_echo:
         return (
             f"time.duration = {time.duration!r}: the echo of the {shape.edge} reaches the centre of {shape.words} at "
