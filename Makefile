@@ -16,6 +16,7 @@
 # make mutants (each change of the source that a line of the verification manual names fails its test, five minutes:
 # docs/verification.md),
 # make witness (the network beside LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
+# make gpu (the network on a card of NVIDIA, its tests and its speed, under five minutes; skipped where there is none),
 # make bench (our run beside other codes, with the error of each; with BESIDE=COMMIT also beside an earlier commit of this
 # repository), make scale (cost up to a million spheres),
 # make docs (the documentation site, into site/), make rooms (the drawing of docs/architecture.md),
@@ -35,7 +36,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 GROUPS = spectrum dispersion waves quiet scattering disorder impact published pull-off onset adhesion cost
 
-.PHONY: $(GROUPS) paper figures gallery test types processors stability guards ladders mutants witness bench scale decks docs \
+.PHONY: $(GROUPS) paper figures gallery test types processors stability guards ladders mutants witness gpu bench scale decks docs \
     tested-docs versioned-docs notebook rooms engines wheel packages floors readers clean
 
 spectrum: cases = spectrum
@@ -68,6 +69,13 @@ figures: paper
 witness: .venv/ready
 	$(BIN)/python -m benchmarks.network
 	$(BIN)/python -m benchmarks.steps
+
+gpu: .venv/ready
+	if command -v nvidia-smi > /dev/null; then \
+	    $(BIN)/python -m pip install --quiet 'jax[cuda12]' && \
+	    $(BIN)/pytest tests/theory/test_network_traced.py tests/theory/test_network_gradient.py && \
+	    $(BIN)/python -m benchmarks.device --demand gpu --largest 10000000; \
+	else echo "skipped: no card of NVIDIA is found here"; fi
 
 gallery: .venv/ready
 	mkdir -p runs && sed -n '/^```toml/,/^```/{/^```/!p}' README.md > runs/first.toml

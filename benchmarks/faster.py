@@ -104,7 +104,7 @@ def pressed(text: str) -> str:
     sphere = base_scene().sphere
     pascal = units_for(sphere.radius).number(1.0, mass=1, length=-1, time=-2)
     normal, shear = 4 / 3 * sphere.effective_modulus * pascal, 8 * sphere.effective_shear_modulus * pascal
-    friction = 10 * base_scene().wave.amplitude
+    friction = 10 * base_scene().amplitude
     start = text.index("pair_style   granular")
     end = text.index("\n\n", start)
     style = f"pair_style   gran/hertz/history {normal!r} {shear!r} 0.0 0.0 {friction!r} 0\npair_coeff   * *"

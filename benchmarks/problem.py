@@ -22,6 +22,7 @@ from granular_lmp import Scene, build
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.crystal.mode import PLANE
 from granular_lmp.rest.initial_fields import plane_wave
+from granular_lmp.rest.linear import bloch_wave
 
 Floats = NDArray[np.float64]
 
@@ -79,8 +80,8 @@ def times(scene: Scene) -> Floats:
 def exact(scene: Scene, law: Law = "secant") -> tuple[Floats, Floats]:
     """p and q of the infinite lattice at the scene's wave number, in true contact geometry."""
     nu, eta = scene.sphere.poisson_ratio, scene.sphere.overlap_ratio
-    name: ModeName = scene.wave.mode  # type: ignore[assignment]  # checked by the scene
-    wave = Wave.of_mode(name, scene.wavenumber, scene.wave.amplitude, Contact(nu, law=law, overlap_ratio=eta))
+    name: ModeName = scene.require_wave().mode  # type: ignore[assignment]  # checked by the scene
+    wave = Wave.of_mode(name, scene.wavenumber, scene.amplitude, Contact(nu, law=law, overlap_ratio=eta))
     p, q, _ = lattice.torus(wave, times(scene))
     return p, q
 
@@ -118,9 +119,9 @@ class Start:
     @classmethod
     def of(cls, scene: Scene) -> "Start":
         """Return it for a scene with fixed ends."""
-        deck, sphere = build(scene), scene.sphere
+        deck, sphere, wave = build(scene), scene.sphere, bloch_wave(scene)
         packing = deck.packing
-        fields = plane_wave(packing, deck.problem.mode, scene.wave.phase)
+        fields = plane_wave(packing, wave.mode, wave.declared.phase)
         unit = scene.displacement_amplitude * np.array([1.0, 1.0, 1 / sphere.radius])
         low = packing.get_celldisp().ravel()[:2]
         return cls(

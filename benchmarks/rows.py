@@ -20,7 +20,7 @@ def solve(rtol: float, exact: bool, folder: Path) -> Solution:
     scene = base_scene()
     contact = Contact(scene.sphere.poisson_ratio, overlap_ratio=scene.sphere.overlap_ratio if exact else 0.0)
     started = time.perf_counter()
-    wave = Wave.of_mode("TR", scene.wavenumber, scene.wave.amplitude, contact)
+    wave = Wave.of_mode("TR", scene.wavenumber, scene.amplitude, contact)
     if exact:
         p, q, _ = torus(wave, times(scene), rtol=rtol)
     else:

@@ -102,9 +102,7 @@ def on_lattice(scene: Scene, rtol: float) -> tuple[np.ndarray, np.ndarray]:
     """Return p and q on the exact lattice."""
     sphere = scene.sphere
     contact = Contact.of(sphere)
-    p, q, _ = lattice.torus(
-        Wave.of_mode("TR", scene.wavenumber, scene.wave.amplitude, contact), times(scene), rtol=rtol
-    )
+    p, q, _ = lattice.torus(Wave.of_mode("TR", scene.wavenumber, scene.amplitude, contact), times(scene), rtol=rtol)
     return p, q
 
 

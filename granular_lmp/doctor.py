@@ -24,6 +24,7 @@ from granular_lmp.lammps.installation import (
 )
 from granular_lmp.lammps.kernel import library
 from granular_lmp.problem import prepare
+from granular_lmp.rest.linear import mode_of
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.routes import check_machine
@@ -168,7 +169,7 @@ def frequency_error() -> float:
     With q = Q cos Ωτ and φ = f sin Ωτ the phase of the wave is atan2(φ/f, q/Q); its slope is the frequency.
     """
     scene = Scene.loads(SELF_TEST)
-    mode = prepare(scene).mode
+    mode = mode_of(prepare(scene).scene)
     with TemporaryDirectory() as scratch:
         record = run(scene, Path(scratch) / "run", kernel=False)
     phase = np.unwrap(np.arctan2(record.phi / mode.f, record.q / -mode.ux))

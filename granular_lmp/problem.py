@@ -5,27 +5,20 @@
 
 from dataclasses import replace
 
-import ase
 import numpy as np
-from numpy.typing import NDArray
 
-from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.mode import Mode, Physics
-from granular_lmp.crystal.scale import Scale
-from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.effect import Chosen
 from granular_lmp.effects.rotation import ROTATION
 from granular_lmp.effects.selection import EFFECTS, remarks, select, warnings
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.rest.absorption import remarks_on_ends
-from granular_lmp.rest.at_rest import CrystalAtRest, echo_at
+from granular_lmp.rest.at_rest import echo_at
 from granular_lmp.rest.face import Rest
-from granular_lmp.rest.held import largest_step
 from granular_lmp.rest.kinds import rest_of
-from granular_lmp.rest.linear import physics_of
+from granular_lmp.rest.linear import BlochWave
 from granular_lmp.rest.scene import Scene
-from granular_lmp.rest.step_rules import StepRule, refuse_step
+from granular_lmp.rest.step_rules import refuse_step
 from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
 from granular_lmp.scene.places import place_of
 from granular_lmp.scene.sources import PlacedSource, placed
@@ -52,8 +45,8 @@ class Problem:
     Examples
     --------
     >>> problem = prepare(Scene.load("tr_periodic"))
-    >>> print(f"{len(problem.crystal)} spheres, {problem.mode.frequency:.4f} rad/t0, t0 = {problem.scale.time:.3e} s")
-    48 spheres, 0.2713 rad/t0, t0 = 4.981e-10 s
+    >>> print(f"{len(problem.rest.atoms)} spheres, Omega = {problem.rest.frequency:.4f} rad/t0")
+    48 spheres, Omega = 0.2713 rad/t0
     """
 
     declared: Scene
@@ -67,76 +60,26 @@ class Problem:
         return self.rest.scene
 
     @property
-    def mode(self) -> Mode:
-        """Bloch mode of the wave in the lattice with these effects; None without a wave."""
-        return self.rest.mode
-
-    @property
-    def at_rest(self) -> CrystalAtRest:
-        """Spheres at rest, their materials and contacts."""
-        return self.rest.crystal
-
-    @property
-    def crystal(self) -> ase.Atoms:
-        """Spheres at rest."""
-        return self.rest.atoms
-
-    @property
-    def materials(self) -> tuple[Sphere, ...]:
-        """Materials by index of the array ``material``, the sphere of the lattice first."""
-        return self.rest.materials
-
-    @property
-    def contacts(self) -> Contacts:
-        """Contacts at rest: of all spheres, or of one sphere of a perfect lattice."""
-        return self.rest.contacts
-
-    @property
-    def scale(self) -> Scale:
-        """Units of the scene."""
-        return self.scene.scale
+    def wave(self) -> BlochWave | None:
+        """Wave in the lattice with these effects; None without a wave."""
+        return self.rest.wave
 
     @property
     def units(self) -> AnyUnits:
         """Units of the deck."""
         return self.scene.units
 
-    @property
-    def recorded(self) -> NDArray[np.int64]:
-        """Indices of the spheres that are always recorded: the centre one, and without a wave those of ``[output]``."""
-        return self.rest.recorded
-
-    @property
-    def planes(self) -> dict[str, float]:
-        """Rigid walls, "ylo" → place, radii; those of a substrate are "zlo" and "zhi"."""
-        return self.rest.planes
-
-    @property
-    def physics(self) -> Physics:
-        """Degrees of freedom of the lattice."""
-        return physics_of(self.scene)
-
     @cached_property
     def sources(self) -> tuple[PlacedSource, ...]:
         """Sources in the crystal."""
-        return placed(self.scene.drives, self.crystal, self.scene.sphere, self.mode.frequency if self.mode else 0.0)
-
-    @property
-    def strikers(self) -> tuple[NDArray[np.int64], ...]:
-        """Indices of the spheres of each striker."""
-        return self.rest.strikers
-
-    @property
-    def state(self) -> NDArray[np.float64]:
-        """Displacements (m), velocities (m/s) and spins (rad/s) of ``[start]``, (N, 9); without the strikers."""
-        return self.rest.state
+        return placed(self.scene.drives, self.rest.atoms, self.scene.sphere, self.rest.frequency)
 
     @cached_property
     def monitors(self) -> tuple[PlacedMonitor, ...]:
         """Monitors in the crystal."""
-        contacts = None if self.at_rest.of_one else self.contacts
+        contacts = None if self.rest.crystal.of_one else self.rest.contacts
         unrecorded = [each.name for each in EFFECTS if self.on.get(each.name) and not each.recorded]
-        return placed_monitors(self.scene.monitor, self.crystal, self.scene.shape, contacts, unrecorded)
+        return placed_monitors(self.scene.monitor, self.rest.atoms, self.scene.shape, contacts, unrecorded)
 
     @cached_property
     def on(self) -> dict[str, bool]:
@@ -158,25 +101,15 @@ class Problem:
         """Titles of the guards whose effects are off, also where the scene calls for them."""
         return [effect.guard for effect in self.effects if effect.guard and not effect.on]
 
-    @property
-    def step_rules(self) -> list[StepRule]:
-        """Rules for the time step."""
-        return self.rest.step_rules()
-
-    @property
-    def largest_step(self) -> float:
-        """Stability limit of velocity Verlet, τ."""
-        return largest_step(self.scene)
-
     def warnings(self) -> list[str]:
         """Return a sentence for each change that made the scene fit, effect forced off, and echo at a monitor."""
-        of_scene = [*self.declared.remarks(), *self.at_rest.remarks(), *remarks_on_ends(self.scene)]
+        of_scene = [*self.declared.remarks(), *self.rest.crystal.remarks(), *remarks_on_ends(self.scene)]
         return [*of_scene, *remarks(self.declared), *warnings(self.effects), *self._echoes()]
 
     def _echoes(self) -> list[str]:
         """Return a sentence for each monitor that the echo of the faces reaches, unless the scene allows an echo."""
         time = self.scene.time
-        judged = () if time.allow_echo or self.mode is None else self.scene.monitor
+        judged = () if time.allow_echo or self.wave is None else self.scene.monitor
         found = {each.name: echo_at(self.scene, each) for each in judged}
         return [
             f"monitor {name}: the echo of the {self.scene.shape.edge} may reach it at tau = {echo:.4g}"
@@ -215,7 +148,7 @@ def prepare(scene: Scene) -> Problem:
     problem = Problem(scene, chosen, rest_of(scene, switches, turns=turns))
     _check_strikes(problem)
     check_groups(problem.monitors, len(problem.sources))
-    _ = problem.recorded
+    _ = problem.rest.recorded
     problem.rest.refuse()
     # A limit above the declared step is enough, and in a large crystal much faster to find than the longest step
     refuse_step(scene.time, problem.rest.step_rules(scene.time.clock.of_answer))
@@ -224,11 +157,12 @@ def prepare(scene: Scene) -> Problem:
 
 def _check_strikes(problem: Problem) -> None:
     """Check that strikers and a state are spheres that nothing else moves."""
-    begun = np.concatenate([*problem.strikers, np.flatnonzero(problem.state.any(axis=1))])
+    begun = np.concatenate([*problem.rest.strikers, np.flatnonzero(problem.rest.state.any(axis=1))])
     for number, source in enumerate(problem.sources, 1):
         if source.source.motion and (both := np.intersect1d(begun, source.spheres)).size:
+            place = place_of(problem.rest.atoms, int(both[0]))
             raise SceneError(
-                f"source {number}: sphere {place_of(problem.crystal, int(both[0]))}: is a striker or of the state too, "
+                f"source {number}: sphere {place}: is a striker or of the state too, "
                 "and a sphere that is moved has no velocity of its own",
                 because="physics",
             )

@@ -25,6 +25,6 @@ def by_wave(records: Iterable[Record]) -> list[list[Record]]:
         scene = fine.scene
         pair = len(rest) == 1 and isclose(rest[0].scene.time.step, 2 * scene.time.step)
         if rest and not (pair and len(rest[0].tau) == len(fine.tau)):
-            wave = f"{scene.wave.mode}, xi = {scene.wavenumber:.5g} at {scene.direction:.5g} degrees"
+            wave = f"{scene.require_wave().mode}, xi = {scene.wavenumber:.5g} at {scene.direction:.5g} degrees"
             raise ValueError(f"{wave}: {1 + len(rest)} runs that are no pair of steps h and h/2")
     return groups

@@ -23,7 +23,7 @@ from granular_lmp.accuracy import extrapolation
 from granular_lmp.accuracy.extrapolation import Judgement, Signals
 from granular_lmp.problem import Problem
 from granular_lmp.runs.components import FORCES, RATES
-from granular_lmp.scene.kinds import OF_ROWS
+from granular_lmp.scene.monitor_kinds import OF_ROWS
 
 SAFETY = 4.0  # with 3, two in 130 ladders of 35 scenes ended with up to 1.3 of the tolerance (tests/hard)
 # Steps in the shortest collision of the first run: at a tolerance of 1e-4, and the fewest
@@ -36,7 +36,7 @@ _RATES = {"velocity", "spin", *RATES}
 def first_count(problem: Problem, tolerance: float) -> int:
     """Return the steps per sample of the first run of the ladder that is expected to meet a tolerance."""
     steps = max(_FEWEST, _STEPS_AT[0] * (_STEPS_AT[1] / tolerance) ** (1 / _POWER))
-    longest = min(problem.rest.shortest_collision / steps, *(rule.first for rule in problem.step_rules))
+    longest = min(problem.rest.shortest_collision / steps, *(rule.first for rule in problem.rest.step_rules()))
     return max(1, ceil(problem.scene.time.sample / longest))
 
 

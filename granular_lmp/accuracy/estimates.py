@@ -170,7 +170,7 @@ def slip_bounds(scene: Scene, signals: Signals) -> dict[str, float]:
     """
     frequency = deciding_frequency(scene)
     swing = max(1.0, float(np.max(sum(signals[name] ** 2 for name in ("p", "q", "phi") if name in signals))))
-    amplitude, duration = scene.wave.amplitude, scene.time.duration
+    amplitude, duration = scene.amplitude, scene.time.duration
     moved = SLIP * amplitude * frequency**2 * scene.sphere.overlap_ratio * swing * scene.time.sample
     moved *= 1 + ADDS_UP * amplitude * frequency * duration
     moves = ("p", "q", *NAMES, *IN_SPACE)

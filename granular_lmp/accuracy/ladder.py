@@ -15,7 +15,7 @@ from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.at_rest import swiftness
 from granular_lmp.rest.held import step_rules
-from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts, usual_frequency
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.clock import RUNGS as RUNGS
 
@@ -65,7 +65,7 @@ def _count_of_wave(scene: Scene, tolerance: float) -> int:
     def enough(per_sample: int) -> bool:
         return pair_error(frequency, sample / (2 * per_sample), duration) <= COARSE * tolerance
 
-    fewest = int(sample / min(rule.first for rule in step_rules(scene))) + 1
+    fewest = int(sample / min(rule.first for rule in step_rules(scene, usual_frequency(scene)))) + 1
     low, high = fewest - 1, fewest
     while not enough(high):
         low, high = high, 2 * high
@@ -120,7 +120,7 @@ def plan(problem: Problem) -> tuple[int, ...]:
     scene = problem.scene
 
     def first(tolerance: float) -> int:
-        of_wave = problem.mode is not None
+        of_wave = problem.wave is not None
         count = _count_of_wave(scene, tolerance) if of_wave else collisions.first_count(problem, tolerance)
         _refuse_many(scene, tolerance, count)
         return count

@@ -11,7 +11,7 @@ from granular_lmp.errors import ToleranceError
 from granular_lmp.rest.held import largest_step
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import FORCES, NAMES, RATES
-from granular_lmp.scene.kinds import OF_ROWS
+from granular_lmp.scene.monitor_kinds import OF_ROWS
 
 # Noise of one run that the estimate sees: twice the distance of the sums of three runs and of two holds 2.6 times that
 # of steps as 2, 3, 4 and 2.8 times that of 4, 5, 8, if it is independent; 0.3 times that of 1, 2, 4

@@ -110,7 +110,7 @@ def _sinc(angle: Any) -> Any:
 def oscillator_of(scene: Scene, step: float = 0.0) -> Oscillator:
     """Return the second harmonic of a scene's running plane wave along y, with a step (τ) or none."""
     free = bloch_mode(unit_contacts(scene), scene.sphere, scene.vector.doubled, "L", physics_of(scene))
-    return Oscillator(mode_of(scene).frequency, free.frequency, scene.wave.phase, step)
+    return Oscillator(mode_of(scene).frequency, free.frequency, scene.require_wave().phase, step)
 
 
 def late_shear(scene: Scene, oscillator: Oscillator, tau: Floats) -> Floats:
@@ -124,7 +124,7 @@ def late_shear(scene: Scene, oscillator: Oscillator, tau: Floats) -> Floats:
     late = sideways * scene.displacement_amplitude / lattice.length
     if scene.effects.shear_law == "incremental":
         _, softening = sphere.contact_law.softening(sphere.static_overlap)
-        late = late + softening * scene.wave.amplitude * sheared
+        late = late + softening * scene.amplitude * sheared
     # On a sphere act the contact ahead and that behind, χ/2 away in phase: sin(2ψ + χ) − sin(2ψ − χ)
     force = sphere.shear_stiffness * late * stretched * 2 * np.sin(advance)
     drive = float(force @ lattice.tangents[:, 0, 1]) * sphere.time_scale**2 / sphere.mass

@@ -30,7 +30,7 @@ from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import launch
 from granular_lmp.runs.continuation import read_unfinished, whole_checkpoints
-from granular_lmp.runs.folder import clear, locked, refuse_links
+from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import FORMAT, scene_of
 from granular_lmp.runs.manifest import wall_seconds
 from granular_lmp.runs.options import Options, Progress, options_of
@@ -76,7 +76,7 @@ def one_of(options: Options, problem: Problem) -> One:
     """
 
     def made(scene: Scene, place: Path, progress: Progress | None, looks: bool) -> Record:
-        stepped = prepare(scene) if problem.mode is None else replace(problem.stepped(scene), declared=scene)
+        stepped = prepare(scene) if problem.wave is None else replace(problem.stepped(scene), declared=scene)
         what = stepped if looks else stepped.without_looks()
         return launch.launch(what, place, replace(options, force=True, progress=progress))
 
@@ -228,7 +228,6 @@ def halved(
     tolerance, samples = scene.time.clock.tolerance, scene.time.samples
     records: list[Record] = []
     refinements: list[str] = []
-    refuse_links(folder)
     with writable(folder):
         write_status(folder, info | {"status": "running", "message": "started"})
     try:

@@ -37,7 +37,7 @@ def judged(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> list[str
 
     A mirror symmetry makes q and φ of that wave zero, and at small amplitudes their rounding exceeds the threshold.
     """
-    mirrored = plane_along_y(scene) and scene.wave.mode == "L"
+    mirrored = plane_along_y(scene) and scene.require_wave().mode == "L"
     return [name for name in moving(signals) if name == "p" or not mirrored]
 
 
@@ -107,7 +107,7 @@ def below_rounding(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> 
     if size >= 3 * least:
         return []
     return [
-        f"wave.amplitude = {scene.wave.amplitude!r}: p is {size:.2g} D0, and the rounding of positions leaves "
+        f"wave.amplitude = {scene.amplitude!r}: p is {size:.2g} D0, and the rounding of positions leaves "
         f"{least:.2g} D0 by itself; a larger amplitude or fewer packing.rows would lift it"
     ]
 

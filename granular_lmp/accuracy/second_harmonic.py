@@ -84,7 +84,7 @@ def _fitted(oscillator: Oscillator, record: Record) -> tuple[float, float]:
 def _columns(oscillator: Oscillator, scene: Scene, tau: Floats) -> Floats:
     own, free = oscillator.stepped
     columns = [*oscillator.shapes(tau).T, np.cos(free * tau), np.sin(free * tau)]
-    if scene.wave.mode == "L":  # with the slow drift of the fundamental, of order a² τ
+    if scene.require_wave().mode == "L":  # with the slow drift of the fundamental, of order a² τ
         fundamental = [np.cos(own * tau), np.sin(own * tau)]
         columns += [*fundamental, *(tau * each for each in fundamental)]
     return np.column_stack(columns)

@@ -140,8 +140,6 @@ def _say_notes_on(scene: "Scene") -> None:
 
 def wave_scene_of(options: Options) -> "Scene":
     """Return the scene that is asked for, as `scene_of`; raises SceneError if it has no wave."""
-    from granular_lmp.rest.refusals import require_wave
-
     scene = scene_of(options)
-    require_wave(scene)
+    scene.require_wave("which kick and scatter do not take")
     return scene

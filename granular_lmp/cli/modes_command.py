@@ -46,13 +46,11 @@ def add_to(commands: Commands) -> None:
 
 
 def _modes(options: Options) -> int:
-    from granular_lmp.rest.kinds import has_modes
-
     scene = scene_of(options)
     if options.path is not None or options.dos is not None:
         figure = _branches_of(scene, options)
     else:
-        figure = _modes_of(scene, options) if has_modes(scene) else _bands_of(scene, options)
+        figure = _modes_of(scene, options) if scene.held_at_rest else _bands_of(scene, options)
     if options.plot:
         from granular_lmp.plot.signals import save
 
@@ -68,14 +66,14 @@ def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     from granular_lmp.problem import prepare
 
     problem = prepare(scene)
-    assert problem.mode is None
-    t0 = problem.scale.time
+    t0 = problem.scene.scale.time
     found, count = ranges(problem.rest.cell), len(problem.rest.cell[0])
+    sound = problem.rest.pressed["sound_m_s"]
     if options.json:
-        say_json({"cell": count, "t0_s": t0, "sound_m_s": problem.rest.sound} | as_json(found, t0))
+        say_json({"cell": count, "t0_s": t0, "sound_m_s": sound} | as_json(found, t0))
     else:
         many = f"{count} sphere{'s' * (count > 1)}"
-        say(f"{problem.scene.name}: {many} to a cell; sound {problem.rest.sound:.6g} m/s; t0 = {t0:.6g} s")
+        say(f"{problem.scene.name}: {many} to a cell; sound {sound:.6g} m/s; t0 = {t0:.6g} s")
         for line in as_text(found, t0):
             say(line)
 
@@ -230,10 +228,9 @@ def _speeds(scene: "Scene", table: Table) -> list[str]:
 def _branches_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     """Say the branches along a path through the zone, or their density."""
     from granular_lmp.crystal.zone import CHARACTERS, along_path, density_of_states
-    from granular_lmp.rest.kinds import has_modes
     from granular_lmp.rest.linear import physics_of, wave_contacts
 
-    if not has_modes(scene):
+    if not scene.held_at_rest:
         raise SceneError(
             f"modes --path and --dos: {scene.name} must have spheres that adhere, or a sheet that is pressed together; "
             "spheres that meet have no modes"

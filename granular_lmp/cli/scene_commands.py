@@ -112,13 +112,13 @@ def _as_json(problem: "Problem", found: "Forecast") -> dict[str, object]:
 
     from granular_lmp.rest.remarks import law_words
 
-    scene, scale, rest = problem.scene, problem.scale, problem.rest
+    scene, scale, rest = problem.scene, problem.scene.scale, problem.rest
     steps = rest.steps_to_collision
     collision = {} if steps is None else {"at_rest": rest.pressed, "steps_per_collision": steps}
     return (
         {"name": scene.name, "description": scene.description}
         | asdict(found)
-        | {"recorded": len(problem.recorded)}
+        | {"recorded": len(problem.rest.recorded)}
         | {"t0_s": scale.time, "length_m": scale.length, "velocity_m_s": scale.velocity}
         | {"law": law_words(scene.material, scene.effects)}
         | collision
@@ -133,7 +133,7 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
     """Yield the lines of check, each with the word that it begins with."""
     from granular_lmp.rest.remarks import law_words
 
-    scene, scale = problem.scene, problem.scale
+    scene, scale = problem.scene, problem.scene.scale
     yield "spheres", f"{found.spheres}"
     under = {"below": "on a substrate", "both": "between two substrates"}
     lies = [under[scene.substrate.sides]] if scene.substrate else []
@@ -162,7 +162,7 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
 def _of_cost(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]":
     """Yield the lines of what a run takes: steps, time on how many ranks, checkpoints and memory."""
     runs = f" in {found.runs} runs, or more if their errors ask for it" if found.runs > 1 else ""
-    of = f" of {len(problem.recorded)} spheres" if problem.mode is None else f", {found.snapshots} snapshots"
+    of = f" of {len(problem.rest.recorded)} spheres" if problem.wave is None else f", {found.snapshots} snapshots"
     yield "steps", f"{found.steps}{runs}; {found.records} records{of}"
     seconds = "" if found.seconds is None else f"about {found.seconds:.2g} s on one rank; "
     yield "time", f"{seconds}{found.basis}"
@@ -235,7 +235,7 @@ def _effects(options: Options) -> int:
     from granular_lmp.runs.manifest import effects_of
 
     problem = prepare(scene_of(options))
-    scene, shape, spheres, steps = problem.scene, problem.scene.shape, len(problem.crystal), planned_steps(problem)
+    scene, shape, spheres, steps = problem.scene, problem.scene.shape, len(problem.rest.atoms), planned_steps(problem)
     if options.json:
         own = {
             effect.name: {"cost": effect.cost, "without_it": effect.loss, "key": effect.switch}

@@ -12,7 +12,7 @@ from typing import Any
 
 from granular_lmp.crystal.adhesion_laws import HERTZ
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect, Meeting
+from granular_lmp.effects.effect import AmongMeeting, Effect
 from granular_lmp.rest.scene import Scene
 
 
@@ -51,7 +51,7 @@ ADHESION = Effect(
     called_for,
     cost="1 or 2",
     loss=loss,
-    meeting=Meeting(of_meeting),
+    meeting=AmongMeeting(of_meeting),
     law=law,
     recorded=True,
     in_all=False,

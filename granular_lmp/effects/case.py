@@ -50,12 +50,7 @@ class Case:
 
     @cached_property
     def mode(self) -> Mode:
-        """Bloch mode of the wave in the lattice with these effects; undecided effects count as on.
-
-        It is None without a wave, as `granular_lmp.problem.Problem.mode`.
-        """
-        if self.scene.wave is None:
-            return None  # what needs a mode asks for the wave first
+        """Bloch mode of the wave in the lattice with these effects; undecided effects count as on."""
         return self.mode_with(self._own_physics)
 
     @property

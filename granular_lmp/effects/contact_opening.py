@@ -6,7 +6,7 @@ import numpy as np
 
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.effects.case import NOTHING, Case, Finding
-from granular_lmp.effects.effect import Effect, Meeting
+from granular_lmp.effects.effect import AmongMeeting, Effect
 from granular_lmp.effects.guard import Guard
 from granular_lmp.effects.openings import changed_lines
 from granular_lmp.effects.reading import judged_singly
@@ -81,7 +81,7 @@ def order_of_meeting(scene: Scene) -> int:
 CONTACT_OPENING = Effect(
     "contact_opening",
     called_for,
-    meeting=Meeting(of_meeting, order=order_of_meeting),
+    meeting=AmongMeeting(of_meeting, order=order_of_meeting),
     cost="1.00",
     loss=loss,
     order=order,

@@ -65,7 +65,7 @@ def measured(problem: Prepared) -> list[str]:
     """Return the lines of the mean displacement along x and y of the spheres that creep most."""
     speeds, group, lines = np.linalg.norm(_velocities(problem.scene), axis=1), "all", []
     if len(speeds) > 1:
-        own = np.flatnonzero(places(problem.crystal) == int(np.argmax(speeds)))
+        own = np.flatnonzero(places(problem.rest.atoms) == int(np.argmax(speeds)))
         group, lines = "creeping", [f"group        creeping id {identifiers(own + 1)}"]
     return [
         *lines,

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect, Meeting
+from granular_lmp.effects.effect import AmongMeeting, Effect
 from granular_lmp.rest.scene import Scene
 
 
@@ -72,7 +72,7 @@ DAMPING = Effect(
     called_for,
     cost="1.00",
     loss=loss,
-    meeting=Meeting(of_meeting, order=order_of_meeting),
+    meeting=AmongMeeting(of_meeting, order=order_of_meeting),
     law=law,
     refuse=refuse,
     order=order,

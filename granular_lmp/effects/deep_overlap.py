@@ -8,7 +8,7 @@ from math import inf
 
 from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect, Meeting
+from granular_lmp.effects.effect import AmongMeeting, Effect
 from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.rest.scene import Scene
 from granular_lmp.rest.step_rules import LONGEST_STEP
@@ -16,9 +16,9 @@ from granular_lmp.rest.step_rules import LONGEST_STEP
 
 def deepest(problem: Prepared) -> list[str]:
     """Return the lines of v_deepest, the deepest overlap of spheres and walls in units of the scene."""
-    softest, walls = float(problem.rest.coefficients.min(initial=1.0)), problem.planes
+    softest, walls = float(problem.rest.coefficients.min(initial=1.0)), problem.rest.planes
     pushes = hertz_force("(c_largest>0)*c_largest", problem)
-    length = problem.units.number(problem.scale.length, length=1)  # ℓ, and m ℓ/t0² too
+    length = problem.units.number(problem.scene.scale.length, length=1)  # ℓ, and m ℓ/t0² too
     lines = [
         "compute      contact all pair/local force",
         "compute      largest all reduce max c_contact inputs local",
@@ -38,7 +38,7 @@ def deepest(problem: Prepared) -> list[str]:
 
 def hertz_force(force: str, problem: Prepared) -> str:
     """Return the force without adhesion whose overlap is that of a force with the strongest adhesion, or a bound."""
-    strongest = max(problem.materials, key=lambda each: each.pull_off_force)
+    strongest = max(problem.rest.materials, key=lambda each: each.pull_off_force)
     if not (pull := problem.units.number(strongest.pull_off_force, mass=1, length=1, time=-2)):
         return force
     return strongest.contact_law.hertz_force(force, repr(pull))
@@ -46,8 +46,8 @@ def hertz_force(force: str, problem: Prepared) -> str:
 
 def overlap(problem: Prepared) -> list[str]:
     """Return the lines of the deepest overlap in diameters."""
-    smallest = float(problem.crystal.arrays["radius"].min())
-    length = problem.units.number(problem.scale.length, length=1)
+    smallest = float(problem.rest.atoms.arrays["radius"].min())
+    length = problem.units.number(problem.scene.scale.length, length=1)
     return [
         *deepest(problem),
         f"variable     overlap equal v_deepest*{length / (2 * smallest)!r}  # in diameters of the smallest sphere",
@@ -101,7 +101,7 @@ def loss(case: Case) -> str:
 DEEP_OVERLAP = Effect(
     "deep_overlap",
     None,
-    meeting=Meeting(small_overlaps, guard=TOO_DEEP),
+    meeting=AmongMeeting(small_overlaps, guard=TOO_DEEP),
     cost="1.00",
     loss=loss,
     switch="striker",
@@ -111,7 +111,7 @@ DEEP_OVERLAP = Effect(
 LONG_STEP = Effect(
     "long_step",
     None,
-    meeting=Meeting(chosen_step, guard=TOO_LONG),
+    meeting=AmongMeeting(chosen_step, guard=TOO_LONG),
     cost="1.00",
     loss=loss,
     switch="time.timestep",

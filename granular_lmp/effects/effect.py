@@ -42,7 +42,7 @@ def _every(scene: Scene) -> bool:
 
 
 @dataclass(frozen=True)
-class Meeting:
+class AmongMeeting:
     """What an effect is among spheres that meet, which nothing holds at rest.
 
     Attributes
@@ -71,7 +71,7 @@ class Effect:
     called_for : callable, optional
         Rule that decides whether a crystal at rest under load calls for the effect, Case → Finding; None if the effect
         cannot occur there.
-    meeting : Meeting, optional
+    meeting : AmongMeeting, optional
         The effect among spheres that meet, which nothing holds at rest; None if it cannot occur there.
     cost : str
         Cost in time as a factor, measured (docs/verification.md), or the word for a cost that depends on the scene.
@@ -114,7 +114,7 @@ class Effect:
     called_for: Callable[[Case], Finding] | None
     cost: str
     loss: Callable[[Case], str]
-    meeting: Meeting | None = None
+    meeting: AmongMeeting | None = None
     forces: bool = True
     needs: str = ""
     lines: Mapping[str, Lines] = field(default_factory=dict)

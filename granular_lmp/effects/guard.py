@@ -4,15 +4,10 @@ Each guard is defined in the file of its effect. `granular_lmp.lammps.guards` wr
 result.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping
+from typing import Protocol
 
-import ase
-
-from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.scale import Scale
-from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.effects.looks import hidden
+from granular_lmp.effects.between_looks import hidden
 from granular_lmp.frozen import dataclass
 from granular_lmp.rest.face import Rest
 from granular_lmp.rest.resolution import gathered_rounding
@@ -33,23 +28,11 @@ class Prepared(Protocol):
     @property
     def scene(self) -> Scene: ...
     @property
-    def mode(self) -> Any: ...  # `granular_lmp.crystal.modes.Mode`, or None without a wave
-    @property
-    def crystal(self) -> ase.Atoms: ...
-    @property
     def on(self) -> Mapping[str, bool]: ...
     @property
     def units(self) -> AnyUnits: ...
     @property
-    def scale(self) -> Scale: ...
-    @property
     def rest(self) -> Rest: ...
-    @property
-    def planes(self) -> Mapping[str, float]: ...
-    @property
-    def contacts(self) -> Contacts: ...
-    @property
-    def materials(self) -> Sequence[Sphere]: ...
 
 
 Lines = Callable[[Prepared], list[str]]
@@ -83,7 +66,7 @@ class Guard:
     roundings : float
         Multiple of the `gathered_rounding` of positions that is added to the limit.
     hides : bool
-        True if the limit is lower by what may hide between two looks (`granular_lmp.effects.looks`).
+        True if the limit is lower by what may hide between two looks (`granular_lmp.effects.between_looks`).
     of_contacts : bool
         True if the lines read `granular_lmp.effects.reading.contact_lines` or `overlap_lines`.
     per_contact : callable
@@ -113,4 +96,4 @@ class Guard:
         """Return the limit above which the guard triggers, with `every` τ between two looks, or those of the deck."""
         if self.roundings:
             return self.limit + self.roundings * gathered_rounding(problem.scene)
-        return self.limit * (1 - hidden(problem.scene, problem.mode, every)) if self.hides else self.limit
+        return self.limit * (1 - hidden(problem.scene, problem.rest.frequency, every)) if self.hides else self.limit

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect, Meeting
+from granular_lmp.effects.effect import AmongMeeting, Effect
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.sections import DISTANCE
 
@@ -56,7 +56,7 @@ def refuse(case: Case) -> str:
 LATE_PARTING = Effect(
     "late_parting",
     finding,
-    meeting=Meeting(finding),
+    meeting=AmongMeeting(finding),
     cost="1.00",
     loss=loss,
     law=law,

@@ -46,13 +46,13 @@ class OnWall:
     @classmethod
     def all_of(cls, problem: Prepared) -> tuple["OnWall", ...]:
         """Return the walls of a problem, of each face and material one."""
-        contacts, sphere, found = problem.contacts, problem.scene.sphere, list[OnWall]()
+        contacts, sphere, found = problem.rest.contacts, problem.scene.sphere, list[OnWall]()
         if not contacts.on_wall.any():
             return ()
-        material = problem.crystal.arrays.get("material", np.zeros(len(problem.crystal), dtype=int))[contacts.i]
+        material = problem.rest.atoms.arrays.get("material", np.zeros(len(problem.rest.atoms), dtype=int))[contacts.i]
         dashpot = problem.scene.effects.viscosity if problem.scene.effects.damping is True else 0.0
         for face, (axis, inward) in FACES.items():
-            for m in range(len(problem.materials)):
+            for m in range(len(problem.rest.materials)):
                 own = contacts.on_wall & (contacts.normals[:, axis] * inward < -0.5) & (material == m)
                 if own.any():
                     adhesive, pressed = contacts.adhesive_force[own], contacts.contact_force[own]
@@ -112,7 +112,7 @@ def at_rest_lines(problem: Prepared) -> list[str]:
     """Return the lines that keep which spheres touch a wall at rest."""
     lines = []
     for face in fixes(problem):
-        place = problem.units.number(problem.planes[face] * problem.scene.sphere.radius, length=1)
+        place = problem.units.number(problem.rest.planes[face] * problem.scene.sphere.radius, length=1)
         gap = f"{face[0]}-({place!r})" if FACES[face][1] > 0 else f"({place!r})-{face[0]}"
         lines += [
             f"variable     rests_{face} atom radius>{gap}",

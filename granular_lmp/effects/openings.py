@@ -21,8 +21,8 @@ import numpy as np
 
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.effects import on_walls
+from granular_lmp.effects.between_looks import nearly_open
 from granular_lmp.effects.guard import Prepared, watches_part
-from granular_lmp.effects.looks import nearly_open
 from granular_lmp.effects.reading import alike, judged_singly
 from granular_lmp.rest.at_rest import contacts_of, crystal_of, law_at_rest
 from granular_lmp.rest.looks import LOOKS
@@ -89,7 +89,9 @@ def at_rest_lines(problem: Prepared) -> list[str]:
 def changed_lines(problem: Prepared) -> list[str]:
     """Return the lines of v_open, the contacts that have opened or formed."""
     scene = problem.scene
-    near = "" if judged_singly(scene) else f"+({{}}==0)*({nearly_open(scene, problem.mode):.4f}>v_overlap){_MAY}"
+    near = (
+        "" if judged_singly(scene) else f"+({{}}==0)*({nearly_open(scene, problem.rest.frequency):.4f}>v_overlap){_MAY}"
+    )
     if not by_pairs(scene):
         missed = f"variable     missed atom abs(f_at_rest-c_touching){on_walls.missed(problem)}"
         return [

@@ -15,7 +15,7 @@ import numpy as np
 
 from granular_lmp.crystal.modes import contact_rolls
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect, Meeting
+from granular_lmp.effects.effect import AmongMeeting, Effect
 from granular_lmp.rest.linear import wave_contacts
 from granular_lmp.rest.scene import Scene
 
@@ -76,7 +76,7 @@ ROLLING = Effect(
     called_for,
     cost="1.05",
     loss=loss,
-    meeting=Meeting(of_meeting),
+    meeting=AmongMeeting(of_meeting),
     needs="rotation",
     law=law,
     refuse=refuse,

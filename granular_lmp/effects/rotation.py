@@ -4,7 +4,7 @@ from math import inf
 
 from granular_lmp.crystal.modes import kinetic_parts
 from granular_lmp.effects.case import NOTHING, Case, Finding
-from granular_lmp.effects.effect import Effect, Meeting
+from granular_lmp.effects.effect import AmongMeeting, Effect
 from granular_lmp.effects.freedoms import about, turns
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
 from granular_lmp.rest.linear import uniform_rows, wave_contacts
@@ -99,7 +99,7 @@ ROTATION = Effect(
     called_for,
     cost="1.02",
     loss=loss,
-    meeting=Meeting(of_meeting),
+    meeting=AmongMeeting(of_meeting),
     needs="shear",
     lines={"preload": preload, "wave": wave},
     guard=GUARD,

@@ -12,7 +12,7 @@ import numpy as np
 
 from granular_lmp.crystal.modes import bears_compression, contact_stretches
 from granular_lmp.effects.case import NOTHING, Case, Finding
-from granular_lmp.effects.effect import Effect, Meeting
+from granular_lmp.effects.effect import AmongMeeting, Effect
 from granular_lmp.rest.linear import uniform_rows, wave_contacts
 from granular_lmp.rest.scene import Scene
 
@@ -71,7 +71,7 @@ SHEAR = Effect(
     called_for,
     cost="1.20",
     loss=loss,
-    meeting=Meeting(of_meeting, order=order_of_meeting),
+    meeting=AmongMeeting(of_meeting, order=order_of_meeting),
     law=law,
     order=order,
     recorded=True,

@@ -6,7 +6,7 @@ If the effect is off, the deck has a friction at which no contact slides.
 from math import inf, isfinite
 
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect, Meeting
+from granular_lmp.effects.effect import AmongMeeting, Effect
 from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.effects.reading import Reading, between
 from granular_lmp.rest.scene import Scene
@@ -138,7 +138,7 @@ SLIDING = Effect(
     called_for,
     cost="1.00",
     loss=loss,
-    meeting=Meeting(of_meeting),
+    meeting=AmongMeeting(of_meeting),
     needs="shear",
     lines={"variables": variables},
     lines_off={"variables": variables_off},

@@ -7,7 +7,7 @@ from math import inf
 
 from granular_lmp.crystal.lattices import HELD, WALL
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect, Meeting
+from granular_lmp.effects.effect import AmongMeeting, Effect
 from granular_lmp.rest.scene import Scene
 
 
@@ -43,7 +43,7 @@ WALLS = Effect(
     called_for,
     cost="rows",
     loss=loss,
-    meeting=Meeting(of_meeting),
+    meeting=AmongMeeting(of_meeting),
     switch="packing.ends",
     declared=declared,
     recorded=True,

@@ -17,7 +17,7 @@ def spread(problem: Prepared) -> list[str]:
     Of several spheres a cell they are those at the place of the centre sphere, of layers that are shifted along y those
     at its height.
     """
-    crystal, (_, along_y) = problem.crystal, offsets(problem.crystal)
+    crystal, (_, along_y) = problem.rest.atoms, offsets(problem.rest.atoms)
     alike = (crystal.arrays["row"] == problem.scene.shape.centre_row) & (places(crystal) == 0)
     alike &= np.isclose(along_y, along_y[centre(crystal)])
     row, parts = 1 + np.flatnonzero(alike), range(1, problem.scene.space + 1)

@@ -24,7 +24,7 @@ def size(problem: Problem) -> float:
     It is 0.0, which LAMMPS takes for its default, where that is clear, and where none is, as among very many unequal
     spheres.
     """
-    half = problem.crystal.arrays["radius"].max() + 0.5 / SKIN
+    half = problem.rest.atoms.arrays["radius"].max() + 0.5 / SKIN
     if _is_clear(problem, half) and _is_clear(problem, _PULLED * half):
         return 0.0
     radius = problem.units.number(problem.scene.sphere.radius, length=1)
@@ -39,7 +39,7 @@ def _is_clear(problem: Problem, wanted: float) -> bool:
     box = box_of(problem) / problem.units.number(scene.sphere.radius, length=1)
     for axis, (low, high) in enumerate(box[: scene.space]):
         bins = max(int((high - low) / wanted), 1)
-        place = (problem.crystal.positions[:, axis] - low) * bins / (high - low)
+        place = (problem.rest.atoms.positions[:, axis] - low) * bins / (high - low)
         face = np.round(place)
         near = np.abs(place - face) < moves * bins / (high - low)
         if (near & (face > 0) & (face < bins)).any():

@@ -118,7 +118,7 @@ class Deck(HasCard):
     @property
     def packing(self) -> ase.Atoms:
         """Spheres at rest."""
-        return self.problem.crystal
+        return self.problem.rest.atoms
 
     @property
     def input_name(self) -> str:

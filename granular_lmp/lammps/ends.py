@@ -18,7 +18,7 @@ FREE = 3.0  # radii between the centres of the outer spheres and the faces of th
 
 def boundary(problem: Problem) -> str:
     """Return the words for the faces of the box: the box follows spheres at a free face, which may fly."""
-    periodic, follows = problem.crystal.pbc, problem.rest.follows
+    periodic, follows = problem.rest.atoms.pbc, problem.rest.follows
     depth = "f" if problem.scene.space == 3 and not periodic[2] else "p"
     along = ("p" if periodic["xy".index(axis)] else "m" if axis in follows else "f" for axis in "xy")
     return " ".join([*along, depth])
@@ -26,7 +26,7 @@ def boundary(problem: Problem) -> str:
 
 def box_of(problem: Problem) -> NDArray[np.float64]:
     """Return the faces of the box, (3, 2)."""
-    packing, to_deck = problem.crystal, problem.units.number(problem.scene.sphere.radius, length=1)
+    packing, to_deck = problem.rest.atoms, problem.units.number(problem.scene.sphere.radius, length=1)
     low = packing.get_celldisp().ravel() * to_deck
     high = low + packing.cell.lengths() * to_deck
     lowest, highest = problem.rest.outermost
@@ -42,12 +42,12 @@ def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
 
     A wall that is touched at rest says of each sphere whether it touches and with what force.
     """
-    if not problem.planes:
+    if not problem.rest.planes:
         return []
     to_deck = problem.units.number(problem.scene.material.radius, length=1)
-    planes = {name: place * to_deck for name, place in problem.planes.items()}
-    seen = problem.contacts.on_wall.any() or any(each.with_contacts for each in problem.scene.monitor)
-    groups = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(problem.materials))]
+    planes = {name: place * to_deck for name, place in problem.rest.planes.items()}
+    seen = problem.rest.contacts.on_wall.any() or any(each.with_contacts for each in problem.scene.monitor)
+    groups = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(problem.rest.materials))]
     return groups + [
         wall(
             _against(problem, name, m - 1, law),
@@ -57,7 +57,7 @@ def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
             group=f"material{m}",
         )
         for name, place in planes.items()
-        for m in range(1, len(problem.materials) + 1)
+        for m in range(1, len(problem.rest.materials) + 1)
     ]
 
 
@@ -66,11 +66,11 @@ def _against(problem: Problem, name: str, material: int, law: Mapping[str, Any])
 
     A wall that spheres meet, which has no law at rest, is that of spheres of twice the modulus.
     """
-    declared, own = problem.scene.wall if name[0] == "z" else problem.scene.rigid, problem.materials[material]
+    declared, own = problem.scene.wall if name[0] == "z" else problem.scene.rigid, problem.rest.materials[material]
     if declared is None:
         return model(rigid(own), problem.units, **law)
-    against = declared.beside(problem.materials)[material]
-    law_of_wall, factors = against.law(own.radius), problem.crystal.info.get(FACTORS)
+    against = declared.beside(problem.rest.materials)[material]
+    law_of_wall, factors = against.law(own.radius), problem.rest.atoms.info.get(FACTORS)
     if factors is not None:
         law_of_wall = law_of_wall.times(*map(float, factors[material, -1]))
     sphere, shear_modulus = of_law(law_of_wall, own.radius, own)
@@ -79,7 +79,7 @@ def _against(problem: Problem, name: str, material: int, law: Mapping[str, Any])
 
 def held(problem: Problem) -> list[str]:
     """Return the lines that freeze held spheres which other spheres hit with dashpots."""
-    if not (problem.on["damping"] and problem.crystal.arrays["fixed"].any()):
+    if not (problem.on["damping"] and problem.rest.atoms.arrays["fixed"].any()):
         return []
     return [
         "# dashpots then take the mass of a held sphere as infinite; with its own mass too much would come back",
@@ -90,7 +90,7 @@ def held(problem: Problem) -> list[str]:
 
 def loads(problem: Problem) -> list[str]:
     """Return the block of the constant forces on free ends of a chain that is pressed together, [] without any."""
-    units, scale = problem.units, problem.scale
+    units, scale = problem.units, problem.scene.scale
     mass, time = units.number(scale.mass, mass=1), units.number(scale.time, time=1)
     lines = ["# --- constant forces on free ends, which press the chain together"]
     for number, (sphere, force) in enumerate(problem.rest.loads.items(), 1):

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import law_between
+from granular_lmp.effects.between_looks import nearly_open
 from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.guard import NEVER, Guard
-from granular_lmp.effects.looks import nearly_open
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.frozen import dataclass
@@ -73,10 +73,10 @@ def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Pr
     if triggered.any():
         first = float(np.min(at[triggered]))
         first = first if first < NEVER else float(table["v_tau"][np.argmax(triggered)])
-    contacts = folder / (UNWAVED_CONTACTS if problem.mode is None else CONTACTS)
+    contacts = folder / (UNWAVED_CONTACTS if problem.wave is None else CONTACTS)
     if not (guard.per_contact(scene) and contacts.is_file()):
         smallest = float(np.min(table.get("v_overlap", np.empty(0)), initial=np.inf))
-        near = guard is OPEN and bound == 1 and smallest < nearly_open(scene, problem.mode, every)
+        near = guard is OPEN and bound == 1 and smallest < nearly_open(scene, problem.rest.frequency, every)
         return Measured(bound, first, bound, smallest if near else None)
     looks = judged_contacts(contacts, problem, float(table.get("v_mu", [np.nan])[0]))
     if guard is SLIP:
@@ -85,7 +85,7 @@ def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Pr
         return Measured(
             worst, next((step * scene.time.step for step, ratio in ratios if not ratio <= limit), None), bound
         )
-    least = nearly_open(scene, problem.mode, every)
+    least = nearly_open(scene, problem.rest.frequency, every)
     nearly = next((step * scene.time.step for step, look in looks if look.overlap < least), None)
     known = [tau for tau in (first, nearly) if tau is not None]
     return Measured(max(bound, float(nearly is not None)), min(known, default=None), bound)
@@ -106,14 +106,14 @@ def judged_contacts(path: Path, problem: Problem, friction: float) -> Iterator[t
     With dashpots, LAMMPS's Hertz contacts slide at μ times the normal force with its dashpot. The ratio is infinite if
     a contact without adhesion has just opened, or its dashpot pulls.
     """
-    sphere, units, crystal = problem.scene.sphere, problem.units, problem.crystal
+    sphere, units, crystal = problem.scene.sphere, problem.units, problem.rest.atoms
     radius = crystal.arrays["radius"] * sphere.radius
     how = Reading.of(problem)
     for step, _, contacts in read_snapshots(path):
         *others, distance, shear = (contacts[:, :-1] if how.whole else contacts).T
         # The contacts of equal spheres are all alike, and only those of others are written with their spheres
         i, j = (end.astype(int) - 1 for end in others) if others else np.zeros((2, len(shear)), dtype=int)
-        law = law_between(crystal, problem.materials, i, j)
+        law = law_between(crystal, problem.rest.materials, i, j)
         overlap = np.maximum(radius[i] + radius[j] - distance / units.number(1.0, length=1), law.pull_off_overlap)
         force = contacts[:, -1] if how.whole else units.number(law.sliding_force(overlap), mass=1, length=1, time=-2)
         sliding = friction * np.maximum(force, 0.0)

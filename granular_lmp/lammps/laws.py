@@ -28,7 +28,8 @@ def _contacts(problem: Problem, friction: float | str, words: str) -> list[str]:
     for effect in EFFECTS:
         law |= effect.law(problem.scene, problem.on[effect.name])
     laws = {
-        (m, n): of_pair(problem, m, n, law) for m, n in combinations_with_replacement(range(len(problem.materials)), 2)
+        (m, n): of_pair(problem, m, n, law)
+        for m, n in combinations_with_replacement(range(len(problem.rest.materials)), 2)
     }
     return [
         f"# --- contacts: normal law with E, {words}; tangential law with friction",
@@ -39,7 +40,10 @@ def _contacts(problem: Problem, friction: float | str, words: str) -> list[str]:
 
 def of_pair(problem: Problem, one: int, other: int, law: Mapping[str, Any]) -> str:
     """Return the model of the contacts of two materials, times the factors of stiffnesses that differ from theirs."""
-    sphere, factors = equivalent(problem.materials[one], problem.materials[other]), problem.crystal.info.get(FACTORS)
+    sphere, factors = (
+        equivalent(problem.rest.materials[one], problem.rest.materials[other]),
+        problem.rest.atoms.info.get(FACTORS),
+    )
     if factors is None:
         return model(sphere, problem.units, **law)
     normal, shear = (float(each * own) for each, own in zip(factors[one, other], sphere.factors, strict=True))

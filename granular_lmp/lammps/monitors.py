@@ -41,10 +41,10 @@ def wall_columns(face: str, axes: str) -> tuple[str, ...]:
 
 def _wall_lines(problem: Problem) -> list[str]:
     """Return the variables of `wall_columns`, sums over the materials, of which each has its own fix."""
-    if not problem.planes or not any(each.monitor.with_contacts for each in problem.monitors):
+    if not problem.rest.planes or not any(each.monitor.with_contacts for each in problem.monitors):
         return []
-    lines, materials = [], range(1, len(problem.materials) + 1)
-    for face in problem.planes:
+    lines, materials = [], range(1, len(problem.rest.materials) + 1)
+    for face in problem.rest.planes:
         kept = (1, FACES[face][0] + 5, 2, 3, 4)  # columns that `fix wall/gran ... contacts` has
         for name, column in zip(wall_columns(face, axes(problem)), kept, strict=False):
             lines.append(f"variable     {name} atom {'+'.join(f'f_{face}{m}[{column}]' for m in materials)}")
@@ -95,7 +95,7 @@ def _monitor(number: int, placed: PlacedMonitor, problem: Problem, checkpoint: s
     # With the cutoff "type" pairs that LAMMPS has no contact of are among them: their vector is 0
     cutoff, scene = problem.scene.material.contact_law.cutoff, problem.scene
     name, tag = f"monitor{number}", str(number)
-    walls = [each for face in problem.planes for each in wall_columns(face, axes(problem))]
+    walls = [each for face in problem.rest.planes for each in wall_columns(face, axes(problem))]
     own = [f"v_{each}" for each in walls if placed.monitor.with_contacts]
     named = [sphere_names(problem), *(f"colname {each} {each[2:]}" for each in own)]
     file = MONITOR.format(placed.monitor.name + (CONTINUED if checkpoint else ""))

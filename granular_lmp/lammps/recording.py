@@ -15,7 +15,7 @@ _QUATERNION = "wxyz"  # parts of the compute "turned", in their order
 
 def sphere_columns(problem: Problem) -> str:
     """Return the columns of spheres in a dump; ASE keeps v_theta."""
-    mass = "" if problem.at_rest.of_one else " mass"
+    mass = "" if problem.rest.crystal.of_one else " mass"
     return f"id type x y z radius{mass} {_columns('c_u', axes(problem))} vx vy vz" + _turned(problem)
 
 
@@ -50,11 +50,10 @@ def sphere_names(problem: Problem) -> str:
 def record(problem: Problem, checkpoint: str = "") -> list[str]:
     """Return the block of the record; from a checkpoint on, its dumps are continued."""
     minutes = minutes_between(problem.scene.output.checkpoint, problem.scene.shape.spheres)
-    of, dumps = (" of the centre sphere", _centre(problem)) if problem.mode else ("", _recorded(problem))
+    of, dumps = (" of the centre sphere", _centre(problem)) if problem.wave else ("", _recorded(problem))
     names = [line.split()[1] for line in dumps if line.startswith("dump ")]
     return [
         f"# --- record{of}, all digits; a checkpoint about every {minutes:.3g} minutes",
-        "group        ${marked} empty",
         f"restart      ${{checkpoint}} {' '.join(CHECKPOINTS)}",
         *dumps,
         *(f"dump_modify  {name} append yes" for name in names if checkpoint),
@@ -74,7 +73,7 @@ def _centre(problem: Problem) -> list[str]:
         f"dump_modify  particles {every_digit(problem)}",
     ]
     return [
-        f"group        centre id {centre(problem.crystal) + 1}",
+        f"group        centre id {centre(problem.rest.atoms) + 1}",
         *selection.lines("record", problem),
         f"dump         centre centre custom ${{every}} ${{dump}} {' '.join(['id', *named, *rates])}",
         "dump_modify  centre format float %.17g " + " ".join(f"colname {of} {said}" for of, said in named.items()),
@@ -85,9 +84,9 @@ def _centre(problem: Problem) -> list[str]:
 def _recorded(problem: Problem) -> list[str]:
     """Return the dump of the recorded spheres of a struck crystal."""
     forces = "".join(f" f{axis}" for axis in axes(problem) if problem.scene.output.forces)
-    seen = "all" if len(problem.recorded) == len(problem.crystal) else "recorded"
+    seen = "all" if len(problem.rest.recorded) == len(problem.rest.atoms) else "recorded"
     return [
-        f"group        recorded id {id_ranges(problem.recorded)}",
+        f"group        recorded id {id_ranges(problem.rest.recorded)}",
         *selection.lines("record", problem),
         f"dump         record {seen} custom ${{every}} ${{dump}} {sphere_columns(problem)}{forces}",
         f"dump_modify  record {every_digit(problem)}",

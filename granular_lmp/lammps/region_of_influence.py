@@ -74,7 +74,7 @@ def leave(scene: Scene) -> bool:
 
 def mean_count(problem: Problem) -> float:
     """Return the number of spheres of a run, of those that leave in the share of the run in which they are there."""
-    scene, crystal = problem.scene, problem.crystal
+    scene, crystal = problem.scene, problem.rest.atoms
     if not leave(scene):
         return float(len(crystal))
     row = scene.lattice.row_distance(scene.sphere.lattice_constant) / scene.sphere.radius
@@ -133,7 +133,7 @@ def _recorded(problem: Problem) -> tuple[float, float]:
     In a cell that is periodic along y both are as far from the centre as the farther one: a sphere farther out by some
     distance is then at least as far from all that is recorded across the faces too.
     """
-    y = np.concatenate([[0.0], *(problem.crystal.positions[each.spheres, 1] for each in problem.monitors)])
+    y = np.concatenate([[0.0], *(problem.rest.atoms.positions[each.spheres, 1] for each in problem.monitors)])
     low, high = float(y.min()), float(y.max())
     farther = max(-low, high)
     return (-farther, farther) if problem.scene.shape.along_y else (low, high)

@@ -17,11 +17,13 @@ rank. Numbers of ``create_atoms`` are those of the ranks.
 import numpy as np
 
 from granular_lmp.crystal.lattices import lattice_constant
+from granular_lmp.crystal.mode import Physics
 from granular_lmp.effects.freedoms import style
 from granular_lmp.lammps import start
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.ends import box_of
 from granular_lmp.problem import Problem
+from granular_lmp.rest.linear import BlochWave, physics_of
 from granular_lmp.rest.scene import Scene
 
 # Spheres from which a sheet is replicated. LAMMPS parses 1e5 of them in 0.9 s; smaller decks are data that one can read
@@ -43,7 +45,7 @@ def first_rows(problem: Problem) -> DataFile:
     """Return the data file of the rows after which the lattice repeats, without a wave."""
     scene, units = problem.scene, problem.units
     period, to_deck = scene.lattice.row_period, units.number(scene.sphere.radius, length=1)
-    first = problem.crystal[: period * scene.shape.columns * scene.shape.layers]
+    first = problem.rest.atoms[: period * scene.shape.columns * scene.shape.layers]
     position = first.positions * to_deck
     spacing = _row_spacing(scene) * to_deck
     box = box_of(problem)
@@ -112,12 +114,13 @@ def _places(scene: Scene) -> list[str]:
 
 def _wave(problem: Problem) -> list[str]:
     """Return the lines that set the fields of the spheres that are not held; fields that are zero stay so."""
-    scene, mode = problem.scene, problem.mode
-    if not scene.form.fills:
+    scene, wave = problem.scene, problem.wave
+    if wave is None or not wave.declared.known.fills:
         return []
+    mode = wave.mode
     along_x = f"+{mode.vector.per_column!r}*v_column" if mode.vector.per_column else ""
-    angle = f"variable     angle  atom {mode.vector.per_row!r}*v_row{along_x}+{scene.wave.phase!r}"
-    fields = _in_space(problem) if scene.space == 3 else _in_plane(problem)
+    angle = f"variable     angle  atom {mode.vector.per_row!r}*v_row{along_x}+{wave.declared.phase!r}"
+    fields = _in_space(wave, physics_of(scene)) if scene.space == 3 else _in_plane(wave)
     return [
         angle,
         *(  # 13 decimals, as data files have
@@ -127,11 +130,11 @@ def _wave(problem: Problem) -> list[str]:
     ]
 
 
-def _in_space(problem: Problem) -> dict[str, str]:
+def _in_space(wave: BlochWave, physics: Physics) -> dict[str, str]:
     """Return the formulas of the fields of a mode of six freedoms, by name; those that are zero are left out."""
-    mode, form, fields = problem.mode, problem.scene.form, {}
+    mode, form, fields = wave.mode, wave.declared.known, {}
     names = [f"{field}{axis}" for field in ("u", "phi") for axis in "xyz"]
-    for freedom in problem.physics.coordinates:
+    for freedom in physics.coordinates:
         amplitude, name = mode.shape()[0, freedom], names[freedom]
         rate = -1j * mode.frequency * amplitude
         fields[name] = form.displacement * amplitude
@@ -144,14 +147,14 @@ def _in_space(problem: Problem) -> dict[str, str]:
     }
 
 
-def _in_plane(problem: Problem) -> dict[str, str]:
+def _in_plane(wave: BlochWave) -> dict[str, str]:
     """Return the formulas of the fields of a mode in the plane, by name; those that are zero are left out."""
-    form, mode = problem.scene.form, problem.mode
+    form, mode = wave.declared.known, wave.mode
     moves = {"ux": (mode.ux, "cos"), "uy": (mode.uy, "cos"), "phi": (-mode.f, "sin")}
     rates = {"vx": (mode.ux, "sin"), "vy": (mode.uy, "sin"), "vphi": (mode.f, "cos")}
-    fields = {name: (form.displacement * size, wave) for name, (size, wave) in moves.items()}
-    fields |= {name: (form.velocity * mode.frequency * size, wave) for name, (size, wave) in rates.items()}
-    return {name: f"{size!r}*{wave}(v_angle)" for name, (size, wave) in fields.items() if size}
+    fields = {name: (form.displacement * size, cosine) for name, (size, cosine) in moves.items()}
+    fields |= {name: (form.velocity * mode.frequency * size, cosine) for name, (size, cosine) in rates.items()}
+    return {name: f"{size!r}*{cosine}(v_angle)" for name, (size, cosine) in fields.items() if size}
 
 
 def _row_spacing(scene: Scene) -> float:

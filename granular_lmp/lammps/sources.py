@@ -162,8 +162,8 @@ def _once(tag: str) -> str:
 
 def driven_row(problem: Problem) -> list[str]:
     """Return the block of the driven row of a wave, [] without one."""
-    wave = problem.scene.wave
-    if not problem.scene.form.driven:
+    wave = problem.wave
+    if wave is None or not wave.declared.known.driven:
         return []
     along_z = "NULL" if problem.scene.space == 2 else "v_rest"  # with NULL spheres would move along z by their forces
     return [
@@ -173,8 +173,8 @@ def driven_row(problem: Problem) -> list[str]:
         "step",
         f"group        driven id 1:{problem.scene.shape.spheres // problem.scene.shape.rows}",
         _once(""),
-        _line("Omega", repr(problem.mode.frequency), "rad per tau"),
-        *_Signal("tone", "", "v_D0", "v_ramp", repr(wave.phase), "", "tau", "before").moved("v_step/v_t0"),
+        _line("Omega", repr(wave.mode.frequency), "rad per tau"),
+        *_Signal("tone", "", "v_D0", "v_ramp", repr(wave.declared.phase), "", "tau", "before").moved("v_step/v_t0"),
         "variable     swing_x atom v_swing*d_ux",
         "variable     swing_y atom v_swing*d_uy",
         "variable     speed_x atom v_speed*d_ux",

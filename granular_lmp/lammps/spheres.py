@@ -16,11 +16,11 @@ _NEIGHBOURS_THAT_FLY = ["neighbor     0.2 bin", start.STEP]  # spheres that fly 
 
 def data_of(problem: Problem) -> DataFile:
     """Return all spheres of a problem with the fields in which they begin."""
-    packing, to_deck = problem.crystal, problem.units.number(problem.scene.sphere.radius, length=1)
+    packing, to_deck = problem.rest.atoms, problem.units.number(problem.scene.sphere.radius, length=1)
     return DataFile(
         box=box_of(problem),
         kind=types(packing),
-        types=2 * len(problem.materials),
+        types=2 * len(problem.rest.materials),
         position=packing.positions * to_deck,
         diameter=2 * packing.arrays["radius"] * to_deck,
         density=_densities(problem),
@@ -52,7 +52,7 @@ def spheres(problem: Problem) -> list[str]:
 
 def spheres_of_meeting(problem: Problem) -> list[str]:
     """Return the lines that read spheres that meet, in the units of their impact."""
-    scale, sphere = problem.scale, problem.scene.sphere
+    scale, sphere = problem.scene.scale, problem.scene.sphere
     titles = [
         f"# --- units: the radius R = {sphere.radius!r} m, the mass m = {scale.mass!r} kg and t0 = {scale.time!r} s",
         f"#     v = {scale.velocity!r} m/s and l = {scale.length!r} m are the units of velocities and overlaps below",
@@ -74,7 +74,7 @@ def _lattice(
         "comm_modify  vel yes",
         *lines,
         *selection.lines("spheres", problem),
-        f"group        mobile type {' '.join(str(2 * m + 1) for m in range(len(problem.materials)))}",
+        f"group        mobile type {' '.join(str(2 * m + 1) for m in range(len(problem.rest.materials)))}",
         *neighbours,
     ]
 

@@ -10,6 +10,7 @@ from granular_lmp.effects import selection
 from granular_lmp.effects.freedoms import about, along, axes, turns
 from granular_lmp.problem import Problem
 from granular_lmp.rest.initial_fields import initial_fields
+from granular_lmp.rest.linear import physics_of
 
 STEP = "timestep     $(v_step:%.17g)"
 _REFERENCE = "compute      u all displace/atom"
@@ -55,13 +56,13 @@ def columns(problem: Problem) -> NDArray[np.float64]:
 
     In space the wave has 6 or 12 columns, and the state is in `state`.
     """
-    if problem.scene.wave is None:
+    if problem.wave is None:
         return _state(problem)
-    fields = initial_fields(problem.scene, problem.crystal, problem.mode)
+    fields = initial_fields(problem.scene, problem.rest.atoms, problem.wave)
     for source in problem.sources:
         if source.source.motion:
             fields.displacement[source.spheres] = fields.velocity[source.spheres] = 0.0
-    moving = problem.physics.coordinates
+    moving = physics_of(problem.scene).coordinates
     # 13 decimals of D0 are finer than a double resolves a position, and turn rounding into 0. The last decimal depends
     # on the processor's cosine. No minus zeros
     wave = [part[:, moving].round(13) + 0.0 for part in (fields.displacement, fields.velocity)]
@@ -76,10 +77,10 @@ def state(problem: Problem) -> NDArray[np.float64]:
 def _state(problem: Problem) -> NDArray[np.float64]:
     """Return the columns of the state, (N, 4 or 5) with the spin, in space (N, 6 or 9); (N, 0) without a state."""
     if not problem.scene.start.moves:
-        return np.empty((len(problem.crystal), 0))
+        return np.empty((len(problem.rest.atoms), 0))
     units = problem.units
     length, velocity = units.number(1.0, length=1), units.number(1.0, length=1, time=-1)
-    state = np.asarray(problem.state * np.repeat([length, velocity, units.number(1.0, time=-1)], 3))
+    state = np.asarray(problem.rest.state * np.repeat([length, velocity, units.number(1.0, time=-1)], 3))
     moves = [*range(9)] if problem.scene.space == 3 else [0, 1, 3, 4, 8]
     return state[:, moves[: None if problem.on["rotation"] else -len(turns(problem))]]
 
@@ -90,7 +91,7 @@ def _state(problem: Problem) -> NDArray[np.float64]:
 def _preloads(problem: Problem) -> bool:
     """Return whether contacts are sheared at the beginning; without a wave only by a state that displaces spheres."""
     if problem.scene.wave is None:
-        return problem.on["shear"] and bool(problem.state[:, :3].any())
+        return problem.on["shear"] and bool(problem.rest.state[:, :3].any())
     return problem.scene.form.fills or problem.scene.start.moves
 
 

@@ -12,7 +12,7 @@ def strikers(problem: Problem) -> list[str]:
     alone = problem.scene.wave is None
     text = ["# --- strikers" + ("" if alone else ": velocities in addition to that of the wave")]
     none, how = ("0.0", "units box") if alone else ("NULL", "sum yes units box")
-    for striker, spheres in zip(problem.scene.striker, problem.strikers, strict=True):
+    for striker, spheres in zip(problem.scene.striker, problem.rest.strikers, strict=True):
         vx, vy, *vz = (
             problem.units.number(each, length=1, time=-1) for each in striker.components[: problem.scene.space]
         )
@@ -21,4 +21,4 @@ def strikers(problem: Problem) -> list[str]:
             f"velocity     striker set {vx!r} {vy!r} {' '.join(map(repr, vz)) or none} {how}",
             "group        striker delete",
         ]
-    return text if problem.strikers else []
+    return text if problem.rest.strikers else []

@@ -30,7 +30,7 @@ def data_title(problem: Problem) -> str:
 def heading(problem: Problem) -> list[str]:
     """Return what a deck is, how it is run, and when its run is invalid."""
     scene = problem.scene
-    values = "-var amplitude 0.1 -var timestep 0.025" if problem.mode else "-var timestep 0.01"
+    values = "-var amplitude 0.1 -var timestep 0.025" if problem.wave else "-var timestep 0.01"
     return [
         f"# {title(scene)}",
         f"# Runs in this folder:  lmp -in in.{scene.name}; with other values:  lmp -in in.{scene.name} {values}",
@@ -63,7 +63,6 @@ def variables(problem: Problem) -> list[str]:
         *(f"variable {key:{width}} index {value}" for key, value in files.items()),
         *(_snapshots(problem) if wave else []),
         f"variable checkpoint index {checkpoint_steps(problem)}  # steps between checkpoints, here for one core",
-        f"variable {'marked':{width}} index unmarked  # empty group whose name identifies the scene in a checkpoint",
         *([_refusal(), f'print "{_said(problem)}"'] if wave else []),
         *(clock(problem) if problem.units.own else []),
     ]
@@ -126,7 +125,7 @@ def said_variables(log: str) -> dict[str, str] | None:
 
 def units(problem: Problem) -> list[str]:
     """Return the lengths and times of the scene in the units of the deck, and the clock; [] where they are its own."""
-    of, scale = problem.units, problem.scale
+    of, scale = problem.units, problem.scene.scale
     if of.own:
         return []
     overlap = "static overlap" if problem.scene.wave else "unit of overlaps and displacements"

@@ -13,7 +13,7 @@ from granular_lmp.plot.signals import LEGEND, Picture
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.tables import places_of
-from granular_lmp.scene.kinds import Quantity, quantity_of
+from granular_lmp.scene.monitor_kinds import Quantity, quantity_of
 
 MOST_LINES = 8  # If there are more, their mean is drawn between the least and the largest of them
 

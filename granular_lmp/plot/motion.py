@@ -20,7 +20,7 @@ def chain_figure(record: Record) -> Picture:
     """Return a picture of the speeds of the recorded spheres of a chain at all times."""
     figure = Picture(figsize=(7.0, 4.0), layout="constrained")
     axes: Axes = figure.subplots()
-    rows = record.problem.crystal.arrays["row"][record.problem.recorded]
+    rows = record.problem.rest.atoms.arrays["row"][record.problem.rest.recorded]
     mesh = axes.pcolormesh(
         record.tau, rows, _speeds(record).T, norm=LogNorm(LIGHTEST, DARKEST), cmap=COLOURS, shading="nearest"
     )

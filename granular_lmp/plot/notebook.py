@@ -16,7 +16,6 @@ from granular_lmp.plot.motion import chain_figure
 from granular_lmp.plot.page import page
 from granular_lmp.plot.signals import dispersion_figure, png
 from granular_lmp.plot.view import sweep_figure
-from granular_lmp.rest.kinds import has_modes
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
@@ -93,7 +92,7 @@ def _(deck: Deck) -> str:
         "edited": "\n".join(deck.edits()) or "no",
     }
     text = f"<details><summary>{escape(deck.input_name)}</summary><pre>{escape(deck.input_text)}</pre></details>"
-    picture = dispersion_figure(deck.scene) if has_modes(deck.scene) else None
+    picture = dispersion_figure(deck.scene) if deck.scene.held_at_rest else None
     return _card(repr(deck), facts, picture, text)
 
 

@@ -79,7 +79,7 @@ def draw_signals(
 def title(scene: Scene) -> str:
     """Return a title: name, and of a wave its mode and kind, ξ and direction that are used, and amplitude."""
     wave, name = scene.wave, scene.name.replace("_", " ")
-    if not scene.form.waves:
+    if wave is None or not wave.known.waves:
         unit = "" if wave is None else rf", $D_0$ = {wave.amplitude:g} $\Delta_0$"
         cause = words.moved(scene.striker, scene.start, scene.source).removeprefix("which ")
         return f"{name}: {cause}{unit}"

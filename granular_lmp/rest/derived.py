@@ -22,6 +22,7 @@ from granular_lmp.rest.shape import Room, decide, declared_shape
 from granular_lmp.rest.space import lattice_of, remarks_on_space, space_of, wall_of
 from granular_lmp.scene.declaration import Declaration
 from granular_lmp.scene.forms import NO_WAVE, Form
+from granular_lmp.scene.sections import Wave
 from granular_lmp.scene.sources import Source
 from granular_lmp.scene.strikers import scale_of, stretch
 from granular_lmp.scene.without_wave import holds
@@ -114,7 +115,19 @@ class Derived(Declaration):
                 raise SceneError(f"source {number}: {error}", because=error.because) from error
         return tuple(found)
 
-    @property
+    def require_wave(self, why: str = "and no wave with a mode") -> Wave:
+        """Return the wave of the scene.
+
+        Raises
+        ------
+        SceneError
+            If the scene has none; `why` ends the sentence.
+        """
+        if self.wave is None:
+            raise SceneError(f"wave: missing table; this scene has sources, strikers or a [start] alone, {why}")
+        return self.wave
+
+    @cached_property
     def form(self) -> Form:
         """How the wave begins; that of a crystal at rest without a wave too."""
         return NO_WAVE if self.wave is None else self.wave.known
@@ -137,10 +150,10 @@ class Derived(Declaration):
         It is that without inclusions, but for the number of a branch in a lattice whose waves are L, TR and RT: rows
         then differ in a pattern.
         """
-        numbered = self.wave is not None and self.wave.mode.isdecimal() and self.inclusion
-        if not numbered or self.lattice.cell_size > 1 or self.space == 3:
-            return self.lattice
-        return patterned(self.lattice, self.packing, self.material.density, self.inclusion, self.pair, self.wave.mode)
+        wave, lattice = self.wave, self.lattice
+        if wave is None or not (wave.mode.isdecimal() and self.inclusion) or lattice.cell_size > 1 or self.space == 3:
+            return lattice
+        return patterned(lattice, self.packing, self.material.density, self.inclusion, self.pair, wave.mode)
 
     @cached_property
     def wavenumbers(self) -> tuple[float, ...]:
@@ -151,10 +164,10 @@ class Derived(Declaration):
         wanted = wave.frequency, self.sphere, self.physics, wave.mode, wave.degrees
         return wavenumbers_at(*wanted, self.wave_lattice, self.wall)
 
-    @property
+    @cached_property
     def declared_vector(self) -> WaveVector:
         """Wave vector as declared."""
-        return self.wave.vector(self.lattice)
+        return self.require_wave().vector(self.lattice)
 
     @cached_property
     def shape(self) -> Shape:

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts, law_between
 from granular_lmp.crystal.lattices import CHAIN, centre
-from granular_lmp.crystal.mode import Mode
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.rest.at_rest import CrystalAtRest, crystal_of
+from granular_lmp.rest.linear import BlochWave
 from granular_lmp.rest.scene import Scene
 from granular_lmp.rest.step_rules import StepRule
 from granular_lmp.scene.places import spheres_at
@@ -40,14 +40,14 @@ class Rest(ABC):
         With every "auto" decided.
     turns : bool
         True if spheres turn.
-    mode : Mode
-        Bloch mode of the wave in the lattice; None without a wave.
+    wave : BlochWave, optional
+        Wave in the lattice; None without a wave.
     """
 
     meets: ClassVar[bool]  # True of spheres that meet and part: which blocks of a deck are theirs
     scene: Scene
     turns: bool = True
-    mode: Mode = None  # type: ignore[assignment]  # as `Scene.wave`: what needs it asks for the wave first
+    wave: BlochWave | None = None
 
     # --- what each kind says by itself ---
 
@@ -146,6 +146,11 @@ class Rest(ABC):
     def contacts(self) -> Contacts:
         """Contacts at rest: of all spheres, or of one sphere of a perfect lattice."""
         return self.crystal.contacts
+
+    @property
+    def frequency(self) -> float:
+        """Ω of the wave, rad/t0; 0 without a wave, where sources have frequencies of their own."""
+        return 0.0 if self.wave is None else self.wave.mode.frequency
 
     @property
     def scale(self) -> Scale:

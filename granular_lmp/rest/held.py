@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import centre, places
-from granular_lmp.crystal.mode import Mode
 from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.rest.absorption import quiet_end_of
 from granular_lmp.rest.at_rest import CrystalAtRest, contacts_of, swiftness
 from granular_lmp.rest.face import Floats, Rest
-from granular_lmp.rest.linear import physics_of, unit_contacts, usual_frequency, viscosity_of
+from granular_lmp.rest.linear import physics_of, unit_contacts, viscosity_of
 from granular_lmp.rest.looks import fastest, look_interval
 from granular_lmp.rest.scene import Scene
 from granular_lmp.rest.step_rules import COARSEST, StepRule
@@ -59,12 +58,12 @@ class Held(Rest):
     @property
     def shortest_collision(self) -> float:
         """Half a period of the fastest wave in the contact that a strike presses most, t0."""
-        return pi / fastest(self.scene) / (1 + self.scene.strike) ** 0.25
+        return pi / fastest(self.scene, self.frequency) / (1 + self.scene.strike) ** 0.25
 
     @property
     def steps_between_looks(self) -> int:
         """Steps between two looks: `granular_lmp.rest.looks.LOOKS` in a period of the fastest motion."""
-        return look_interval(self.scene, self.mode)
+        return look_interval(self.scene, self.frequency)
 
     @property
     def steps_to_collision(self) -> None:
@@ -97,13 +96,13 @@ class Held(Rest):
             "overlap_ratio": scene.sphere.overlap_ratio,
             "looks": {
                 "every_tau": self.steps_between_looks * scene.time.step,
-                "fastest": fastest(scene, self.mode),
+                "fastest": fastest(scene, self.frequency),
             },
         }
 
     def step_rules(self, enough: float = inf) -> list[StepRule]:
         """Return the rules for the time step; see `step_rules`."""
-        return step_rules(self.scene, self.mode, enough)
+        return step_rules(self.scene, self.frequency, enough)
 
     def refuse(self) -> None:
         """Raise a SceneError if the echo of the faces may reach the centre, unless the scene allows it."""
@@ -141,8 +140,8 @@ def entries_of(crystal: CrystalAtRest) -> dict[str, Any]:
     return {"crystal": found, "centre": centre(crystal.atoms) + 1}
 
 
-def step_rules(scene: Scene, mode: Mode | None = None, enough: float = inf) -> list[StepRule]:
-    """Return all rules for the time step of a scene, whose wave has a mode, by default the one that it declares.
+def step_rules(scene: Scene, usual: float, enough: float = inf) -> list[StepRule]:
+    """Return all rules for the time step of a scene, whose wave has the frequency `usual`, rad/t0.
 
     The limit of stability may be given too short, but above `enough` where it is longer (`largest_step`).
     """
@@ -151,7 +150,7 @@ def step_rules(scene: Scene, mode: Mode | None = None, enough: float = inf) -> l
     less = " and ".join(cause for there, cause in causes if there)
     name = f"2/Omega_max, less with {less}," if less else "2/Omega_max"
     sentence = f"beyond the stability limit of velocity Verlet; must be below {name} = {limit:.6g}, in tau"
-    sources = longest_steps(scene.drives, scene.sphere, mode.frequency if mode else usual_frequency(scene))
+    sources = longest_steps(scene.drives, scene.sphere, usual)
     return [
         *(StepRule(longest, longest, why) for longest, why in sources),
         StepRule(nextafter(limit, 0.0), COARSEST * limit, sentence),

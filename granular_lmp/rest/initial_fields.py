@@ -24,7 +24,7 @@ from granular_lmp.crystal.modes import bloch_modes
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.frozen import dataclass
-from granular_lmp.rest.linear import physics_of, wave_contacts
+from granular_lmp.rest.linear import BlochWave, physics_of, wave_contacts
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.sections import Envelope
 
@@ -47,7 +47,7 @@ class Fields:
     velocity: Floats
 
 
-def initial_fields(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
+def initial_fields(scene: Scene, packing: ase.Atoms, wave: BlochWave) -> Fields:
     """Return the wave of a scene at τ = 0, which is zero on the held rows.
 
     A driven wave has only the displacement of its first row at cos(Ωτ − phase) = 1, along y for L and along x for TR
@@ -58,20 +58,21 @@ def initial_fields(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
     scene : Scene
     packing : ase.Atoms
         From `granular_lmp.crystal.lattices`.
-    mode : Mode
-        Bloch mode of the scene's wave.
+    wave : BlochWave
+        The scene's wave in its lattice.
 
     Returns
     -------
     Fields
         For unit amplitude; the deck multiplies them by D0.
     """
-    if scene.form.driven:
+    form, mode, phase = wave.declared.known, wave.mode, wave.declared.phase
+    if form.driven:
         return _driven_row(packing, mode, scene.envelope)
-    if not scene.form.fills:
+    if not form.fills:
         return Fields(np.zeros((len(packing), 6)), np.zeros((len(packing), 6)))
-    fields = _enveloped(scene, packing, mode) if scene.envelope.finite else plane_wave(packing, mode, scene.wave.phase)
-    return Fields(scene.form.displacement * fields.displacement, scene.form.velocity * fields.velocity)
+    fields = _enveloped(scene, packing, wave) if scene.envelope.finite else plane_wave(packing, mode, phase)
+    return Fields(form.displacement * fields.displacement, form.velocity * fields.velocity)
 
 
 def plane_wave(packing: ase.Atoms, mode: Mode, phase: float = 0.0) -> Fields:
@@ -102,9 +103,10 @@ def _fields(packing: ase.Atoms, wave: NDArray[np.complex128], rate: NDArray[np.c
     return Fields(displacement=wave.real, velocity=rate.real)
 
 
-def _enveloped(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
+def _enveloped(scene: Scene, packing: ase.Atoms, wave: BlochWave) -> Fields:
     """Return the sum of the module's equation over the wave vectors of the packing, taken as a periodic cell."""
-    envelope, (x, y) = scene.envelope, mode.vector.unit
+    envelope, mode = scene.envelope, wave.mode
+    x, y = mode.vector.unit
     per_column, per_row = _around(mode.vector, envelope, scene.shape)  # κ
     kx, ky = mode.vector.row_spacing * per_column[:, None], per_row[None, :]  # rad per row
     along, across = x * kx + y * ky, x * ky - y * kx
@@ -114,16 +116,16 @@ def _enveloped(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
     inside &= (envelope.length > 0) | (np.abs(along) < SAME_WAVENUMBER)
     inside &= (envelope.width > 0) | (np.abs(across) < SAME_WAVENUMBER)
     weight = np.exp(-exponent[inside] / 2)
-    weight = weight / weight.sum() * np.exp(1j * (along[inside] * envelope.offset + scene.wave.phase))
+    weight = weight / weight.sum() * np.exp(1j * (along[inside] * envelope.offset + wave.declared.phase))
 
     i, j = np.nonzero(inside)
     own = np.array([mode.vector.per_column, mode.vector.per_row])
     frequency, polarisation = _branch(scene, mode, own + np.column_stack([per_column[i], per_row[j]]))
-    wave = np.zeros((*inside.shape, *mode.shape().shape), dtype=complex)
-    rate = np.zeros_like(wave)
-    wave[inside] = weight[:, None, None] * polarisation
-    rate[inside] = -1j * frequency[:, None, None] * wave[inside]
-    sums = (_sum_of_waves(packing, own[0] + per_column, own[1] + per_row, part) for part in (wave, rate))
+    field = np.zeros((*inside.shape, *mode.shape().shape), dtype=complex)
+    rate = np.zeros_like(field)
+    field[inside] = weight[:, None, None] * polarisation
+    rate[inside] = -1j * frequency[:, None, None] * field[inside]
+    sums = (_sum_of_waves(packing, own[0] + per_column, own[1] + per_row, part) for part in (field, rate))
     return _fields(packing, *sums)
 
 

@@ -1,16 +1,15 @@
-"""The one place where a prepared scene is asked whether its spheres are held at rest: which maker makes its `Rest`."""
+"""The maker of the `Rest` of a scene: of a crystal that is held at rest, or of spheres that meet.
+
+Who has a problem asks its `Rest`. The scene itself is asked whether it is held at rest by what comes before a problem,
+as the rules of effects, and by what needs none, as modes.
+"""
 
 from collections.abc import Mapping
 
 from granular_lmp.rest.face import Rest
 from granular_lmp.rest.held import Held, decided
-from granular_lmp.rest.linear import mode_of
+from granular_lmp.rest.linear import bloch_wave
 from granular_lmp.rest.scene import Scene
-
-
-def has_modes(scene: Scene) -> bool:
-    """Return whether the crystal of a scene has Bloch modes: spheres that meet have none, at most bands of a chain."""
-    return scene.held_at_rest
 
 
 def rest_of(scene: Scene, switches: Mapping[str, bool] | None = None, *, turns: bool = True) -> Rest:
@@ -30,4 +29,4 @@ def rest_of(scene: Scene, switches: Mapping[str, bool] | None = None, *, turns: 
 
         return Meeting(scene, turns)
     whole = decided(scene, switches or {})
-    return Held(whole, turns) if whole.wave is None else Held(whole, turns, mode_of(whole))
+    return Held(whole, turns) if whole.wave is None else Held(whole, turns, bloch_wave(whole))

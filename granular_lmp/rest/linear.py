@@ -6,7 +6,24 @@ from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.mode import Mode, Physics
 from granular_lmp.crystal.modes import bloch_mode
+from granular_lmp.frozen import dataclass
 from granular_lmp.rest.scene import Scene
+from granular_lmp.scene.sections import Wave
+
+
+@dataclass(frozen=True)
+class BlochWave:
+    """The wave of a scene in its crystal.
+
+    Attributes
+    ----------
+    declared : Wave
+    mode : Mode
+        Bloch mode of the wave in the lattice.
+    """
+
+    declared: Wave
+    mode: Mode
 
 
 def physics_of(scene: Scene) -> Physics:
@@ -61,4 +78,9 @@ def usual_frequency(scene: Scene) -> float:
 def mode_of(scene: Scene, physics: Physics | None = None) -> Mode:
     """Return the Bloch mode of a scene's wave in its lattice, or in a lattice with the given physics."""
     physics = physics_of(scene) if physics is None else replace(physics, space=scene.space == 3)
-    return bloch_mode(wave_contacts(scene), scene.sphere, scene.vector, scene.wave.mode, physics)
+    return bloch_mode(wave_contacts(scene), scene.sphere, scene.vector, scene.require_wave().mode, physics)
+
+
+def bloch_wave(scene: Scene) -> BlochWave:
+    """Return the wave of a scene in its lattice."""
+    return BlochWave(scene.require_wave(), mode_of(scene))

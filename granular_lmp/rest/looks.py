@@ -1,11 +1,11 @@
 """How fast a crystal at rest moves once a wave runs in it, and how often its deck looks at its contacts.
 
-A deck looks `LOOKS` times in a period of the fastest motion Ω (`granular_lmp.effects.looks` says what may hide).
+A deck looks `LOOKS` times in a period of the fastest motion Ω (what may hide is in
+`granular_lmp.effects.between_looks`).
 """
 
 from math import pi
 
-from granular_lmp.crystal.mode import Mode
 from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.rest.at_rest import swiftness
 from granular_lmp.rest.linear import physics_of, unit_contacts, usual_frequency
@@ -15,18 +15,18 @@ LOOKS = 8  # in a period of the fastest motion that matters
 TOP = 1.0  # rad/τ, top of the branches that carry displacements: L and TR at the edge of the zone
 
 
-def fastest(scene: Scene, mode: Mode | None = None) -> float:
-    """Return the highest frequency that the extremes of contacts depend on, rad/t0; by default of the declared mode.
+def fastest(scene: Scene, usual: float | None = None) -> float:
+    """Return the highest frequency that the extremes of contacts depend on, rad/t0.
 
         max(2Ω, 1·s)
 
-    It is that of the second harmonic, of the fastest source if there are sources, or the top of the branches of
-    displacement waves, which bounds free waves. A strike holds every frequency up to the highest. s is
-    `granular_lmp.rest.at_rest.swiftness`, 1 in a perfect lattice.
+    Ω is `usual`, by default that of the declared wave. The highest frequency is that of the second harmonic, of the
+    fastest source if there are sources, or the top of the branches of displacement waves, which bounds free waves. A
+    strike holds every frequency up to the highest. s is `granular_lmp.rest.at_rest.swiftness`, 1 in a perfect lattice.
     Each higher harmonic is smaller by the amplitude, and the rotational branch, up to Ω_max, holds a part in a thousand
     of the contacts' motion if no wall cuts the wave off (docs/effects.md).
     """
-    usual = mode.frequency if mode else usual_frequency(scene)
+    usual = usual_frequency(scene) if usual is None else usual
     own = [each.top(scene.sphere, usual) for each in scene.drives]
     if scene.form.waves or not any(own):
         own.append(usual)
@@ -34,11 +34,11 @@ def fastest(scene: Scene, mode: Mode | None = None) -> float:
     return max(2 * max(own), top * swiftness(scene))
 
 
-def longest(scene: Scene, mode: Mode | None = None) -> float:
+def longest(scene: Scene, usual: float | None = None) -> float:
     """Return the longest time between two looks, τ."""
-    return 2 * pi / (LOOKS * fastest(scene, mode))
+    return 2 * pi / (LOOKS * fastest(scene, usual))
 
 
-def look_interval(scene: Scene, mode: Mode | None = None) -> int:
+def look_interval(scene: Scene, usual: float | None = None) -> int:
     """Return the steps between two looks, as the deck computes them; 1 where a step is longer than `longest`."""
-    return max(1, int(longest(scene, mode) / scene.time.step))
+    return max(1, int(longest(scene, usual) / scene.time.step))

@@ -28,12 +28,3 @@ def refuse(scene: Derived, variant: str) -> None:
     for line in REFUSALS:
         if variant in line.of and (sentence := line.says(scene)):
             raise SceneError(sentence, because=line.because)
-
-
-def require_wave(scene: Derived) -> None:
-    """Raise a SceneError if a scene without ``[wave]`` is given to what needs one."""
-    if scene.wave is None:
-        raise SceneError(
-            "wave: missing table; this scene has sources, strikers or a [start] alone, which kick and scatter do not "
-            "take"
-        )

@@ -62,7 +62,7 @@ def too_strong_a_strike(scene: Derived) -> str:
 @line("physics", of=(WAVE,))
 def nothing_shakes_a_crystal_at_rest(scene: Derived) -> str:
     """Refuse a crystal that is neither shaken nor struck, and a phase or an envelope without a wave."""
-    wave, envelope, sources = scene.wave, scene.envelope, scene.drives
+    wave, envelope, sources = scene.require_wave(), scene.envelope, scene.drives
     if scene.form.waves:
         return ""
     needed = {

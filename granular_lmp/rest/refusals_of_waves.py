@@ -22,7 +22,7 @@ line = joining(LINES, of=(WAVE,))
 def along_a_chain(scene: Derived) -> str:
     """Check that direction and envelope of a wave are those of the lattice."""
     lattice = scene.wave_lattice  # raises where rows do not repeat
-    wave, envelope = scene.wave, scene.envelope
+    wave, envelope = scene.require_wave(), scene.envelope
     if not lattice.sheet and wave.degrees != 90:
         return f'wave.direction = {wave.direction!r}: must be "y" with packing.lattice = "{lattice.name}"'
     if envelope.width and not lattice.sheet:
@@ -33,13 +33,13 @@ def along_a_chain(scene: Derived) -> str:
 @line("not built")
 def driven_row_along_y(scene: Derived) -> str:
     """Refuse a driven row whose wave is oblique or ends."""
-    wave, length = scene.wave, scene.envelope.length
+    wave, length = scene.require_wave(), scene.envelope.length
     if not scene.form.driven or wave.degrees == 90 and not length:
         return ""
     key, value, allowed = "wave.direction", wave.direction, '"y"'
     if wave.degrees == 90:
         key, value, allowed = "envelope.length", length, "0"
-    return f'{key} = {shown(value)}: must be {allowed} with wave.form = "{scene.wave.form}"'
+    return f'{key} = {shown(value)}: must be {allowed} with wave.form = "{scene.form.name}"'
 
 
 @line("physics")
@@ -49,13 +49,13 @@ def driven_row_at_an_end(scene: Derived) -> str:
     if not scene.form.driven or not shape.along_y and shape.first == HELD:
         return ""
     key, allowed = ("ends", '"fixed" or "auto"') if shape.along_y else ("first", '"held" or "auto"')
-    return f'packing.{key} = {shown(getattr(packing, key))}: must be {allowed} with wave.form = "{scene.wave.form}"'
+    return f'packing.{key} = {shown(getattr(packing, key))}: must be {allowed} with wave.form = "{scene.form.name}"'
 
 
 @line("physics")
 def wave_vector_and_envelope(scene: Derived) -> str:
     """Check that the wave vector is in the Brillouin zone, and that direction, form, envelope and ends agree."""
-    wave, envelope, shape = scene.wave, scene.envelope, scene.shape
+    wave, envelope, shape = scene.require_wave(), scene.envelope, scene.shape
     edge = shape.lattice.zone_edge(wave.degrees)
     if wave.wavenumber > edge * (1 + 8 * EPSILON):
         return (
@@ -64,7 +64,7 @@ def wave_vector_and_envelope(scene: Derived) -> str:
         )
     if not scene.form.driven and envelope.ramp != Envelope.ramp:
         return f"envelope.ramp = {envelope.ramp!r}: is for wave.form = {either(DRIVEN)} only"
-    axis = wave.vector(shape.lattice).axis
+    axis = scene.declared_vector.axis
     if axis is None and (envelope.length > 0) != (envelope.width > 0):
         return (
             f"envelope.length = {envelope.length!r} and envelope.width = {envelope.width!r}: must be both 0 or "
@@ -83,9 +83,9 @@ def wave_vector_and_envelope(scene: Derived) -> str:
 @line("physics")
 def room_for_the_wave(scene: Derived) -> str:
     """Check that the packing is a lattice, has room for the envelope, and carries the wave vector."""
-    packing, wave, envelope = scene.packing, scene.wave, scene.envelope
+    packing, wave, envelope = scene.packing, scene.require_wave(), scene.envelope
     shape, vector = scene.shape, scene.vector
-    rows, columns, declared = shape.rows, shape.columns, wave.vector(shape.lattice)
+    rows, columns, declared = shape.rows, shape.columns, scene.declared_vector
     missed = {
         "rows": abs(vector.per_row - declared.per_row) if packing.rows == AUTO else 0.0,
         "columns": abs(vector.per_column - declared.per_column) if packing.columns == AUTO else 0.0,
@@ -126,7 +126,7 @@ def room_for_the_wave(scene: Derived) -> str:
 @line("physics")
 def amplitude_lost_in_rounding(scene: Derived) -> str:
     """Check that the wave is above the rounding of positions."""
-    amplitude = scene.wave.amplitude
+    amplitude = scene.amplitude
     smallest, length = smallest_motion(scene.sphere, scene.shape)
     if amplitude < smallest:
         return (

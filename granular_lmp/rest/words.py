@@ -23,12 +23,12 @@ def imperfections(disorder: Disorder, inclusions: Sequence[Inclusion]) -> str:
     return ", ".join(words)
 
 
-def shaken(sources: Sequence[Source], strikers: Sequence[Striker], start: Start, wave: Wave) -> str:
+def shaken(sources: Sequence[Source], strikers: Sequence[Striker], start: Start, wave: Wave | None) -> str:
     """Return the count of sources and strikers, before the wave that is their unit or beside them; "" without any."""
     counts = {"source": len(sources), "striker": len(strikers), "state": bool(start.state)}
     said = [f"{count:d} {name}{'s' * (count > 1)}" for name, count in counts.items() if count]
     said += ["noise"] if start.noise else []
-    return " and ".join(said) + (" in units of " if not wave.known.waves else " beside ") if said else ""
+    return " and ".join(said) + (" beside " if wave and wave.known.waves else " in units of ") if said else ""
 
 
 def across(wave: Wave | None, sources: Sequence[Source], start: Start) -> str:

@@ -26,6 +26,7 @@ from granular_lmp.lammps.outputs import LOG, SCENE, SNAPSHOTS, read_log, writabl
 from granular_lmp.lammps.variables import said_variables
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.initial_fields import initial_fields
+from granular_lmp.rest.linear import BlochWave
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
@@ -194,19 +195,22 @@ def _refuse_other_beginning(source: Path, dump: str, problem: Problem) -> None:
     record = Record.from_dump(source, problem.scene, dump)
     if not len(record.tau) or record.tau[0] != 0:
         raise RunFolderError(f"{source / dump}: does not begin at tau = 0")
-    (_of_strikes if problem.scene.wave is None else _of_wave)(record, source / dump, problem)
+    if problem.wave is None:
+        _of_strikes(record, source / dump, problem)
+    else:
+        _of_wave(record, source / dump, problem, problem.wave)
 
 
-def _of_wave(record: Record, dump: Path, problem: Problem) -> None:
+def _of_wave(record: Record, dump: Path, problem: Problem, wave: BlochWave) -> None:
     """Raise RunFolderError unless the centre sphere begins where the wave puts it, or at rest."""
     scene = problem.scene
     expected = np.zeros(2)
-    if scene.form.fills:
-        crystal = problem.crystal
-        ux, uy = initial_fields(scene, crystal, problem.mode).displacement[centre(crystal), :2]
+    if wave.declared.known.fills:
+        crystal = problem.rest.atoms
+        ux, uy = initial_fields(scene, crystal, wave).displacement[centre(crystal), :2]
         expected = np.array([scene.vector.along(ux, uy), scene.vector.across(ux, uy)])
     found = np.array([record.p[0], record.q[0]])
-    unit = scene.wave.amplitude * scene.sphere.static_overlap
+    unit = scene.amplitude * scene.sphere.static_overlap
     rounding = 8 * np.finfo(float).eps * scene.sphere.radius / unit  # that of a position next to the origin, in D0
     if np.abs(found - expected).max() > _PLACED + rounding:
         raise RunFolderError(
@@ -217,17 +221,17 @@ def _of_wave(record: Record, dump: Path, problem: Problem) -> None:
 
 def _of_strikes(record: Record, dump: Path, problem: Problem) -> None:
     """Raise RunFolderError unless the recorded spheres begin with the velocities of strikers and state."""
-    if record.velocity.shape[1] != len(problem.recorded):
+    if record.velocity.shape[1] != len(problem.rest.recorded):
         raise RunFolderError(f"{dump}: holds {record.velocity.shape[1]} spheres, and the scene records other ones")
-    velocity = problem.state[:, 3 : 3 + problem.scene.space].copy()
-    for striker, spheres in zip(problem.scene.striker, problem.strikers, strict=True):
+    velocity = problem.rest.state[:, 3 : 3 + problem.scene.space].copy()
+    for striker, spheres in zip(problem.scene.striker, problem.rest.strikers, strict=True):
         velocity[spheres] = striker.components[: problem.scene.space]
-    expected = velocity[problem.recorded] / problem.scale.velocity
+    expected = velocity[problem.rest.recorded] / problem.scene.scale.velocity
     off = np.abs(record.velocity[0] - expected).max(axis=1)
     if off.max() > _PLACED:
         worst = int(off.argmax())
         raise RunFolderError(
-            f"{dump}: sphere {place_of(problem.crystal, int(problem.recorded[worst]))} begins with "
+            f"{dump}: sphere {place_of(problem.rest.atoms, int(problem.rest.recorded[worst]))} begins with "
             f"{record.velocity[0, worst].round(6).tolist()} of the unit of velocity, but that of the scene with "
             f"{expected[worst].round(6).tolist()}; give what differs from the scene, for instance striker.1.velocity"
         )

@@ -41,20 +41,20 @@ def energies(record: Any) -> Floats:
         raise RunFolderError(f"{record!r}: the stored energy is known of spheres that do not adhere, without [wave]")
     problem = record.problem
     sides = scene.lattice != CHAIN and WALL in (scene.packing.first, scene.packing.last, scene.packing.sides)
-    if len(problem.recorded) != len(problem.crystal) or scene.effects.friction or sides:
+    if len(problem.rest.recorded) != len(problem.rest.atoms) or scene.effects.friction or sides:
         raise RunFolderError(
             f"{record!r}: the stored energy needs a record of all spheres (no output.rows or output.spheres), "
             "effects.friction = 0 and no walls of a sheet"
         )
     _refuse_new_contacts(record)
-    i, j = problem.contacts.i, problem.contacts.j
-    vector = problem.contacts.vector[:, :2] / scene.sphere.radius
-    radius = problem.crystal.arrays["radius"]
+    i, j = problem.rest.contacts.i, problem.rest.contacts.j
+    vector = problem.rest.contacts.vector[:, :2] / scene.sphere.radius
+    radius = problem.rest.atoms.arrays["radius"]
     unit = record.scale.length / scene.sphere.radius
     displacement = record.displacement
     distance = np.linalg.norm(vector + (displacement[:, j] - displacement[:, i]) * unit, axis=-1)
     stored = _stored(problem.rest.coefficients, (radius[i] + radius[j] - distance) / unit, problem.rest.rest_overlap)
-    moves = ~problem.crystal.arrays["fixed"]
+    moves = ~problem.rest.atoms.arrays["fixed"]
     shares = stored / np.maximum(1 * moves[i] + moves[j], 1)
     each = kinetic_energy(record).T.copy()
     for contact_end in (i, j):
@@ -70,8 +70,8 @@ def _refuse_new_contacts(record: Any) -> None:
     scene, problem = record.scene, record.problem
     if scene.lattice == CHAIN:
         return
-    moved, places, count = problem.crystal.copy(), problem.crystal.positions[:, :2], len(problem.crystal)
-    known = np.unique(problem.contacts.i * count + problem.contacts.j)
+    moved, places, count = problem.rest.atoms.copy(), problem.rest.atoms.positions[:, :2], len(problem.rest.atoms)
+    known = np.unique(problem.rest.contacts.i * count + problem.rest.contacts.j)
     displacement = record.displacement * (record.scale.length / scene.sphere.radius)
     for moment in np.flatnonzero(np.linalg.norm(displacement, axis=-1).max(axis=1) > _AMONG_NEIGHBOURS):
         moved.positions[:, :2] = places + displacement[moment]

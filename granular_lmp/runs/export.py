@@ -20,7 +20,7 @@ from granular_lmp.runs.record import Record
 from granular_lmp.runs.scales import length_of, si_of
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.runs.tables import write_csv
-from granular_lmp.scene.kinds import quantity_of
+from granular_lmp.scene.monitor_kinds import quantity_of
 
 __all__ = ["export"]
 

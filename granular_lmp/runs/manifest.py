@@ -30,7 +30,7 @@ def description(problem: Problem, edits: list[str], launcher: str, ranks: int) -
         "versions": {"granular_lmp": __version__, "python": platform.python_version(), "numpy": np.__version__},
         "launcher": launcher,
         "ranks": ranks,
-        "particles": len(problem.crystal),
+        "particles": len(problem.rest.atoms),
         "steps": time_.steps,
         "timestep_used": time_.step,
         **_of_start(problem),
@@ -53,20 +53,20 @@ def _quiet_ends(scene: Scene) -> dict[str, Any]:
 
 def _of_start(problem: Problem) -> dict[str, Any]:
     """Return how a run starts, and what it starts in."""
-    if problem.mode is None:
-        return {"recorded": len(problem.recorded), **problem.rest.entries}
+    if problem.wave is None:
+        return {"recorded": len(problem.rest.recorded), **problem.rest.entries}
     return _of_wave(problem)
 
 
 def _of_wave(problem: Problem) -> dict[str, Any]:
     """Return the wave, the crystal at rest and its units."""
     scene = problem.scene
-    epsilon = {"epsilon": scene.sphere.nonlinearity(scene.wave.amplitude)} if scene.lattice == HEXAGONAL else {}
+    epsilon = {"epsilon": scene.sphere.nonlinearity(scene.amplitude)} if scene.lattice == HEXAGONAL else {}
     return {
         "wavenumber_used": scene.wavenumber,
         "direction_used": scene.direction,
-        "frequency": problem.mode.frequency,
-        "amplitude": scene.wave.amplitude,
+        "frequency": problem.rest.frequency,
+        "amplitude": scene.amplitude,
         **problem.rest.entries,
         **epsilon,
     }

@@ -43,7 +43,7 @@ from granular_lmp.runs.scales import force_of, si_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.snapshots import dimensionless, finest
 from granular_lmp.runs.tables import HasTables, Many, places_of
-from granular_lmp.scene.kinds import POWER, WITH_CONTACTS
+from granular_lmp.scene.monitor_kinds import POWER, WITH_CONTACTS
 from granular_lmp.scene.monitors import Monitor, row_step
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.schema import allowed_names

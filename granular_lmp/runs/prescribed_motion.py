@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_lmp.rest.at_rest import crystal_of
 from granular_lmp.rest.initial_fields import initial_fields
-from granular_lmp.rest.linear import mode_of, usual_frequency
+from granular_lmp.rest.linear import bloch_wave, usual_frequency
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.sources import PlacedSource, Source, placed
 
@@ -45,11 +45,11 @@ def moved_spheres(scene: Scene, spheres: NDArray[np.integer]) -> list[Moved]:
     atoms = crystal_of(scene).atoms
     every = [(each, np.ones(len(atoms))) for each in placed(motions, atoms, scene.sphere, usual_frequency(scene))]
     if driven:
-        mode = mode_of(scene)
-        axis, first = int(mode.along_y), np.flatnonzero(atoms.arrays["row"] == 0)
-        tone = Source(rows=(0, 0), motion="xy"[axis], ramp=scene.envelope.ramp, phase=scene.wave.phase)
-        factor = initial_fields(scene, atoms, mode).displacement[:, axis]
-        every.append((PlacedSource(tone, first, mode.frequency), factor))
+        wave = bloch_wave(scene)
+        axis, first = int(wave.mode.along_y), np.flatnonzero(atoms.arrays["row"] == 0)
+        tone = Source(rows=(0, 0), motion="xy"[axis], ramp=scene.envelope.ramp, phase=wave.declared.phase)
+        factor = initial_fields(scene, atoms, wave).displacement[:, axis]
+        every.append((PlacedSource(tone, first, wave.mode.frequency), factor))
     found = []
     for source, factor in every:
         own = spheres[np.isin(spheres, source.spheres)]

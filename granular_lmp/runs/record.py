@@ -25,7 +25,7 @@ from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene as Scene
 from granular_lmp.runs import energy, tables
 from granular_lmp.runs.formats import is_one_column, scene_of
-from granular_lmp.runs.seal import refuse_changed, refuse_other_extrapolation, refuse_other_scene
+from granular_lmp.runs.seal import refuse_changed, refuse_other_scene
 from granular_lmp.runs.status import STATUS as STATUS
 from granular_lmp.runs.status import read_status as read_status
 from granular_lmp.runs.status import write_status as write_status
@@ -149,7 +149,7 @@ class Record(HasCard):
         """Make the record of a run that has recorded nothing."""
         if scene.wave is not None:
             return cls(np.empty(0), dict.fromkeys(header_of(scene)[1:], np.empty(0)), scene, folder=folder)
-        still = np.empty((0, len(prepare(scene).recorded), scene.space))
+        still = np.empty((0, len(prepare(scene).rest.recorded), scene.space))
         return cls(np.empty(0), {"displacement": still, "velocity": still}, scene, folder=folder)
 
     @classmethod
@@ -166,8 +166,7 @@ class Record(HasCard):
     def _of_trajectory(cls, folder: Path, scene: Scene, info: dict[str, Any], *, whole: bool) -> Self:
         """Return the record of a run folder with a trajectory; `whole` if ``run.json`` says how long it is."""
         samples = info.get("samples", 0) if whole else None
-        text, columns = tables.read_trajectory(folder / TRAJECTORY, header_of(scene), samples)
-        refuse_other_extrapolation(folder / TRAJECTORY, text, info)
+        columns = tables.read_trajectory(folder / TRAJECTORY, header_of(scene), samples)
         return cls(columns.pop("tau"), columns, scene, info, folder)
 
     @classmethod
@@ -191,18 +190,18 @@ class Record(HasCard):
                 signals["force"] = force_on(table, scene)
             return cls(tau, signals, scene, info or {}, folder)
         table = read_centre(folder / (dump or DUMP))
-        displacement = scene.displacement_amplitude
+        unit = scene.displacement_amplitude
         metre = scene.units.number(1.0, length=1)
         untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)
         first = table["step"][0] if is_one_column(scene) else 0  # LAMMPS could not set the step back there
-        turn = scene.sphere.radius / displacement
+        turn = scene.sphere.radius / unit
         signals = {
-            "p": scene.vector.along(table["ux"], table["uy"]) / (metre * displacement),
-            "q": scene.vector.across(table["ux"], table["uy"]) / (metre * displacement) + 0.0,
+            "p": scene.vector.along(table["ux"], table["uy"]) / (metre * unit),
+            "q": scene.vector.across(table["ux"], table["uy"]) / (metre * unit) + 0.0,
             "phi": table.get("theta", table.get("thetaz", untracked)) * turn,
         }
         if scene.space == 3:
-            signals |= {name: table[name] / (metre * displacement) for name in IN_SPACE[:3]}
+            signals |= {name: table[name] / (metre * unit) for name in IN_SPACE[:3]}
             signals |= {name: table.get(f"theta{name[-1]}", untracked) * turn for name in IN_SPACE[3:]}
         return cls((table["step"] - first) * scene.time.step, signals, scene, info or {}, folder)
 
@@ -250,22 +249,22 @@ class Record(HasCard):
     @property
     def spheres(self) -> NDArray[np.int64]:
         """Indices of the recorded spheres, ascending, (n,); of a scene with a wave that of the centre sphere."""
-        return np.asarray(self.problem.recorded)
+        return np.asarray(self.problem.rest.recorded)
 
     @property
     def row(self) -> NDArray[np.int64]:
         """Row of each recorded sphere, (n,), counted from 0."""
-        return np.asarray(self.problem.crystal.arrays["row"][self.spheres])
+        return np.asarray(self.problem.rest.atoms.arrays["row"][self.spheres])
 
     @property
     def column(self) -> NDArray[np.int64]:
         """Column of each recorded sphere, (n,), counted from 0."""
-        return np.asarray(self.problem.crystal.arrays["column"][self.spheres])
+        return np.asarray(self.problem.rest.atoms.arrays["column"][self.spheres])
 
     @property
     def rest(self) -> Floats:
         """Positions of the recorded spheres at rest, (n, 2) or in space (n, 3), in radii."""
-        return np.asarray(self.problem.crystal.positions[self.spheres, : self.scene.space])
+        return np.asarray(self.problem.rest.atoms.positions[self.spheres, : self.scene.space])
 
     @property
     def displacement(self) -> Floats:

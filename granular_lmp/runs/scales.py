@@ -6,7 +6,7 @@ Times are in t0 of the scene (`granular_lmp.crystal.scale`) everywhere.
 from math import prod
 
 from granular_lmp.rest.scene import Scene
-from granular_lmp.scene.kinds import Unit
+from granular_lmp.scene.monitor_kinds import Unit
 
 
 def length_of(scene: Scene) -> float:

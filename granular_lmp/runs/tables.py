@@ -21,7 +21,7 @@ from granular_lmp.lammps.outputs import STATUS, csv_text, replace_text
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import MOTION
 from granular_lmp.runs.scales import force_of, length_of
-from granular_lmp.scene.kinds import QUANTITIES
+from granular_lmp.scene.monitor_kinds import QUANTITIES
 
 Columns = dict[str, NDArray[Any]]
 # Unit and meaning of each signal
@@ -121,7 +121,7 @@ def columns(record: Any) -> Columns:
     if "displacement" not in record.signals:
         return {"tau": record.tau} | dict(record.signals)
     found = {"tau": np.repeat(record.tau, len(record.spheres))}
-    places = places_of(record.problem.crystal, record.spheres)
+    places = places_of(record.problem.rest.atoms, record.spheres)
     found |= {name: np.tile(numbers, len(record.tau)) for name, numbers in places.items()}
     names, signals = MOTION[record.scene.space], record.signals
     moves, turns = names[: record.scene.space], names[record.scene.space :]
@@ -175,8 +175,8 @@ def write_csv(named: Columns, path: Path) -> None:
     replace_text(path, csv_text(named, zip(*(values.tolist() for values in named.values()), strict=True)))
 
 
-def read_trajectory(path: Path, header: list[str], samples: int | None) -> tuple[str, dict[str, NDArray[np.float64]]]:
-    """Return the text and the columns of a table over tau; `samples` is the number of its lines, if that is known.
+def read_trajectory(path: Path, header: list[str], samples: int | None) -> dict[str, NDArray[np.float64]]:
+    """Return the columns of a table over tau; `samples` is the number of its lines, if that is known.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def read_trajectory(path: Path, header: list[str], samples: int | None) -> tuple
             raise ValueError(f"{len(tau)} records, and {STATUS} says {samples}")
     except (OSError, ValueError, IndexError, csv.Error) as error:
         raise RunFolderError(f"{path}: cannot be read: {one_line(error)}") from error
-    return text, dict(zip(header, columns, strict=True))
+    return dict(zip(header, columns, strict=True))
 
 
 def to_pandas(record: Any) -> Any:
@@ -223,7 +223,7 @@ def to_xarray(record: Any) -> Any:
     }
     which: dict[str, Any] = {}
     if "displacement" in signals:
-        which = {name: ("sphere", each) for name, each in places_of(record.problem.crystal, record.spheres).items()}
+        which = {name: ("sphere", each) for name, each in places_of(record.problem.rest.atoms, record.spheres).items()}
         which["axis"] = [*"xyz"[: scene.space]]
     return _dataset(scene, variables, record.tau, which, {"status": str(record.info.get("status", ""))})
 

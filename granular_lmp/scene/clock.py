@@ -1,7 +1,7 @@
 """The clock of a scene: one time step, or a ladder of steps that get smaller until the error is small enough.
 
-Both have the same values, so that nobody asks which it is. The first step of a ladder follows from the problem
-(`granular_lmp.accuracy.ladder`).
+Both have the same values, so that only what starts or continues runs (`granular_lmp.accuracy.tolerance`) asks which it
+is. The first step of a ladder follows from the problem (`granular_lmp.accuracy.ladder`).
 """
 
 from collections.abc import Callable, Sequence

@@ -75,7 +75,7 @@ class Declaration(Document):
     material: Sphere
     packing: Packing
     time: Time
-    wave: Wave = None  # type: ignore[assignment]  # what needs a wave asks for it first
+    wave: Wave | None = None
     envelope: Envelope = Envelope()
     effects: Effects = Effects()
     output: Output = Output()

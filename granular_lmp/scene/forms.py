@@ -13,6 +13,8 @@ class Form:
 
     Attributes
     ----------
+    name : str
+        Value of the key.
     meaning : str
         How the key says it.
     forward : float
@@ -25,6 +27,7 @@ class Form:
         How it is said beside the mode; "" if it is not.
     """
 
+    name: str
     meaning: str
     forward: float = 0.0
     backward: float = 0.0
@@ -63,10 +66,13 @@ class Form:
 
 
 FORMS = {
-    "running": Form("running", forward=1.0),
-    "standing": Form("standing", forward=0.5, backward=0.5, words="standing"),
-    "driven": Form("driven by the first row", driven=True, words="driven"),
-    "none": Form("none: at rest"),
+    form.name: form
+    for form in (
+        Form("running", "running", forward=1.0),
+        Form("standing", "standing", forward=0.5, backward=0.5, words="standing"),
+        Form("driven", "driven by the first row", driven=True, words="driven"),
+        Form("none", "none: at rest"),
+    )
 }
 *_OTHERS, _LAST = (form.meaning for form in FORMS.values())
 MEANING = f"{', '.join(_OTHERS)}, or {_LAST}"  # of the key

@@ -1,7 +1,7 @@
 """Monitors: spheres whose motion is recorded beside the centre sphere, with the forces of their contacts if wanted.
 
 A monitor has spheres, and records at every sample of the run their displacement, velocity, angle and spin, and what its
-kind says (`granular_lmp.scene.kinds`). Recording changes no motion. What a run leaves is read by
+kind says (`granular_lmp.scene.monitor_kinds`). Recording changes no motion. What a run leaves is read by
 `granular_lmp.runs.monitors`.
 """
 
@@ -16,7 +16,7 @@ from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.kinds import KINDS, MEANING, WITHOUT_CONTACTS, Kind
+from granular_lmp.scene.monitor_kinds import KINDS, MEANING, WITHOUT_CONTACTS, Kind
 from granular_lmp.scene.places import (
     LAYERS_RULE,
     Rows,

@@ -44,14 +44,14 @@ def read_outs(info: dict[str, Any], record: Record | None) -> dict[str, Any]:
 def far_sphere(record: Record) -> int | None:
     """Return the place of the far sphere among the recorded ones; None if all are held or move at the beginning."""
     problem = record.problem
-    period = problem.crystal.cell.lengths()[0] if problem.scene.packing.sides == PERIODIC else inf
-    struck = [sphere for spheres in problem.strikers for sphere in spheres.tolist()]
+    period = problem.rest.atoms.cell.lengths()[0] if problem.scene.packing.sides == PERIODIC else inf
+    struck = [sphere for spheres in problem.rest.strikers for sphere in spheres.tolist()]
     moves = (record.velocity[0] != 0).any(axis=1) | (record.displacement[0] != 0).any(axis=1)
-    origins = problem.crystal.positions[struck + problem.recorded[moves].tolist(), :2]
+    origins = problem.rest.atoms.positions[struck + problem.rest.recorded[moves].tolist(), :2]
     if not len(origins):
         return None
     distance = np.array([np.min(_apart(origins - place, period)) for place in record.rest])
-    distance[problem.crystal.arrays["fixed"][problem.recorded]] = -1.0
+    distance[problem.rest.atoms.arrays["fixed"][problem.rest.recorded]] = -1.0
     farthest = float(distance.max())
     return None if farthest <= 0 else int(np.argmax(distance >= farthest * (1 - _ALIKE)))
 
@@ -78,7 +78,7 @@ def _of_far_sphere(record: Record) -> dict[str, Any]:
     far = far_sphere(record)
     if far is None:
         return {}
-    arrays, sphere = record.problem.crystal.arrays, record.problem.recorded[far]
+    arrays, sphere = record.problem.rest.atoms.arrays, record.problem.rest.recorded[far]
     place = {"far_row": int(arrays["row"][sphere]), "far_column": int(arrays["column"][sphere])}
     speed = np.linalg.norm(record.velocity[:, far], axis=1)
     # A later, lower rise hides no crest that has passed; a free sphere flies off with its largest speed, to rounding
@@ -93,6 +93,6 @@ def _of_energy(record: Record) -> dict[str, Any]:
         energy = record.energy()
         given, kept["energy_kept"] = float(energy[0]), float(energy[-1])
     except RunFolderError:  # the energy of shear forces, walls or spheres that are not recorded is not known
-        displaced = record.problem.state[:, :2].any()
+        displaced = record.problem.rest.state[:, :2].any()
         given = 0.0 if displaced else record.problem.rest.given_energy
     return {name: energy / given for name, energy in kept.items()} if given > _STILL else {}

@@ -20,6 +20,7 @@ from granular_lmp.lammps.laws import contacts
 from granular_lmp.lammps.region_of_influence import mean_count
 from granular_lmp.problem import Problem
 from granular_lmp.rest.scene import Scene
+from granular_lmp.scene.sections import Wave
 
 _WARM_UP = 2e5  # sphere-steps of the short run: 50 ms
 _FEWEST_STEPS = 100  # A short run whose sample was cut has as many: its two records take 8 % of it at most
@@ -121,9 +122,9 @@ def forecast(problem: Problem) -> Forecast:
     run to a tolerance takes more steps if its errors ask for it.
     """
     scene, counts = planned(problem).scene, plan(problem)
-    spheres, runs, steps = len(problem.crystal), len(counts), sum(counts) * scene.time.samples
+    spheres, runs, steps = len(problem.rest.atoms), len(counts), sum(counts) * scene.time.samples
     records = scene.time.samples + 1
-    kept = len(problem.recorded) * records if problem.mode is None else 0  # snapshots of a wave are not read
+    kept = len(problem.rest.recorded) * records if problem.wave is None else 0  # snapshots of a wave are not read
     (lack, alone), plain = _kernel(problem), None
     try:
         if alone and lack:
@@ -196,7 +197,7 @@ def _small(scene: Scene) -> Scene:
             for table in _OF_CELL
             if table in tables
         }
-        own = _struck_cell(scene, rows, columns) if scene.wave is None else _waving_cell(scene, rows)
+        own = _struck_cell(scene, rows, columns) if scene.wave is None else _waving_cell(scene, scene.wave, rows)
         own["packing"] |= {"rows": rows, "columns": columns}
         scene = Scene.from_dict(kept | own)
     steps = max(_FEWEST_STEPS, ceil(_WARM_UP / scene.shape.spheres))
@@ -214,11 +215,11 @@ def _size(lattice: Lattice, layers: int) -> tuple[int, int]:
     return (rows if layers == 1 else max(_PERIOD, rows // _PERIOD * _PERIOD)), columns
 
 
-def _waving_cell(scene: Scene, rows: int) -> dict[str, dict[str, Any]]:
+def _waving_cell(scene: Scene, wave: Wave, rows: int) -> dict[str, dict[str, Any]]:
     tables = scene.to_dict()
     kept = {table: {key: tables[table][key] for key in keys if key in tables[table]} for table, keys in _PARTS.items()}
     kept["packing"] |= {"ends": "periodic"}
-    kept["wave"] |= {"wavenumber": min(max(scene.wave.wavenumber, 2 * pi / rows), pi)}
+    kept["wave"] |= {"wavenumber": min(max(wave.wavenumber, 2 * pi / rows), pi)}
     return kept | {"time": tables["time"] | {"allow_echo": True}}
 
 

@@ -235,7 +235,7 @@ def _source_of(scene: Scene) -> Source:
         raise SceneError(f'packing.lattice = "{shape.lattice.name}": must be "hexagonal" for scattering')
     if scene.form.waves:
         raise SceneError(
-            f'wave.form = "{scene.wave.form}": must be {either(STILL)} for scattering, whose [[source]] makes the wave'
+            f'wave.form = "{scene.form.name}": must be {either(STILL)} for scattering, whose [[source]] makes the wave'
         )
     if len(scene.source) != 1:
         raise SceneError(f"source = {len(scene.source)}: must be one table [[source]] for scattering")
@@ -285,7 +285,7 @@ def _windows(problem: Problem) -> _Windows:
     SceneError
         If inclusions are not above the source, or leave fewer than `FEWEST_ROWS` rows.
     """
-    scene, crystal = problem.scene, problem.crystal
+    scene, crystal = problem.scene, problem.rest.atoms
     arrays = crystal.arrays
     row = arrays["row"]
     quiet, last = int(scene.absorb.rows), scene.shape.rows - 1
@@ -308,7 +308,7 @@ def _windows(problem: Problem) -> _Windows:
                 f"packing.rows = {scene.shape.rows}: leave {max(len(window), 0)} rows {name}, beside {quiet} quiet "
                 f"ones at each end and {CLEAR} next to what differs; must be at least {FEWEST_ROWS}"
             )
-    contacts = problem.at_rest.contacts
+    contacts = problem.rest.crystal.contacts
     middle = [int(np.flatnonzero(row == window[len(window) // 2])[0]) for window in (front, behind)]
     lattices = (lattice_at(contacts, middle[0]), lattice_at(contacts, middle[1]), unit_contacts(scene))
     return _Windows(front, behind, *(line_of(lattice, scene.sphere, physics_of(scene)) for lattice in lattices))
@@ -316,7 +316,7 @@ def _windows(problem: Problem) -> _Windows:
 
 def _running(windows: _Windows, scene: Scene, frequencies: Floats) -> Floats:
     """Return the frequencies at which the incident wave runs, but for edges of bands in front and behind."""
-    name, physics = scene.wave.mode, physics_of(scene)
+    name, physics = scene.require_wave().mode, physics_of(scene)
     found = []
     for frequency in frequencies:
         with suppress(CrystalError):  # the edge of a band
@@ -334,7 +334,7 @@ def _running(windows: _Windows, scene: Scene, frequencies: Floats) -> Floats:
 def _compare(problem: Problem, normal: Snapshots, scattered: Snapshots, frequencies: Floats) -> list[Row]:
     """Return the table of one pair of runs."""
     scene, windows, physics = problem.scene, _windows(problem), physics_of(problem.scene)
-    signal, incident = scene.source[0].kind, scene.wave.mode
+    signal, incident = scene.source[0].kind, scene.require_wave().mode
     fields = [
         _field(signal, run_.tau, motion[:, window], frequencies)
         for run_, motion in ((each, row_motion(each)) for each in (normal, scattered))

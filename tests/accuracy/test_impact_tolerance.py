@@ -45,7 +45,7 @@ SHEET = ImpactScene.load("point_impact").with_values(
 
 def exact_chain(record: ImpactRecord) -> np.ndarray:
     """Velocities (T, n) along a chain by DOP853, over the striker's; the spheres and their ends as declared."""
-    scene, arrays = record.scene, record.problem.crystal.arrays
+    scene, arrays = record.scene, record.problem.rest.atoms.arrays
     ball, ends = scene.sphere, (scene.packing.first, scene.packing.last)
     chain = spheres(
         arrays["radius"] * ball.radius,
@@ -62,7 +62,7 @@ def exact_chain(record: ImpactRecord) -> np.ndarray:
 
 def exact_sheet(record: ImpactRecord) -> np.ndarray:
     """Velocities (T, n, 2) in a sheet by DOP853 of the network, over the striker's."""
-    scene, crystal = record.scene, record.problem.crystal
+    scene, crystal = record.scene, record.problem.rest.atoms
     ball, count = scene.sphere, len(crystal)
     network = Network(
         crystal.positions[:, :2] * ball.radius,

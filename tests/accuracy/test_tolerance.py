@@ -32,7 +32,8 @@ from granular_lmp.accuracy.noise import counted, lost, noise_of
 from granular_lmp.accuracy.refinement import refine
 from granular_lmp.accuracy.rounding import floor, linear_signals, rounding
 from granular_lmp.errors import EffectError, RunFolderError, RunInterrupted, SceneError, ToleranceError
-from granular_lmp.problem import largest_step, prepare
+from granular_lmp.problem import prepare
+from granular_lmp.rest.held import largest_step
 from granular_lmp.rest.step_rules import COARSEST
 from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER

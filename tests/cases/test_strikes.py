@@ -35,7 +35,7 @@ CASES: list[tuple[Callable[..., Any], str, dict[str, Any], str]] = [
 def empty(name: str, changes: dict[str, Any]) -> ImpactRecord:
     """A record of a shipped impact with some values changed, in which nothing has moved yet."""
     problem = prepare(ImpactScene.load(name).with_values(changes))
-    still = np.zeros((1, len(problem.recorded), 2))
+    still = np.zeros((1, len(problem.rest.recorded), 2))
     return ImpactRecord(np.zeros(1), {"displacement": still, "velocity": still}, problem.scene)
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from math import pi, sqrt
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,9 +31,8 @@ from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.rest.at_rest import crystal_of
 from granular_lmp.rest.initial_fields import initial_fields
-from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.rest.linear import bloch_wave, mode_of, physics_of, unit_contacts
 from granular_lmp.rest.shape import FASTEST_ROWS_PER_TAU
-from granular_lmp.studies.kick import run_kicked
 from tests.crystal.test_sphere import SILICA
 
 pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
@@ -333,11 +331,6 @@ def test_what_a_lattice_cannot_be_is_refused_by_name(
         prepare(scene_of(lattice, mode).with_values(changes))
 
 
-def test_only_a_hexagonal_sheet_is_kicked(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"packing\.lattice = 'square': must be \"hexagonal\""):
-        run_kicked(scene_of("square", "TR"), tmp_path / "kick")
-
-
 def test_a_wave_that_shears_no_contact_keeps_the_shear_that_its_lattice_needs() -> None:
     plain = scene_of("square", "L")
     assert not prepare(plain).on["shear"]
@@ -363,12 +356,12 @@ def test_the_wave_is_at_the_same_places_where_others_are_empty(lattice: str, env
     scene = scene_of(lattice, a_wave_of(lattice)).with_values(shape | envelope)
     empty = [[39, column] for column in range(shape["packing.columns"])] + [[7, 0]]  # the whole last row, and one more
     broken = scene.with_values({"inclusion": [{"spheres": empty, "vacancy": True}]})
-    crystal, mode = crystal_of(broken).atoms, mode_of(scene)
+    crystal, wave = crystal_of(broken).atoms, bloch_wave(scene)
     there = crystal.arrays["row"] * shape["packing.columns"] + crystal.arrays["column"]
     assert len(there) == scene.shape.spheres - len(empty)
     assert there[centre(crystal)] == centre(packed(scene.sphere, scene.shape))
-    whole = initial_fields(scene, packed(scene.sphere, scene.shape), mode)
-    found = initial_fields(broken, crystal, mode)
+    whole = initial_fields(scene, packed(scene.sphere, scene.shape), wave)
+    found = initial_fields(broken, crystal, wave)
     # Sums of some ten terms of order 1/10
     np.testing.assert_allclose(found.displacement, whole.displacement[there], rtol=0, atol=1e-13)
     np.testing.assert_allclose(found.velocity, whole.velocity[there], rtol=0, atol=1e-13)

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.quiet.case import expected
+from cases.quiet.case import measured as reflected
 from granular_lmp import Scene, build, run
 from granular_lmp.crystal.lattices import CHAIN, HEXAGONAL, SQUARE, Lattice, unit_lattice
 from granular_lmp.crystal.mode import FULL, Mode, Physics
@@ -16,10 +18,9 @@ from granular_lmp.crystal.quiet_ends import QuietEnd, frequency_in_lattice, freq
 from granular_lmp.crystal.row_waves import line_of, waves
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.plot.reflection import expected
-from granular_lmp.plot.reflection import measured as reflected
 from granular_lmp.problem import prepare
 from granular_lmp.rest.absorption import quiet_end_of, waves_at_ends
+from granular_lmp.rest.held import largest_step
 from granular_lmp.runs.launch import resume
 from tests.crystal.test_sphere import SILICA
 from tests.manual import Measure, Mutant, verifies
@@ -227,8 +228,8 @@ def test_all_runs_to_a_tolerance_have_one_layer() -> None:
 
 def test_quiet_ends_leave_the_stable_step_as_it_is(tmp_path: Path) -> None:
     scene = DRIVEN.with_values({"packing.rows": 41, "absorb.rows": 12, "time.duration": 100.0, "output.particles": 0})
-    limit = prepare(scene).largest_step
-    assert limit == prepare(scene.with_values({"absorb.rows": 0, "time.duration": 20.0})).largest_step
+    limit = largest_step(prepare(scene).scene)
+    assert limit == largest_step(prepare(scene.with_values({"absorb.rows": 0, "time.duration": 20.0})).scene)
     step = 0.95 * limit
     record = run(scene.with_values({"time.sample": step, "time.timestep": step}), tmp_path / "run")
     assert np.abs(record.q).max() < 2  # the wave of the row and what it was switched on with
@@ -267,7 +268,7 @@ def test_the_reflection_in_lammps_is_that_of_the_layer_at_its_step(
     slow = 1 if lattice == "hexagonal" else 2  # no wave of the others runs faster than 0.41 rows per tau
     times = {"time.duration": 520.0 * slow, "time.sample": 2.0, "output.particles": 2.0, "envelope.ramp": 150.0 * slow}
     scene = DRIVEN.with_values(changes | times | {"packing.rows": 31, "time.timestep": step})
-    found = reflected(run(scene, tmp_path / "run").snapshots())
+    found = reflected(run(scene, tmp_path / "run"))
     # What the ramp excites beside the wave has left 3e-5 of it behind
     assert found == pytest.approx(expected(scene), rel=2e-3, abs=3e-5)
     assert found > 0.004

@@ -49,8 +49,8 @@ def test_a_run_swings_with_the_frequency_of_the_modes_with_rolling(tmp_path: Pat
     scene = CELL.with_values(ROLLING)
     coarse = run(scene, tmp_path / "coarse")
     fine = run(scene.with_values({"time.timestep": 0.01}), tmp_path / "fine")
-    record, mode = richardson(coarse, fine), prepare(scene).mode
-    free = prepare(CELL).mode
+    record, mode = richardson(coarse, fine), prepare(scene).wave.mode
+    free = prepare(CELL).wave.mode
     assert mode.frequency > 1.05 * free.frequency
     # q = Q cos Ωτ at the centre; second order adds nothing to q, third order a² = 1e-4 of it
     error = np.abs(record.q - mode.q * np.cos(mode.frequency * record.tau)).max() / mode.q

@@ -27,7 +27,7 @@ LAYER = Scene.load("monolayer_rocking").with_values(
 
 def test_contacts_of_a_pair_have_its_stiffnesses_and_all_keep_their_overlap() -> None:
     problem = prepare(BASE.with_values(LAYERS | {"pair": PAIRS}))
-    contacts, row = problem.contacts, problem.crystal.arrays["row"]
+    contacts, row = problem.rest.contacts, problem.rest.atoms.arrays["row"]
     odd = (row % 2 == 1).astype(int)
     kinds = 2 - odd[contacts.i] - odd[contacts.j]  # how many of the two are of the inclusion, on even rows
     expected = np.array([[K, G], [700.0, G], [K, 300.0]])[kinds]
@@ -48,15 +48,15 @@ def test_a_pair_under_a_load_has_its_stiffness_where_the_force_is_the_load() -> 
 @pytest.mark.parametrize("kinds", [LAYERS, {"inclusion": [{"rows": [0, 35], "every": 2, "youngs_modulus": 9e10}]}])
 def test_computed_stiffnesses_change_no_force(kinds: dict[str, Any]) -> None:
     plain = prepare(BASE.with_values(kinds))
-    contacts, material = plain.contacts, plain.crystal.arrays["row"] % 2
+    contacts, material = plain.rest.contacts, plain.rest.atoms.arrays["row"] % 2
     mixed = material[contacts.i] != material[contacts.j]
     given = {
         f"{name}_stiffness": float(getattr(contacts, f"{name}_stiffness")[mixed][0]) for name in ("normal", "shear")
     }
     problem = prepare(BASE.with_values(kinds | {"pair": [{"of": [0, 1], **given}]}))
-    assert problem.crystal.info[FACTORS] == pytest.approx(1.0, abs=1e-12)
-    np.testing.assert_allclose(problem.contacts.normal_stiffness, contacts.normal_stiffness, rtol=1e-12)
-    np.testing.assert_allclose(problem.contacts.shear_stiffness, contacts.shear_stiffness, rtol=1e-12)
+    assert problem.rest.atoms.info[FACTORS] == pytest.approx(1.0, abs=1e-12)
+    np.testing.assert_allclose(problem.rest.contacts.normal_stiffness, contacts.normal_stiffness, rtol=1e-12)
+    np.testing.assert_allclose(problem.rest.contacts.shear_stiffness, contacts.shear_stiffness, rtol=1e-12)
 
 
 def test_a_factor_of_1_leaves_the_words_of_the_deck() -> None:
@@ -77,13 +77,13 @@ def test_the_curvature_is_given_by_adhesion_over_modulus_where_stiffnesses_are_m
 
 def test_modes_of_layers_in_turn_have_the_stiffnesses_of_their_pairs() -> None:
     scene = BASE.with_values(LAYERS | {"pair": PAIRS, "wave.mode": "3"})
-    hertz = prepare(scene).mode.frequency / scene.sphere.time_scale
+    hertz = prepare(scene).wave.mode.frequency / scene.sphere.time_scale
     assert hertz == pytest.approx(Setting(scene).mode().frequency, rel=1e-9)
     plain = BASE.with_values(LAYERS | {"wave.mode": "3"})
-    assert abs(hertz * scene.sphere.time_scale / prepare(plain).mode.frequency - 1) > 0.01
+    assert abs(hertz * scene.sphere.time_scale / prepare(plain).wave.mode.frequency - 1) > 0.01
     computed = [{"of": [0, 1], "normal_stiffness": K}, {"of": [1, 1], "shear_stiffness": G}]
     same = prepare(plain.with_values({"pair": computed}))
-    assert same.mode.frequency == pytest.approx(prepare(plain).mode.frequency, rel=1e-12)
+    assert same.wave.mode.frequency == pytest.approx(prepare(plain).wave.mode.frequency, rel=1e-12)
 
 
 def test_a_spread_has_its_deviation_and_the_mean_stays() -> None:
@@ -91,7 +91,7 @@ def test_a_spread_has_its_deviation_and_the_mean_stays() -> None:
     assert len(own) == stiffnesses.CLASSES
     assert np.mean(own) == pytest.approx(0.0, abs=1e-15)
     assert np.var(own) == pytest.approx(1.0, abs=1e-12)
-    contacts = prepare(BASE.with_values({"disorder.stiffness": 0.1})).contacts
+    contacts = prepare(BASE.with_values({"disorder.stiffness": 0.1})).rest.contacts
     ratio = contacts.normal_stiffness / K
     assert np.mean(ratio) == pytest.approx(1.0, abs=1e-12)  # each sphere has six contacts
     assert np.std(ratio) == pytest.approx(0.1, rel=0.05)  # neighbours of 216 spheres are drawn at random
@@ -100,9 +100,9 @@ def test_a_spread_has_its_deviation_and_the_mean_stays() -> None:
 
 
 def test_contacts_with_a_substrate_are_spread_too() -> None:
-    contacts = prepare(LAYER.with_values({"disorder.stiffness": 0.1})).contacts
+    contacts = prepare(LAYER.with_values({"disorder.stiffness": 0.1})).rest.contacts
     found = contacts.normal_stiffness[contacts.on_wall]
-    expected = prepare(LAYER).contacts.normal_stiffness[-1] * (1 + 0.1 * stiffnesses.deviates())
+    expected = prepare(LAYER).rest.contacts.normal_stiffness[-1] * (1 + 0.1 * stiffnesses.deviates())
     np.testing.assert_allclose(np.unique(found.round(9)), np.sort(expected), rtol=1e-10)
 
 

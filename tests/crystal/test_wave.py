@@ -13,7 +13,7 @@ from granular_lmp.crystal.modes import MODES, bloch_mode, bloch_modes
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.rest.initial_fields import Fields, initial_fields, plane_wave
-from granular_lmp.rest.linear import mode_of
+from granular_lmp.rest.linear import bloch_wave, mode_of
 from granular_lmp.rest.refusals_of_waves import FEWEST_RADIANS
 from tests.conftest import PAPER
 from tests.crystal.test_sphere import SILICA
@@ -29,7 +29,7 @@ PULSE = PAPER.with_values(
 
 
 def fields_of(scene: Scene) -> Fields:
-    return initial_fields(scene, packed(scene.sphere, scene.shape), mode_of(scene))
+    return initial_fields(scene, packed(scene.sphere, scene.shape), bloch_wave(scene))
 
 
 @pytest.mark.parametrize("name", MODES)

@@ -17,12 +17,13 @@ from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.mode import Mode
 from granular_lmp.crystal.modes import decay_rate
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.effects.between_looks import hidden
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.effect import Chosen
-from granular_lmp.effects.looks import hidden
 from granular_lmp.effects.selection import EFFECTS, select, warnings, with_all
 from granular_lmp.errors import EffectError, LammpsError, SceneError
-from granular_lmp.problem import largest_step, prepare
+from granular_lmp.problem import prepare
+from granular_lmp.rest.held import largest_step
 from granular_lmp.rest.linear import mode_of
 from granular_lmp.rest.looks import LOOKS, fastest, look_interval
 from granular_lmp.rest.resolution import farthest_rounding, gathered_rounding
@@ -224,7 +225,7 @@ def test_guards_look_eight_times_in_the_fastest_period_or_at_every_step(mode: st
     problem = build(PAPER.with_values({"time.timestep": step, "time.sample": 0.5, "wave.mode": mode})).problem
     scene, steps = problem.scene, look_interval(problem.scene)
     assert steps == 1 or steps * step * LOOKS <= 2 * pi / fastest(scene)
-    assert fastest(scene) >= max(2 * problem.mode.frequency, 1)
+    assert fastest(scene) >= max(2 * problem.wave.mode.frequency, 1)
     assert hidden(scene) <= 1 - cos(pi / LOOKS) + 1e-12
 
 
@@ -527,7 +528,7 @@ def test_small_waves_of_a_lattice_with_other_effects_are_its_modes(
     # 1e-3 in p of L; Verlet runs a mode at sin(Ω'Δτ/2) = ΩΔτ/2 and leaves (ΩΔτ)²/8 = 4e-6 in its shape.
     scene = CELL.with_values({"wave.mode": mode, "wave.amplitude": 1e-3, "time.timestep": 0.02} | changes)
     record = run(scene, tmp_path / "run")
-    wave, step = build(scene).problem.mode, scene.time.step
+    wave, step = build(scene).problem.wave.mode, scene.time.step
     angle = 2 / step * np.arcsin(wave.frequency * step / 2) * record.tau
     for name, expected, tolerance in (
         ("q", -wave.ux * np.cos(angle), 5e-6),
@@ -540,8 +541,8 @@ def test_small_waves_of_a_lattice_with_other_effects_are_its_modes(
 def test_a_wrong_prestress_would_be_seen() -> None:
     # What the test above rests on: without the prestress the phase would be off by 40 τ times this
     pressed = CELL.with_values(COMPRESSED)
-    plain = build(CELL).problem.mode.frequency
-    assert abs(build(pressed).problem.mode.frequency - plain) * 40 > 3e-4
+    plain = build(CELL).problem.wave.mode.frequency
+    assert abs(build(pressed).problem.wave.mode.frequency - plain) * 40 > 3e-4
 
 
 @pytest.mark.parametrize(("mode", "kind"), latin(["L", "TR", "RT"], ["viscosity", "restitution"]))
@@ -552,7 +553,7 @@ def test_damping_makes_a_small_wave_decay_at_the_rate_of_theory(mode: str, kind:
     }
     scene = CELL.with_values({"wave.mode": mode, "wave.amplitude": 1e-3} | changes[kind])
     record = run(scene, tmp_path / "run")
-    wave, rate = build(scene).problem.mode, chosen(scene)["damping"].number
+    wave, rate = build(scene).problem.wave.mode, chosen(scene)["damping"].number
     signal = record.p if mode == "L" else record.q
     amplitude = wave.uy if mode == "L" else -wave.ux
     expected = amplitude * np.exp(-rate * record.tau) * np.cos(wave.frequency * record.tau)
@@ -625,7 +626,7 @@ def test_a_crystal_of_large_steel_spheres_is_simulated(tmp_path: Path) -> None:
 
 def test_decay_rates_agree_between_the_rule_and_the_mode() -> None:
     scene = CELL.with_values({"effects.viscosity": 0.02 * SPRING})
-    rate = decay_rate(unit_lattice(scene.sphere), scene.sphere, build(scene).problem.mode, 0.02)
+    rate = decay_rate(unit_lattice(scene.sphere), scene.sphere, build(scene).problem.wave.mode, 0.02)
     assert chosen(scene)["damping"].number == pytest.approx(rate, rel=1e-12)
 
 
@@ -647,7 +648,7 @@ def test_the_mode_of_a_wave_is_asked_for_once_for_each_lattice(monkeypatch: pyte
         return mode_of(scene, *physics)
 
     monkeypatch.setattr("granular_lmp.effects.case.mode_of", counted)
-    monkeypatch.setattr("granular_lmp.rest.kinds.mode_of", counted)
+    monkeypatch.setattr("granular_lmp.rest.linear.mode_of", counted)
     prepare(Scene.load("tr_nonresonant"))
     assert len(asked) == len({*asked}) <= 6
 

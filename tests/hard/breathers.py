@@ -66,7 +66,7 @@ def order(edits: Edits = ()) -> Cases:
     """Order in the step of the error of all velocities of a breather after two periods, against DOP853."""
     problem = prepare(BREATHER)
     chain, period = chain_of(problem)
-    u, end = problem.state[:, 1] / BREATHER.scale.length, 2 * period
+    u, end = problem.rest.state[:, 1] / BREATHER.scale.length, 2 * period
     _, (exact,) = integrate(chain, u, 0 * u, [end], 1e-12)
     found = [breathing(step, end, end, edits).velocity[-1, :, 1] for step in STEPS]
     errors = [float(np.sqrt(np.mean((each - exact) ** 2))) for each in found]

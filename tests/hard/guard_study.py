@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from granular_lmp import Scene, build, run
 from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.effects import selection as effects
+from granular_lmp.effects.between_looks import nearly_open
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.looks import nearly_open
 from granular_lmp.errors import EffectError
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.deck import Deck
@@ -199,7 +199,7 @@ def truth(deck: Deck, folder: Path) -> Truth:
 
 def _laws(deck: Deck, i: NDArray[np.int64], j: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
     """Return A, B and F of contacts, (C,) each, from the moduli of both spheres by Hertz's and Mindlin's rules."""
-    packing, materials = deck.packing, deck.problem.at_rest.materials
+    packing, materials = deck.packing, deck.problem.rest.crystal.materials
     kind = packing.arrays.get("material", np.zeros(len(packing), dtype=int))
     names = ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
     young, nu, work = (np.array([getattr(one, name) for one in materials])[kind] for name in names)
@@ -307,7 +307,7 @@ def _openings(info: dict[str, Any], real: Truth, deck: Deck) -> Comparison:
         "open_contacts",
         happened=first is not None,
         # A contact that touches by less than what may hide between two looks counts as open
-        happened_wide=bool((real.overlap_wide <= nearly_open(deck.scene, deck.problem.mode)).any()),
+        happened_wide=bool((real.overlap_wide <= nearly_open(deck.scene, deck.problem.rest.frequency)).any()),
         said=said is not None,
         late=said - first if said is not None and first is not None else 0.0,
         over=info["smallest_overlap"] - float(real.overlap.min()) if first is None and "crystal" not in info else 0.0,

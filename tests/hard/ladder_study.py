@@ -28,7 +28,7 @@ from granular_lmp.accuracy.ladder import first_step, plan
 from granular_lmp.accuracy.rounding import judged, noise_floor
 from granular_lmp.effects.selection import order
 from granular_lmp.errors import GranularError
-from granular_lmp.problem import prepare, step_rules
+from granular_lmp.problem import prepare
 from tests.hard.ladder_scenes import FAMILIES, IMPACTS, impact_scene, wave_scene
 from tests.pages import placed
 
@@ -54,10 +54,11 @@ class Case:
             self.fewest = max(1, ceil(self.scene.time.sample * 8 / self.problem.rest.shortest_collision))
         else:
             wave = wave_scene(family, seed)
-            self.wave = prepare(wave.with_values({"time.timestep": wave.time.sample / 1000})).scene
+            problem = prepare(wave.with_values({"time.timestep": wave.time.sample / 1000}))
+            self.wave = problem.scene
             self.order = order(self.wave)
             self.scene = self.wave
-            self.fewest = int(self.scene.time.sample / min(rule.first for rule in step_rules(self.wave))) + 1
+            self.fewest = int(self.scene.time.sample / min(rule.first for rule in problem.rest.step_rules())) + 1
 
     def norm(self, values: Floats) -> float:
         """Return the size that errors have: L2 of waves, the largest of impacts."""

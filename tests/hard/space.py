@@ -70,7 +70,7 @@ def wave(name: str, edits: Edits = (), duration: float = 10.0) -> Cases:
     shipped, values, hard = WAVES[name]
     times = {"time.timestep": STEP, "time.duration": duration, "output.particles": duration}
     scene = Scene.load(shipped).with_values({**values, **times})
-    turned = prepare(scene).mode.frequency * STEP
+    turned = prepare(scene).wave.mode.frequency * STEP
     return [
         Case(
             f"{name}, branch {scene.wave.mode}, ξ = {scene.wavenumber:.4g}, τ ≤ {duration:g}: error in D0",
@@ -89,7 +89,7 @@ def leaving(edits: Edits = (), step: float = 0.005, duration: float = 15.0) -> C
     scene = _LAYER.with_values({"wave.mode": "S2", "wave.amplitude": a, **times})
     record, sphere = _ran(scene, edits), scene.sphere
     opened = record.info["guards"]["open_contacts"]["value"]
-    events = 2 * prepare(scene).mode.frequency * duration / (2 * pi)  # of each sphere: it leaves, and comes back
+    events = 2 * prepare(scene).wave.mode.frequency * duration / (2 * pi)  # of each sphere: it leaves, and comes back
     pull = contacts_of(scene).adhesive_force.max() / (sphere.mass * sphere.static_overlap / sphere.time_scale**2)
     where = f"vertical wave, a = {a:g}, τ ≤ {duration:g}"
     return [

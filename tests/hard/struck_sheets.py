@@ -57,7 +57,7 @@ def turned(record: ImpactRecord) -> Floats:
 
 def partners(record: ImpactRecord) -> NDArray[np.intp]:
     """Return the index of the mirror image of each sphere, about the column of the striker."""
-    centre = record.rest[record.problem.strikers[0][0], 0]
+    centre = record.rest[record.problem.rest.strikers[0][0], 0]
     image = record.rest * [-1, 1] + [2 * centre, 0]
     apart = np.linalg.norm(image[:, None] - record.rest, axis=-1)
     assert apart.min(axis=1).max() < 1e-9  # the sheet is symmetric
@@ -114,7 +114,7 @@ def mirrored(changes: dict[str, Any], duration: float, edits: Edits = ()) -> Cas
 def energy(duration: float, edits: Edits = ()) -> Cases:
     """Error of the energy of a sheet between held rows, at 49 steps to a collision with the velocity of the striker."""
     record = struck({"time.duration": duration, "time.sample": 1.0}, edits, BOX)
-    step, contacts = record.scene.time.step, record.problem.contacts
+    step, contacts = record.scene.time.step, record.problem.rest.contacts
     closing = np.linalg.norm(record.velocity[:, contacts.j] - record.velocity[:, contacts.i], axis=-1)
     # Slower spheres touch for longer: a contact closes and opens at most once in the shortest collision
     events = 2 * len(contacts) * duration / COLLISION * np.mean(closing**5)

@@ -229,8 +229,14 @@ def test_the_record_starts_at_the_wave_s_own_values(small: Scene, tmp_path: Path
     deck.write(tmp_path / "deck")
     run_deck(tmp_path / "deck", deck.input_name)
     record = Record.from_dump(tmp_path / "deck", small)
-    assert record.q[0] == pytest.approx(-deck.problem.mode.ux, abs=1e-9)
+    assert record.q[0] == pytest.approx(-deck.problem.wave.mode.ux, abs=1e-9)
     assert record.p[0] == record.phi[0] == 0
     table = read_centre(tmp_path / "deck" / "dump.centre")
-    spin = deck.problem.mode.f * deck.problem.mode.frequency * small.wave.amplitude * small.sphere.overlap_ratio * 2
+    spin = (
+        deck.problem.wave.mode.f
+        * deck.problem.wave.mode.frequency
+        * small.wave.amplitude
+        * small.sphere.overlap_ratio
+        * 2
+    )
     assert table["omegaz"][0] == pytest.approx(spin / (small.sphere.time_scale * 1e9), rel=1e-12)

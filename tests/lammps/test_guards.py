@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from granular_lmp import Scene, build, run
+from granular_lmp.effects.between_looks import hidden
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.guard import NEVER, watches_part
-from granular_lmp.effects.looks import hidden
 from granular_lmp.errors import EffectError, RunInterrupted
 from granular_lmp.lammps.guard_results import measured
 from granular_lmp.lammps.guards import GUARDS

@@ -36,7 +36,7 @@ def test_a_lattice_case_is_the_run_of_its_scene(name: str, tmp_path: Path, measu
     case, found = read(FOLDER / f"{name}.yaml")
     snapshots = run(scene, tmp_path / "run").snapshots()
     unit, axes = scene.displacement_amplitude * 1e9, snapshots.stack("displacement").shape[-1]
-    rest = prepare(scene).crystal.positions * scene.sphere.radius * 1e9
+    rest = prepare(scene).rest.atoms.positions * scene.sphere.radius * 1e9
     moved = (found["run_pos"] - rest)[..., :axes] / unit
     measured(off(moved, snapshots.stack("displacement")[1:], size=1))
     written = commands(build(scene))

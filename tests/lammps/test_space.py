@@ -57,7 +57,7 @@ def stepped(frequency: float, step: float) -> float:
 
 def amplitude(scene: Scene, folder: Path) -> np.ndarray:
     """The complex amplitude of the scene's own mode at all times, from all spheres; waves of 2k and k = 0 are out."""
-    monitor, shape = run(scene, folder).monitor("all"), prepare(scene).mode.shape()[0]
+    monitor, shape = run(scene, folder).monitor("all"), prepare(scene).wave.mode.shape()[0]
     moved = np.concatenate([monitor.displacement, monitor.rotation], axis=2)
     weight = (
         np.exp(-1j * scene.wavenumber * (monitor.row - scene.shape.centre_row))[:, None] * shape.conj() * ANISOTROPY
@@ -80,7 +80,7 @@ def amplitude(scene: Scene, folder: Path) -> np.ndarray:
 )
 def test_a_layer_kicked_in_each_of_its_modes_has_its_frequency(mode: str, tmp_path: Path, measured: Measure) -> None:
     scene = layer(wave__mode=mode, monitor=[{"name": "all", "rows": [0, 7]}])
-    found, frequency = amplitude(scene, tmp_path / "run"), prepare(scene).mode.frequency
+    found, frequency = amplitude(scene, tmp_path / "run"), prepare(scene).wave.mode.frequency
     tau = scene.time.sample * np.arange(len(found))
     turned = -np.polyfit(tau, np.unwrap(np.angle(found)), 1)[0]
     measured(turned / stepped(frequency, scene.time.step) - 1)
@@ -126,9 +126,9 @@ def test_a_wave_in_a_crystal_of_many_layers_or_laws_keeps_its_shape(
     bare = {key: value for key, value in LAYER.items() if key != "substrate" or name not in BULK}
     scene = PAPER.with_values(bare | {"time.duration": 10.0} | CRYSTALS[name])
     problem = prepare(scene)
-    shape = problem.mode.shape()[places(problem.crystal)[centre(problem.crystal)]]
+    shape = problem.wave.mode.shape()[places(problem.rest.atoms)[centre(problem.rest.atoms)]]
     record = run(scene, tmp_path / "run")
-    turning = stepped(problem.mode.frequency, scene.time.step)
+    turning = stepped(problem.wave.mode.frequency, scene.time.step)
     expected = (shape * np.exp(-1j * turning * record.tau)[:, None]).real
     # The second order in the amplitude, and Verlet's velocity
     bound = scene.wave.amplitude + (turning * scene.time.step) ** 2 / 7
@@ -167,7 +167,7 @@ def test_a_wave_in_the_plane_is_the_same_in_space(name: str, tmp_path: Path) -> 
             "time.timestep": 0.1,
         }
     )
-    shape = prepare(plane).mode.shape()[0]
+    shape = prepare(plane).wave.mode.shape()[0]
     space = plane.with_values({"packing.space": 3, "wave.mode": _same_mode(plane, shape)})
     flat, free = run(plane, tmp_path / "plane"), run(space, tmp_path / "space")
     assert np.abs(getattr(free, name) - getattr(flat, name)).max() < 1e-9
@@ -178,7 +178,7 @@ def _same_mode(plane: Scene, shape: np.ndarray) -> str:
     """The number of the branch in space with a shape; nothing holds some of the others."""
     for number in range(1, 7):
         with suppress(SceneError):
-            own = prepare(plane.with_values({"packing.space": 3, "wave.mode": str(number)})).mode.shape()[0]
+            own = prepare(plane.with_values({"packing.space": 3, "wave.mode": str(number)})).wave.mode.shape()[0]
             if abs(np.vdot(own, shape)) > 1 - 1e-9:
                 return str(number)
     raise AssertionError("the wave is not there in space")
@@ -259,7 +259,7 @@ def test_tables_tell_the_spheres_of_several_layers_apart(tmp_path: Path) -> None
     places = ["row", "column", "layer"]
     assert len(snapshots[places].drop_duplicates()) == 72
     assert len(snapshots[places[:2]].drop_duplicates()) == 24
-    arrays, (first, *_) = record.problem.crystal.arrays, record.monitor("line").contacts.pairs
+    arrays, (first, *_) = record.problem.rest.atoms.arrays, record.monitor("line").contacts.pairs
     one = contacts.iloc[0]
     assert [[one[f"{name}_{end}"] for name in places] for end in "ij"] == [
         [arrays[name][sphere] for name in places] for sphere in first[:2]
@@ -315,7 +315,7 @@ def test_what_a_rocking_layer_rubs_on_its_substrate_is_foreseen_and_measured(
 
 def _vertical(scene: Scene) -> str:
     """The number of the branch that moves most along z."""
-    modes = {str(n): prepare(scene.with_values({"wave.mode": str(n)})).mode.shape()[0] for n in range(1, 7)}
+    modes = {str(n): prepare(scene.with_values({"wave.mode": str(n)})).wave.mode.shape()[0] for n in range(1, 7)}
     return max(modes, key=lambda name: abs(modes[name][2]))
 
 

@@ -155,7 +155,7 @@ def test_walls_stand_where_the_spheres_on_them_are_at_rest(name, tmp_path):
     found = {
         ("xyz"[k], each.normal[k]): each.point[k] for each in first.network.walls for k in np.flatnonzero(each.normal)
     }
-    places = prepare(scene).planes
+    places = prepare(scene).rest.planes
     assert {f"{axis}{'lo' if way < 0 else 'hi'}" for axis, way in found} == set(places)
     for (axis, way), place in found.items():
         # Rounding of places in a crystal of 10 radii, and what is left of the forces at rest, 2e-10 of k1 Delta0

@@ -444,7 +444,7 @@ def test_a_struck_sheet_is_drawn_at_rest_with_its_gaps_and_a_pressed_chain_with_
     )
     axes = at_rest_figure(sheet).axes[0]
     _, contacts, gaps = axes.collections
-    assert len(contacts.get_paths()) + len(gaps.get_paths()) == len(prepare(sheet).contacts)
+    assert len(contacts.get_paths()) + len(gaps.get_paths()) == len(prepare(sheet).rest.contacts)
     assert len(gaps.get_paths()) > len(contacts.get_paths())  # no sphere is larger than the lattice has room for
     chain = Scene.load("breather")
     _, pressed, _ = at_rest_figure(chain).axes[0].collections

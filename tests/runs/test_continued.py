@@ -187,7 +187,6 @@ def test_a_run_is_stopped_and_continued_twice(tmp_path: Path, fast_looks: None) 
     [
         ({"status": "finished"}, "the run is finished; there is nothing to resume"),
         ({"edited": ["+ x"]}, "its deck was edited"),
-        ({"ranks": None}, "ranks = None: must be a whole number above 0"),
     ],
 )
 def test_what_cannot_be_continued_is_said(change: dict[str, Any], message: str, tmp_path: Path) -> None:
@@ -207,6 +206,6 @@ def test_a_checkpoint_is_declared_in_minutes_and_falls_on_a_look(tmp_path: Path)
     with pytest.raises(SceneError, match=re.escape("output.checkpoint = 0.0: must be a number in (0, 100000]")):
         SHEET.with_values({"output.checkpoint": 0.0})
     # It chooses no spheres
-    assert len(problem.recorded) == len(problem.crystal)
+    assert len(problem.rest.recorded) == len(problem.rest.atoms)
     some = prepare(SHEET.with_values({"output.rows": [1, 2]}))
-    assert (some.scene.output.checkpoint, len(some.recorded)) == (5e-5, 18)
+    assert (some.scene.output.checkpoint, len(some.rest.recorded)) == (5e-5, 18)

@@ -1,4 +1,4 @@
-"""Claims about monitors that hold for each kind that is declared (`granular_lmp.scene.kinds`)."""
+"""Claims about monitors that hold for each kind that is declared (`granular_lmp.scene.monitor_kinds`)."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.recorded import Recorded
 from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.runs.export import si_columns_of_monitor
-from granular_lmp.scene.kinds import KINDS, quantity_of
+from granular_lmp.scene.monitor_kinds import KINDS, quantity_of
 
 
 @pytest.fixture(scope="module")

@@ -80,7 +80,7 @@ def test_tables_hold_what_the_snapshots_do_with_units(seen: Scene, tmp_path: Pat
 def test_the_first_snapshot_is_the_wave_that_was_asked_for(seen: Scene, tmp_path: Path) -> None:
     run(seen, tmp_path / "run")
     deck = build(seen)
-    wave = plane_wave(deck.packing, deck.problem.mode)
+    wave = plane_wave(deck.packing, deck.problem.wave.mode)
     first = Snapshots.load(tmp_path / "run")[0]
     # A position of 3e3 nm resolves 5e-13 nm, 1e-11 of D0; the data file holds 13 decimals
     moved, rate = wave.displacement[:, PLANE], wave.velocity[:, PLANE]

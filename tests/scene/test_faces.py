@@ -108,7 +108,7 @@ def test_every_sphere_moves_as_in_the_network_of_the_same_faces(name: str, tmp_p
 )
 def test_a_wall_is_where_its_contact_carries_the_force_of_the_row(changes: dict[str, Any], force: float) -> None:
     problem = prepare(SHEET.with_values(WALLED | changes))
-    sphere, contacts = problem.scene.sphere, problem.contacts
+    sphere, contacts = problem.scene.sphere, problem.rest.contacts
     at_wall = contacts.on_wall
     # Two contacts at 60° of the hexagonal lattice, one of the square one; twice the moduli and twice the radius
     np.testing.assert_allclose(contacts.contact_force[at_wall], force, rtol=1e-9, atol=1e-6 * sphere.holding_force)
@@ -117,9 +117,9 @@ def test_a_wall_is_where_its_contact_carries_the_force_of_the_row(changes: dict[
     np.testing.assert_allclose(contacts.overlap[at_wall], overlap, rtol=1e-9)
     if not changes:
         assert overlap == pytest.approx(2 ** (-1 / 3) * sphere.static_overlap, rel=1e-9)
-    y, place = problem.crystal.positions[:, 1], (sphere.radius - overlap) / sphere.radius
-    assert problem.planes["ylo"] == pytest.approx(y.min() - place, abs=1e-12)
-    assert problem.planes["yhi"] == pytest.approx(y.max() + place, abs=1e-12)
+    y, place = problem.rest.atoms.positions[:, 1], (sphere.radius - overlap) / sphere.radius
+    assert problem.rest.planes["ylo"] == pytest.approx(y.min() - place, abs=1e-12)
+    assert problem.rest.planes["yhi"] == pytest.approx(y.max() + place, abs=1e-12)
 
 
 def test_a_guard_sees_the_row_that_leaves_its_wall(tmp_path: Path) -> None:

@@ -100,10 +100,10 @@ def test_a_packet_runs_forward_with_its_branch() -> None:
     rows, step = 96, 1.5 * HONEYCOMB.sphere.lattice_constant / HONEYCOMB.sphere.radius
     scene = branch(2).with_values({"envelope.length": 6.0, "packing.ends": "periodic", "packing.rows": rows})
     problem = prepare(scene)
-    fields = initial_fields(problem.scene, problem.crystal, problem.mode)
+    fields = initial_fields(problem.scene, problem.rest.atoms, problem.wave)
     per_row = 2 * pi / rows * np.arange(8, 25)  # three standard deviations around π/3
     along = np.column_stack([np.zeros_like(per_row), per_row / step])
-    (_, y), place = offsets(problem.crystal), places(problem.crystal)
+    (_, y), place = offsets(problem.rest.atoms), places(problem.rest.atoms)
     waves = np.exp(-1j * np.outer(per_row, y))
     u, v = (
         np.hstack([waves[:, place == own] @ (field[place == own] / TURNS) for own in (0, 1)])
@@ -134,7 +134,7 @@ def test_the_squares_of_a_branch_over_its_cell_are_1_and_its_largest_amplitude_i
 
 def test_a_number_may_be_written_as_one_or_as_a_word() -> None:
     assert branch(3) == branch("3")
-    assert prepare(branch(3)).mode.words == "a wave of branch 3"
+    assert prepare(branch(3)).wave.mode.words == "a wave of branch 3"
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_what_honeycomb_has_not_is_refused_by_name(changes: dict[str, Any], says
 
 def test_rolling_stiffness_restores_the_lowest_branch() -> None:
     rolled = {"wave.mode": 1, "effects.rolling_stiffness": 100.0, "effects.rolling_friction": 0.1}
-    assert prepare(HONEYCOMB.with_values(rolled)).mode.frequency > 0.05
+    assert prepare(HONEYCOMB.with_values(rolled)).wave.mode.frequency > 0.05
 
 
 def test_a_square_sheet_has_waves_in_any_direction(tmp_path: Path) -> None:

@@ -286,7 +286,7 @@ def test_a_square_sheet_has_its_wall_at_the_edge_of_the_spheres() -> None:
     text = deck_of(prepare(scene)).input_text
     places = re.findall(r"([xy])plane (\S+) (\S+)", text)
     (left, low), (right, high) = (
-        getattr(prepare(scene).crystal.positions, name)(0)[:2].tolist() for name in ("min", "max")
+        getattr(prepare(scene).rest.atoms.positions, name)(0)[:2].tolist() for name in ("min", "max")
     )
     assert low < high
     assert places == [("y", "NULL", repr(high + 1)), ("x", repr(left - 1), "NULL"), ("x", "NULL", repr(right + 1))]

@@ -75,7 +75,7 @@ def test_spins_are_those_of_the_state(tmp_path: Path) -> None:
     record = run_impact(with_state(rough, [[3, 4, 0, 0, 0.1, 0, spin], [4, 4, 0, 0, 0, 0.1, 0]]), tmp_path / "run")
     scale, radius = record.scale, rough.sphere.radius
     assert scale.velocity == pytest.approx(spin * radius)  # the surface is the fastest here
-    turned = record.problem.crystal.arrays["row"] == 3
+    turned = record.problem.rest.atoms.arrays["row"] == 3
     assert record.spin[0].max() * scale.velocity / radius == pytest.approx(spin, rel=1e-12)
     assert np.count_nonzero(record.spin[0][turned]) == np.count_nonzero(record.spin[0]) == 1
     assert np.count_nonzero(record.spin[-1]) > 5  # its neighbours are turned
@@ -202,7 +202,7 @@ def test_contacts_that_rub_begin_with_the_shear_of_the_state(sides: str, tmp_pat
     force, moved = found[:, 1:3], found[:, 3:5]
     units, material = deck.problem.units, deck.problem.scene.material
     modulus = units.number(material.youngs_modulus, mass=1, length=-1, time=-2)
-    nu, places = material.poisson_ratio, deck.problem.crystal.positions[:, :2] + moved
+    nu, places = material.poisson_ratio, deck.problem.rest.atoms.positions[:, :2] + moved
     normal, shear = modulus / (2 * (1 - nu**2)), modulus / (4 * (2 - nu) * (1 + nu))
     expected = np.zeros_like(force)
     for i, j in zip(*np.triu_indices(len(places), 1), strict=True):
@@ -245,7 +245,7 @@ def test_a_sphere_is_a_striker_or_in_the_state() -> None:
     ):
         prepare(ImpactScene.from_dict(CHAIN.to_dict() | both))
     beside = {"start": {"state": [[3, 0, 0, 0, 0, -0.5, 0]]}}
-    assert prepare(ImpactScene.from_dict(CHAIN.to_dict() | beside)).state[3, 4] == -0.5
+    assert prepare(ImpactScene.from_dict(CHAIN.to_dict() | beside)).rest.state[3, 4] == -0.5
 
 
 def test_a_state_in_a_vacancy_is_refused() -> None:
@@ -291,14 +291,20 @@ def test_noise_is_the_state_that_it_draws(scene: Any, free: int, tmp_path: Path)
     """A striker and a held sphere have none, the others no momentum, and a state of the same numbers moves alike."""
     noisy = scene.with_values({"start.noise": 0.01 * scene.striker[0].velocity, "start.seed": 5})
     problem = granular_lmp.prepare(noisy)
-    mass, moves = problem.crystal.arrays["radius"] ** 3 * problem.crystal.arrays["density"], problem.state.any(axis=1)
+    mass, moves = (
+        problem.rest.atoms.arrays["radius"] ** 3 * problem.rest.atoms.arrays["density"],
+        problem.rest.state.any(axis=1),
+    )
     assert np.count_nonzero(moves) == free
-    assert not problem.state[np.concatenate(problem.strikers)].any()
-    assert np.abs(mass @ problem.state[:, 3:5]).max() < 1e-12 * np.abs(mass @ np.abs(problem.state[:, 3:5])).max()
+    assert not problem.rest.state[np.concatenate(problem.rest.strikers)].any()
+    assert (
+        np.abs(mass @ problem.rest.state[:, 3:5]).max()
+        < 1e-12 * np.abs(mass @ np.abs(problem.rest.state[:, 3:5])).max()
+    )
     if scene.lattice.name == "chain":
-        assert not problem.state[:, [0, 1, 2, 3, 5, 6, 7, 8]].any()
-    row, column = (problem.crystal.arrays[name] for name in ("row", "column"))
-    lines = np.column_stack([row, column, problem.state[:, [0, 1, 3, 4, 8]]])[moves].tolist()
+        assert not problem.rest.state[:, [0, 1, 2, 3, 5, 6, 7, 8]].any()
+    row, column = (problem.rest.atoms.arrays[name] for name in ("row", "column"))
+    lines = np.column_stack([row, column, problem.rest.state[:, [0, 1, 3, 4, 8]]])[moves].tolist()
     same = scene.with_values({"start.state": lines})
     one, other = run(noisy, tmp_path / "noisy"), run(same, tmp_path / "same")
     first, second = (each.velocity if scene.wave is None else each.snapshots()[-1].velocity for each in (one, other))

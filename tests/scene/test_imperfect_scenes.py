@@ -16,6 +16,7 @@ from granular_lmp.errors import CrystalError, RunFolderError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.rest import at_rest
 from granular_lmp.rest.at_rest import crystal_of
+from granular_lmp.rest.held import largest_step
 from granular_lmp.rest.linear import plane_along_y, uniform_rows
 from tests.conftest import PAPER, members
 from tests.hard import guard_study
@@ -144,9 +145,9 @@ def test_no_random_vacancy_takes_the_recorded_sphere() -> None:
 def test_spheres_without_a_neighbour_are_left_out_and_said() -> None:
     around = [[8, 3], [8, 5], [7, 4], [7, 5], [9, 4], [9, 5]]  # all neighbours of [8, 4]
     problem = prepare(SHEET.with_values({"inclusion": [{"spheres": around, "vacancy": True}]}))
-    assert len(problem.crystal) == 12 * 8 - 7
+    assert len(problem.rest.atoms) == 12 * 8 - 7
     assert "1 spheres that vacancies leave without a neighbour are left out" in problem.warnings()
-    assert not prepare(SHEET).at_rest.remarks()
+    assert not prepare(SHEET).rest.crystal.remarks()
 
 
 def test_layers_leave_the_rows_alike_and_need_no_columns() -> None:
@@ -208,7 +209,7 @@ def test_light_spheres_bring_the_echo_earlier() -> None:
 
 def test_stiff_contacts_lower_the_largest_step() -> None:
     rigid = SHEET.with_values({"inclusion": [{"rows": [0, 5], **STEEL, "density": 2200.0}]})
-    assert prepare(rigid).largest_step < 0.9 * prepare(SHEET).largest_step
+    assert largest_step(prepare(rigid).scene) < 0.9 * largest_step(prepare(SHEET).scene)
 
 
 # --- effects and guards ----------------------------------------------------------------------------------------------
@@ -244,7 +245,7 @@ def test_where_spheres_differ_every_wave_turns_some() -> None:
 def test_dashpots_shorten_the_step_where_spheres_differ() -> None:
     damped = prepare(SHEET.with_values(SPREAD | {"effects.viscosity": 1e-7}))
     assert damped.on["damping"]
-    assert damped.largest_step < prepare(SHEET.with_values(SPREAD)).largest_step
+    assert largest_step(damped.scene) < largest_step(prepare(SHEET.with_values(SPREAD)).scene)
 
 
 @pytest.mark.parametrize("seed", members([100, 105, 130], 100, 105))

@@ -7,7 +7,7 @@ import pytest
 
 from granular_lmp import Scene
 from granular_lmp.accuracy.ladder import build, deciding_frequency
-from granular_lmp.effects.looks import fastest
+from granular_lmp.effects.between_looks import fastest
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.sources import FORMULAS
@@ -17,7 +17,6 @@ from granular_lmp.scene.monitors import placed_monitors
 from granular_lmp.scene.signals import SIGNALS, Signal
 from granular_lmp.scene.sources import Source
 from granular_lmp.studies import forecast
-from granular_lmp.studies.kick import run_kicked
 from tests.conftest import members
 
 INPUTS = Path(__file__).parents[2] / "lammps_inputs"
@@ -70,23 +69,11 @@ def test_a_large_scene_is_forecast_by_a_cell_that_is_a_valid_scene(name: str, ch
 # ---------------------------------------------------------------- studies
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [{"disorder.density": 0.1}, {"inclusion": [{"spheres": [[3, 3]], "vacancy": True}]}],
-    ids=str,
-)
-def test_a_kicked_sheet_has_only_what_its_record_says(changes: dict[str, Any], tmp_path: Path) -> None:
-    scene = Scene.load("tr_periodic").with_values({"packing.rows": 12, "packing.columns": 6} | changes)
-    (key,) = changes
-    with pytest.raises(SceneError, match=f"{key}: must be left out for a sheet that is kicked"):
-        run_kicked(scene, tmp_path / "run")
-
-
 def test_an_effect_that_the_record_of_contacts_does_not_know_is_refused_by_name() -> None:
     scene = Scene.load("two_tones").with_values({"monitor": [{"name": "line", "rows": [9, 9], "what": "flux"}]})
     problem = prepare(scene)
     with pytest.raises(SceneError, match=r'what = "flux": must be "motion".* with the effect capillary'):
-        placed_monitors(scene.monitor, problem.crystal, scene.shape, None, ["capillary"])
+        placed_monitors(scene.monitor, problem.rest.atoms, scene.shape, None, ["capillary"])
 
 
 # ---------------------------------------------------------------- signals

@@ -14,7 +14,7 @@ from granular_lmp.crystal.stability import crude_bound, frequency_bound
 from granular_lmp.effects.case import Case
 from granular_lmp.problem import prepare
 from granular_lmp.rest import at_rest, initial_fields
-from granular_lmp.rest.held import largest_step, step_rules
+from granular_lmp.rest.held import largest_step
 from granular_lmp.rest.linear import physics_of
 from tests.conftest import PAPER
 from tests.crystal.test_wave import PULSE, fields_of
@@ -29,11 +29,11 @@ DAMPED = SHEET.with_values({"effects.damping": True, "effects.viscosity": 1e-9})
 def results(scene: Scene) -> list[np.ndarray]:
     at_rest._KEPT.clear()  # what was computed before is known by the contacts
     problem = prepare(scene)
-    contacts, case = problem.contacts, Case(problem.scene, problem.on)
+    contacts, case = problem.rest.contacts, Case(problem.scene, problem.on)
     return [
-        *overlapping(problem.crystal),
-        *contact_stretches(contacts, scene.sphere, problem.mode),
-        np.array([case.largest_slip(), frequency_bound(contacts, scene.sphere, problem.physics)]),
+        *overlapping(problem.rest.atoms),
+        *contact_stretches(contacts, scene.sphere, problem.wave.mode),
+        np.array([case.largest_slip(), frequency_bound(contacts, scene.sphere, physics_of(scene))]),
     ]
 
 
@@ -49,12 +49,12 @@ def test_the_size_of_blocks_changes_nothing(scene: Scene, monkeypatch: pytest.Mo
 def test_the_quick_limit_of_the_step_is_a_lower_bound(scene: Scene) -> None:
     problem = prepare(scene)
     physics = physics_of(problem.scene)
-    high = [each(problem.contacts, scene.sphere, physics) for each in (frequency_bound, crude_bound)]
+    high = [each(problem.rest.contacts, scene.sphere, physics) for each in (frequency_bound, crude_bound)]
     assert high[0] < high[1] < 2 * high[0]
     quick, limit = largest_step(problem.scene, 0.0), largest_step(problem.scene)
     assert quick < limit == largest_step(problem.scene, (quick + limit) / 2)
     assert largest_step(problem.scene, quick) == limit  # a step must be below the limit, not at it
-    assert min(rule.longest for rule in step_rules(problem.scene, problem.mode, 0.0)) <= quick
+    assert min(rule.longest for rule in problem.rest.step_rules(0.0)) <= quick
 
 
 def test_a_large_crystal_takes_a_kilobyte_a_sphere(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,7 +25,6 @@ from granular_lmp.runs.launch import resume
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.document import note
 from granular_lmp.scene.signals import SIGNALS
-from granular_lmp.studies.kick import run_kicked
 from tests.conftest import PAPER
 from tests.linear_answer import Crystal, Load, response
 from tests.manual import Measure, Mutant, verifies
@@ -144,7 +143,7 @@ def test_spheres_that_are_turned_by_hand_make_the_waves_of_the_linear_crystal(tm
 
 def test_a_shaken_row_makes_the_waves_of_the_linear_strip(tmp_path: Path) -> None:
     found, snapshots = extrapolated(STRIP, tmp_path)
-    load = Load([45, 46, 47], "x", signals.tone(prepare(STRIP).mode.frequency, 10.0), moves=True)
+    load = Load([45, 46, 47], "x", signals.tone(prepare(STRIP).wave.mode.frequency, 10.0), moves=True)
     expected = response(crystal_of(snapshots), [load], snapshots.tau)[0]
     row = snapshots.crystal.arrays["row"]
     assert worst(found[0], expected, np.flatnonzero(np.abs(row - 15) == 1)) < 1e-3  # as above
@@ -350,10 +349,10 @@ def test_a_scene_is_read_back_from_its_text() -> None:
 
 def test_the_usual_frequency_is_that_of_the_wave_and_hertz_are_turned_into_it() -> None:
     plain = prepare(STRIP)
-    assert plain.sources[0].frequency == plain.mode.frequency
-    hertz = plain.mode.frequency / (2 * np.pi * STRIP.sphere.time_scale)
+    assert plain.sources[0].frequency == plain.wave.mode.frequency
+    hertz = plain.wave.mode.frequency / (2 * np.pi * STRIP.sphere.time_scale)
     again = prepare(STRIP.with_values({"source.1.hertz": hertz})).sources[0].frequency
-    assert again == pytest.approx(plain.mode.frequency, rel=1e-14)  # rounding
+    assert again == pytest.approx(plain.wave.mode.frequency, rel=1e-14)  # rounding
 
 
 def test_the_wave_is_a_unit_and_need_not_fit_a_periodic_cell() -> None:
@@ -512,11 +511,6 @@ def test_what_cannot_be_a_source_is_refused_by_name(changes: dict[str, Any], mes
 def test_what_does_not_go_with_walls_or_quiet_ends_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=message):
         prepare(QUIET.with_values(changes))
-
-
-def test_a_sheet_with_sources_is_not_kicked(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match='wave.form = "none": must be another for a sheet that is kicked'):
-        run_kicked(SHEET, tmp_path / "kicked")
 
 
 @pytest.mark.parametrize(("key", "said"), [("source.1.delay", "tau, before the"), ("inclusion.2.radius", "m")])

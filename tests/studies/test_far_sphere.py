@@ -84,7 +84,7 @@ def test_a_small_rise_at_the_end_does_not_hide_the_crest_that_has_passed(swept: 
 
 def test_the_far_sphere_is_the_farthest_that_is_recorded_and_free(tmp_path: Path) -> None:
     record = run_impact(SHEET, tmp_path / "sheet")
-    arrays = record.problem.crystal.arrays
+    arrays = record.problem.rest.atoms.arrays
     # Both upper corners are as far; the first in a row counts, whatever the rounding of their distances
     place = far_sphere(record)
     assert place is not None
@@ -93,7 +93,7 @@ def test_the_far_sphere_is_the_farthest_that_is_recorded_and_free(tmp_path: Path
     held = run_impact(SHEET.with_values(three), tmp_path / "b")
     place = far_sphere(held)
     assert place is not None
-    assert held.problem.crystal.arrays["row"][held.problem.recorded[place]] == 3
+    assert held.problem.rest.atoms.arrays["row"][held.problem.rest.recorded[place]] == 3
     row = read_outs(held.info, held)
     assert row["far_row"] == 3
     assert row["energy_kept"] is None  # not all spheres are recorded
@@ -246,18 +246,24 @@ def test_no_share_is_said_of_an_energy_that_is_none_or_not_known(
 
 def test_no_energy_is_said_once_spheres_meet_that_were_no_neighbours() -> None:
     problem = prepare(SHEET.with_values({"packing.lattice": "square"}))
-    still = np.zeros((2, len(problem.crystal), 2))
+    still = np.zeros((2, len(problem.rest.atoms), 2))
     moved = still.copy()
     length = problem.scene.sphere.radius / problem.scene.scale.length  # a radius in l
-    sphere = int(np.flatnonzero((problem.crystal.arrays["row"] == 7) & (problem.crystal.arrays["column"] == 8))[0])
+    sphere = int(
+        np.flatnonzero((problem.rest.atoms.arrays["row"] == 7) & (problem.rest.atoms.arrays["column"] == 8))[0]
+    )
     moved[1, sphere] = 0.5 * length  # the corner flies off
     velocity = still + 1.0
     free = ImpactRecord(np.arange(2.0), {"displacement": moved, "velocity": velocity}, problem.scene)
-    assert free.energy() == pytest.approx(len(problem.crystal), rel=1e-12)  # kinetic, v² of 2 in the unit of the impact
+    assert free.energy() == pytest.approx(
+        len(problem.rest.atoms), rel=1e-12
+    )  # kinetic, v² of 2 in the unit of the impact
     moved[1, sphere] = -0.6 * length  # 1.98 radii from the one across, 2.83 at rest
     into = ImpactRecord(np.arange(2.0), {"displacement": moved, "velocity": velocity}, problem.scene)
     with pytest.raises(RunFolderError, match="at tau = 1 spheres touch that were no neighbours at rest"):
         into.energies()
     found = read_outs({}, into)
     assert found["energy_kept"] is None
-    assert found["kinetic_kept"] == pytest.approx(2 * len(problem.crystal), rel=1e-12)  # over the energy of one striker
+    assert found["kinetic_kept"] == pytest.approx(
+        2 * len(problem.rest.atoms), rel=1e-12
+    )  # over the energy of one striker

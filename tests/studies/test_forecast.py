@@ -59,7 +59,7 @@ def test_check_says_what_a_run_then_is(
 def test_the_seconds_are_in_proportion(changes: dict[str, float], tried: list[Scene]) -> None:
     problem = prepare(SHEET.with_values(changes))
     found = forecast_of(problem)
-    assert found.spheres == len(problem.crystal)
+    assert found.spheres == len(problem.rest.atoms)
     assert found.seconds == pytest.approx(0.5 * found.runs + found.spheres * found.steps / 1e6)
 
 

@@ -48,7 +48,7 @@ def test_the_shipped_scene_is_the_breather_of_the_theory() -> None:
     guess[MIDDLE - 1 : MIDDLE + 2] = -0.25, 0.9, -0.25
     u, period = breather(chain, frequency, guess * chain.overlap[1]), 2 * np.pi / frequency
     u -= u.mean()
-    motion = prepare(SHIPPED).state
+    motion = prepare(SHIPPED).rest.state
     # Ten digits are written
     assert motion[:, 1] == pytest.approx(u, abs=1e-9 * float(np.max(np.abs(u))))
     assert not motion[:, [0, 2, 3, 4]].any()

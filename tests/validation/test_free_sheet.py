@@ -45,7 +45,7 @@ def test_every_sphere_moves_as_in_the_network(shaken: Record) -> None:
 
 
 def test_places_are_told_where_spheres_are_missing(shaken: Record) -> None:
-    atoms = shaken.problem.crystal
+    atoms = shaken.problem.rest.atoms
     assert len(atoms) == 40  # of 42
     row, column = sites(shaken.scene, atoms.positions)
     assert np.array_equal(row, atoms.arrays["row"])
@@ -85,7 +85,7 @@ def test_it_is_drawn_with_its_source_and_its_monitor_marked_and_a_bar_of_length(
 
 def test_its_contacts_at_rest_and_its_monitor_are_drawn_in_its_units(shaken: Record) -> None:
     axes = at_rest_figure(shaken.scene).axes[0]
-    contacts = shaken.problem.contacts
+    contacts = shaken.problem.rest.contacts
     assert len(axes.collections[1].get_paths()) == len(contacts) - 40  # each sphere touches the substrate
     mean = (2 * (len(contacts) - 40) + 40) / 40
     assert axes.get_title().endswith(f"40 spheres, {mean:.3f} contacts a sphere")

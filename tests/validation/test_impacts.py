@@ -258,7 +258,7 @@ def test_a_sheet_moves_as_the_network_does(
         changes |= {"packing.rows": 8, "packing.sides": "periodic", "packing.ends": "periodic"}
     changes |= {"effects.friction": friction, "time.duration": 6.0, "time.sample": 6.0}
     coarse, fine = (run(SHEET, changes | {"time.timestep": step}) for step in steps)
-    ball, scale, crystal = fine.scene.sphere, fine.scale, fine.problem.crystal
+    ball, scale, crystal = fine.scene.sphere, fine.scale, fine.problem.rest.atoms
     network = Network(
         crystal.positions[:, :2] * ball.radius,
         np.full(len(crystal), ball.radius),
@@ -316,7 +316,7 @@ def test_smaller_spheres_leave_gaps_in_a_sheet_which_moves_as_the_network_does(r
     inclusions = [{"spheres": [[3, 3]], "radius": 0.004998}, {"spheres": [[4, 2]], "radius": 0.0049, "density": 4000.0}]
     changes = {"packing.rows": 8, "packing.columns": 7, "striker.1.spheres": [[0, 3]], "time.duration": 12.0}
     record = run(SHEET, changes | {"time.sample": 12.0, "time.timestep": 0.005}, inclusions)
-    ball, scale, crystal = record.scene.sphere, record.scale, record.problem.crystal
+    ball, scale, crystal = record.scene.sphere, record.scale, record.problem.rest.atoms
     radius = np.full(len(crystal), ball.radius)
     radius[[3 * 7 + 3, 4 * 7 + 2]] = 0.004998, 0.0049
     density = np.where(radius == 0.0049, 4000.0, ball.density)
@@ -341,7 +341,7 @@ def test_a_square_sheet_struck_at_a_point_is_a_chain(restitution: float, frictio
     square = {"packing.lattice": "square", "packing.columns": 5, "striker.1.spheres": [[0, 2]]}
     sheet = run(SHEET, shared | square | {"packing.rows": 12, "effects.friction": friction})
     chain = run(CHAIN, shared | {"packing.rows": 12})
-    in_column = sheet.problem.crystal.arrays["column"] == 2
+    in_column = sheet.problem.rest.atoms.arrays["column"] == 2
     # The neighbours beside the column have an overlap of exactly 0, and the same arithmetic moves the spheres in it
     assert sheet.velocity[:, in_column] == pytest.approx(chain.velocity, abs=1e-10)
     assert not sheet.velocity[:, ~in_column].any()
@@ -362,7 +362,7 @@ def test_friction_takes_its_part_where_the_corner_of_a_square_sheet_is_struck_at
 def test_a_lattice_that_nothing_strikes_stays_at_rest(run: Runs) -> None:
     # A striker far from a sheet of 12 rows: what is ahead of the wave knows only the rounding of the places
     record = run(SHEET, {"packing.rows": 31, "time.duration": 5.0, "time.sample": 5.0, "packing.sides": "periodic"})
-    ahead = record.problem.crystal.arrays["row"] > 25
+    ahead = record.problem.rest.atoms.arrays["row"] > 25
     # Contacts between rows overlap by 1e-15 R at most, 4e-13 ℓ, with a force of 3e-19 m ℓ/t0²
     assert np.max(np.abs(record.velocity[-1][ahead])) < 1e-16
 

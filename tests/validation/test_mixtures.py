@@ -11,9 +11,10 @@ from granular_analysis.theory.network_motion import integrate
 from granular_analysis.tools.compare import compare
 from granular_lmp import Scene, build, run
 from granular_lmp.accuracy.ladder import first_step
-from granular_lmp.effects.looks import fastest
+from granular_lmp.effects.between_looks import fastest
 from granular_lmp.errors import SceneError
-from granular_lmp.problem import largest_step, prepare
+from granular_lmp.problem import prepare
+from granular_lmp.rest.held import largest_step
 from tests.conftest import PAPER
 
 UNIT = PAPER.scale.length / PAPER.scale.time  # m/s

@@ -19,15 +19,15 @@ SMALL = SHEET.with_values({"packing.rows": 7, "packing.columns": 7, "striker.1.s
 
 def gaps(problem: Problem) -> np.ndarray:
     """Gaps of the neighbours, radii."""
-    return (problem.contacts.length - problem.contacts.radii) / problem.scene.sphere.radius
+    return (problem.rest.contacts.length - problem.rest.contacts.radii) / problem.scene.sphere.radius
 
 
 @pytest.mark.parametrize("lattice", ["hexagonal", "square"])
 def test_unequal_spheres_of_a_sheet_have_gaps_and_overlap_nowhere(lattice: str) -> None:
     scene = SHEET.with_values({"packing.lattice": lattice, "disorder.radius": 0.04, "packing.sides": "periodic"})
     problem, equal = prepare(scene), prepare(scene.with_values({"disorder.radius": 0.0}))
-    assert problem.crystal.arrays["radius"].max() <= 1.0
-    assert problem.crystal.positions == pytest.approx(equal.crystal.positions, abs=0)
+    assert problem.rest.atoms.arrays["radius"].max() <= 1.0
+    assert problem.rest.atoms.positions == pytest.approx(equal.crystal.positions, abs=0)
     assert len(gaps(problem)) == len(gaps(equal))  # every neighbour is found, and no second one
     # A contact between rows of the hexagonal lattice may overlap by a rounding of its place
     assert gaps(problem).min() > -1e-13
@@ -45,7 +45,7 @@ def test_a_sheet_with_gaps_moves_as_the_network_does(tmp_path: Path) -> None:
     coarse, fine = (
         run_impact(scene.with_values({"time.timestep": step}), tmp_path / str(step)) for step in (0.04, 0.02)
     )
-    ball, scale, crystal = fine.scene.sphere, fine.scale, fine.problem.crystal
+    ball, scale, crystal = fine.scene.sphere, fine.scale, fine.problem.rest.atoms
     v = np.zeros((len(crystal), 2))
     v[3, 1] = scale.velocity
 
@@ -72,7 +72,7 @@ def test_a_sheet_with_gaps_moves_as_the_network_does(tmp_path: Path) -> None:
 def test_a_sheet_with_gaps_is_at_rest_before_it_is_struck(tmp_path: Path) -> None:
     scene = SHEET.with_values({"disorder.radius": 1e-3, "packing.rows": 21, "time.duration": 5.0, "time.sample": 5.0})
     record = run_impact(scene, tmp_path / "run")
-    assert not record.velocity[-1][record.problem.crystal.arrays["row"] > 15].any()
+    assert not record.velocity[-1][record.problem.rest.atoms.arrays["row"] > 15].any()
 
 
 def test_too_loose_a_sheet_is_refused_and_a_loose_one_named() -> None:

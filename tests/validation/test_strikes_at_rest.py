@@ -14,7 +14,7 @@ from granular_lmp import Record, Scene, export, load, resume, run
 from granular_lmp.errors import ReadoutError, SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
-from granular_lmp.rest.refusals import require_wave
+from granular_lmp.rest.linear import mode_of
 from granular_lmp.runs.readouts import drive_of
 from granular_lmp.studies.sweep import sweep
 from tests.conftest import members
@@ -76,7 +76,7 @@ def test_a_stopped_run_is_continued_to_the_same_bytes(tmp_path: Path, stop: Call
 
 
 def test_monitors_have_the_unit_of_forces_of_the_crystal(watched: Record) -> None:
-    at_rest = watched.problem.contacts.contact_force / (WATCHED.sphere.normal_stiffness * WATCHED.scale.length)
+    at_rest = watched.problem.rest.contacts.contact_force / (WATCHED.sphere.normal_stiffness * WATCHED.scale.length)
     of_monitor = watched.monitor("m").contacts.normal[0]
     assert np.abs(of_monitor).max() <= np.abs(at_rest).max() * 1.01
     assert np.abs(of_monitor).max() > 1e-3
@@ -162,5 +162,5 @@ def test_a_theory_says_what_it_leaves_out_as_a_file_has_it() -> None:
 
 
 def test_what_needs_a_wave_says_so() -> None:
-    with pytest.raises(SceneError, match=r"wave: missing table; .* which kick and scatter do not take"):
-        require_wave(STRIKE)
+    with pytest.raises(SceneError, match=r"wave: missing table; .* and no wave with a mode"):
+        mode_of(STRIKE)

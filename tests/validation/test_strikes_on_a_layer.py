@@ -90,7 +90,7 @@ def test_a_source_on_some_layers_moves_a_film_as_its_network(on: dict[str, Any],
     }
     record = run(Scene.load("multilayer").with_values(values), tmp_path / "run")
     (placed,), (first, last) = record.problem.sources, on["layers"]
-    chosen = record.problem.crystal[placed.spheres]
+    chosen = record.problem.rest.atoms[placed.spheres]
     assert {*chosen.arrays["layer"].tolist()} == {*range(first, last + 1)}
     assert len(chosen) == (1 if "spheres" in on else 3 * (last - first + 1))
     assert record.monitor("on").spheres.tolist() == [40, 41]

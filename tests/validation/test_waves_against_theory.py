@@ -80,7 +80,7 @@ def test_a_row_that_moves_with_the_velocity_of_now_is_wrong_in_first_order(tmp_p
     done = run(replace(deck, input_text=text), tmp_path / "run")
     found = driven.compare(*load_form(done.folder, "driven")).deviations()
     # The row's shear forces lead by half a step. Of the phase ½Ωh that is, some goes into the wave, by its impedance
-    phase = build(scene).problem.mode.frequency * scene.time.step / 2
+    phase = build(scene).problem.wave.mode.frequency * scene.time.step / 2
     assert 0.3 * phase < max(found["q"]) < 3 * phase
     assert max(found["p at 2Ω"]) > phase
 

@@ -52,8 +52,8 @@ def by_law(records: Sequence[Record]) -> dict[Adhesion, list[Record]]:
     """
     groups: dict[Adhesion, list[Record]] = {}
     for record in records:
-        if record.scene.wave.mode != "TR":
-            raise ValueError(f"{record.folder}: wave.mode = {record.scene.wave.mode!r}: must be 'TR'")
+        if record.scene.require_wave().mode != "TR":
+            raise ValueError(f"{record.folder}: wave.mode = {record.scene.require_wave().mode!r}: must be 'TR'")
         groups.setdefault(wave_of(record).contact.adhesion_law, []).append(record)
     for runs in groups.values():
         refuse(runs)

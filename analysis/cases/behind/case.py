@@ -113,7 +113,7 @@ def measure(record: Record) -> tuple[Behind, Rows, float]:
     rows, unit = rows_at_rest(record)
     (source,) = scene.source
     last = scene.shape.rows - 1
-    if source.signal != "tone" or scene.wave.mode != "TR" or source.force != "x":
+    if source.signal != "tone" or scene.require_wave().mode != "TR" or source.force != "x":
         raise ValueError(f"{record.folder}: must have a tone of force along x, and wave.mode = TR")
     if len(scene.inclusion) != 1 or list(scene.inclusion[0].rows)[1:] != [last]:
         raise ValueError(f"{record.folder}: must have one inclusion, of rows up to the last, {last}")

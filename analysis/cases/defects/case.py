@@ -135,7 +135,7 @@ def compare(perfect: Record, record: Record) -> Scattering:
     network = [witness(each, tau) for each in (record, perfect)]
     inertia = np.array([1.0, 1.0, contact.inertia])
     incident = np.mean(lammps[1][1] ** 2 @ inertia)  # twice the kinetic energy of a sphere, averaged
-    speed = group_speed(scene.wave.mode, scene.wavenumber, contact)
+    speed = group_speed(scene.require_wave().mode, scene.wavenumber, contact)
     apart, energies = [], []
     for (fields, rates), (fields_without, rates_without) in (lammps, network):
         apart.append((fields - fields_without[:, there])[..., :2])
@@ -152,7 +152,7 @@ def compare(perfect: Record, record: Record) -> Scattering:
         energies[1],
         width_of(tau, energies[0], frequency),
         width_of(tau, energies[1], frequency),
-        None if ratio == 0 else impurity_width(scene.wave.mode, scene.wavenumber, ratio, contact),
+        None if ratio == 0 else impurity_width(scene.require_wave().mode, scene.wavenumber, ratio, contact),
         float(np.abs(apart[0] - apart[1]).max() / np.abs(apart[1]).max()),
     )
 

@@ -104,13 +104,13 @@ def read(records: Iterable[Record]) -> Found:
     for record in records:
         refuse(record)
         scene = record.scene
-        kind = "sound" if scene.wave.mode == "L" else "harmonics"
+        kind = "sound" if scene.require_wave().mode == "L" else "harmonics"
         if not scene.output.particles:
             kind = "contacts"
         elif scene.disorder.density:
             kind = "density"
         kinds[kind].append(record)
-    amplitudes = {record.scene.wave.amplitude for record in kinds["harmonics"]} or {0.0}
+    amplitudes = {record.scene.amplitude for record in kinds["harmonics"]} or {0.0}
     if len(amplitudes) > 1:
         raise ValueError(f"wave.amplitude = {', '.join(map(str, sorted(amplitudes)))}: must be one for all TR waves")
     return Found(

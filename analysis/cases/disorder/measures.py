@@ -73,7 +73,7 @@ def key_of(record: Record) -> Key:
     scene = record.scene
     prestress = scene.sphere.contact_force / scene.sphere.holding_force
     return Key(
-        scene.wave.mode,
+        scene.require_wave().mode,
         round(scene.wavenumber, 6),
         _spread(scene),
         scene.disorder.density,
@@ -130,7 +130,7 @@ def _waves(record: Record, parts: Complexes) -> Waves:
 
 def _frequency(record: Record) -> float:
     """Return Ω of the perfect sheet as velocity Verlet has it, (2/h) arcsin(Ωh/2) with the step h of the run."""
-    name: ModeName = record.scene.wave.mode  # type: ignore[assignment]  # checked by the scene
+    name: ModeName = record.scene.require_wave().mode  # type: ignore[assignment]  # checked by the scene
     frequency = mode(name, record.scene.wavenumber, record.scene.direction, contact_of(record)).frequency
     step = record.scene.time.step
     return float(2 / step * np.arcsin(frequency * step / 2))

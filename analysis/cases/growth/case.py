@@ -103,7 +103,7 @@ def measured(growing: Growing, records: Sequence[Record]) -> float:
     frequency, natural = here.frequencies[growing.branch] * unit, there.frequencies[growing.target] * unit
     amplitude = abs(fitted(tau, wave, [frequency, -frequency])[0])
     rate = abs(fitted(tau, answer, sums(waves, unit, frequency, natural), natural - 2 * frequency, natural)[-1])
-    return float(rate * 2 * np.pi / frequency / amplitude**2 / scene.wave.amplitude)
+    return float(rate * 2 * np.pi / frequency / amplitude**2 / scene.amplitude)
 
 
 def field(moved: Floats, turned: Floats) -> Floats:
@@ -153,8 +153,11 @@ def pairs(records: Sequence[Record]) -> list[tuple[Record, Record]]:
         alike.setdefault(repr(all_but(record, "wave.phase", "name")), []).append(record)
     found = []
     for runs in alike.values():
-        one, *others = sorted(runs, key=lambda each: each.scene.wave.phase)
-        if len(others) != 1 or abs(others[0].scene.wave.phase - one.scene.wave.phase - np.pi) > 1e-9:
+        one, *others = sorted(runs, key=lambda each: each.scene.require_wave().phase)
+        if (
+            len(others) != 1
+            or abs(others[0].scene.require_wave().phase - one.scene.require_wave().phase - np.pi) > 1e-9
+        ):
             raise ValueError(f"{one.folder}: needs one partner whose wave.phase is larger by pi")
         found.append((one, others[0]))
     return found

@@ -66,7 +66,7 @@ def table(found: Measured) -> str:
     for record, (theory, measured) in zip(*found, strict=True):
         share = measured / theory - 1
         worst = max(worst, abs(share))
-        name, xi = record.scene.wave.mode, record.scene.wavenumber
+        name, xi = record.scene.require_wave().mode, record.scene.wavenumber
         lines.append(f"{name:>6}{xi:10.5f}{theory / MEGAHERTZ:14.6f}{measured / MEGAHERTZ:14.6f}{share:11.1e}")
     setting = Setting(found[0][0].scene)
     crystal, vertical = setting.crystal(), closed(setting.crystal()).resonances()

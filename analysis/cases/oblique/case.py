@@ -129,7 +129,7 @@ def points(records: Iterable[Record]) -> list[Point]:
 
 def _point(runs: list[Record]) -> Point:
     scene = runs[0].scene
-    mode, wavenumber, direction = scene.wave.mode, scene.wavenumber, scene.direction
+    mode, wavenumber, direction = scene.require_wave().mode, scene.wavenumber, scene.direction
     (tau, wave), *coarse = (second_harmonic(record) for record in runs)
     for times, rougher in coarse:
         if len(times) != len(tau):
@@ -161,7 +161,7 @@ def draw(runs: Measured) -> Figure:
     names = [name for name in ("TR", "RT", "L") if any(each.mode == name for each in made)]
     figure = Figure(figsize=(1.2 + 3.4 * len(names), 6.0), layout="constrained")
     panels = figure.subplots(2, len(names), sharex=True, sharey="row", squeeze=False, height_ratios=(2, 1))
-    amplitude, wavenumber = records[0].scene.wave.amplitude, float(np.mean([each.wavenumber for each in made]))
+    amplitude, wavenumber = records[0].scene.amplitude, float(np.mean([each.wavenumber for each in made]))
     lowest, highest = (limit(each.error for each in made) for limit in (min, max))
     for name, above, below in zip(names, *panels, strict=True):
         these = [each for each in made if each.mode == name]
@@ -188,7 +188,7 @@ def draw(runs: Measured) -> Figure:
 
 def _wave(records: Sequence[Record], name: str) -> Wave:
     """Return the wave of the first oblique run of a mode: along an axis an L wave runs without rotation."""
-    these = [wave_of(record) for record in records if record.scene.wave.mode == name]
+    these = [wave_of(record) for record in records if record.scene.require_wave().mode == name]
     return next((wave for wave in these if wave.contact.rotation), these[0])
 
 

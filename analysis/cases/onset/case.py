@@ -44,13 +44,13 @@ Measured = tuple[Sequence[Record], Sequence[Point]]  # runs, and the onsets in t
 
 def form_of(record: Record) -> str:
     """Return the form of a wave: running, standing, or a pulse."""
-    return "pulse" if record.scene.envelope.finite else record.scene.wave.form
+    return "pulse" if record.scene.envelope.finite else record.scene.form.name
 
 
 def waves(records: Sequence[Record]) -> dict[tuple[str, float, float], list[Record]]:
     """Return the runs without sliding by form, Poisson's ratio and wave number, each by amplitude."""
     groups: dict[tuple[str, float, float], list[Record]] = defaultdict(list)
-    for record in sorted(records, key=lambda each: each.scene.wave.amplitude):
+    for record in sorted(records, key=lambda each: each.scene.amplitude):
         if not record.info["effects"]["sliding"]["on"]:
             groups[form_of(record), record.scene.sphere.poisson_ratio, record.scene.wavenumber].append(record)
     return dict(sorted(groups.items()))
@@ -122,7 +122,7 @@ def _beyond(axes: Axes, records: Sequence[Record]) -> None:
     """Draw the largest |p| of one running wave over its amplitude, before contacts open and after."""
     groups = {wave: runs for wave, runs in waves(records).items() if wave[0] == "running"}
     wave = min(groups, key=lambda each: (abs(each[2] - SHOWN), abs(each[1] - SILICA)))
-    amplitudes = np.array([run.scene.wave.amplitude for run in groups[wave]])
+    amplitudes = np.array([run.scene.amplitude for run in groups[wave]])
     largest = np.array([np.abs(run.p).max() for run in groups[wave]]) / amplitudes
     opened = np.array([run.info["guards"]["open_contacts"]["passed_at"] is not None for run in groups[wave]])
     axes.semilogy(amplitudes, largest, color="black", linewidth=0.8)
@@ -152,7 +152,7 @@ def _frictions(axes: Axes, records: Sequence[Record]) -> None:
     largest = [np.abs(run.p).max() for run in runs]
     axes.semilogx(frictions, largest, "o-", markersize=4, linewidth=0.8, color="black", label=r"$\max|p|$")
     scene = runs[0].scene
-    axes.set_title(rf"(d) contacts that slide, $a$ = {scene.wave.amplitude:g}, $\xi$ = {scene.wavenumber:.3f}")
+    axes.set_title(rf"(d) contacts that slide, $a$ = {scene.amplitude:g}, $\xi$ = {scene.wavenumber:.3f}")
     axes.legend(frameon=False, fontsize=8)
 
 

@@ -46,8 +46,8 @@ def onset(records: Sequence[Record], event: Event) -> Onset | None:
         If contacts slide in a run or bear no shear, runs differ in more or have one amplitude, or the first has the
         event already.
     """
-    ordered = sorted(records, key=lambda record: record.scene.wave.amplitude)
-    amplitudes = np.array([record.scene.wave.amplitude for record in ordered])
+    ordered = sorted(records, key=lambda record: record.scene.amplitude)
+    amplitudes = np.array([record.scene.amplitude for record in ordered])
     if np.any(np.diff(amplitudes) == 0):
         raise ValueError(f"{ordered[0].folder}: two runs have one amplitude; they must differ in the amplitude alone")
     if len({repr(all_but(record, "wave.amplitude")) for record in ordered}) > 1:

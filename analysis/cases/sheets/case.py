@@ -98,7 +98,7 @@ def compare(record: Record) -> Comparison:
     orders = second_order(Cell.of(first.network), start[0], start[1], since, step)
     linear, second = (each.reshape(fields.shape) / first.length for each in orders)
     wavevector = carrier(sheet, fields[0], rate)
-    return Comparison(sheet, record.scene.wave.amplitude, wavevector, tau, fields, linear, second)
+    return Comparison(sheet, record.scene.amplitude, wavevector, tau, fields, linear, second)
 
 
 def refuse(record: Record) -> None:

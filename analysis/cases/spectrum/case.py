@@ -52,7 +52,7 @@ def refuse(records: Sequence[Record]) -> None:
     first: dict[str, tuple[Record, Contact]] = {}
     for record in records:
         here = wave_of(record).contact
-        other, there = first.setdefault(record.scene.wave.mode, (record, here))
+        other, there = first.setdefault(record.scene.require_wave().mode, (record, here))
         for part in fields(here):
             mine, its = getattr(here, part.name), getattr(there, part.name)
             if mine != its:
@@ -79,7 +79,7 @@ def table(found: Measured) -> str:
         lines.append(f"\n{'':13}{'D0/Delta0':>10}{'from the runs':>21}{'theory':>12}{'difference':>12}")
         zero, pole = partial(antiresonance, contact), partial(resonance, contact)
     for amplitude in amplitudes:
-        runs = [record for record in records if record.scene.wave.amplitude == amplitude]
+        runs = [record for record in records if record.scene.amplitude == amplitude]
         these = family(points, "TR", amplitude)
         lines.append(_located("resonance", amplitude, locate_resonance, runs, pole))
         lines.append(_located("antiresonance", amplitude, locate_antiresonance, these, zero))
@@ -117,7 +117,7 @@ def family(points: Sequence[Point], mode: str, amplitude: float) -> list[Point]:
 
 def _wave(records: Sequence[Record], name: str) -> Wave:
     """Return the wave of the first run of a mode; L runs have other constants than TR, as no sphere turns in them."""
-    return wave_of(next(record for record in records if record.scene.wave.mode == name))
+    return wave_of(next(record for record in records if record.scene.require_wave().mode == name))
 
 
 def draw(found: Measured) -> Figure:

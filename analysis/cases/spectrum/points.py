@@ -100,7 +100,7 @@ def pair(frequency: float, tau: Floats) -> list[Floats]:
 
 def columns(record: Record, frequencies: Frequencies) -> list[Floats]:
     """Return time functions of p: S, then the free waves; for L the fundamental and its slow drift, of order a²τ."""
-    fundamental = pair(frequencies.fundamental, record.tau) if record.scene.wave.mode == "L" else []
+    fundamental = pair(frequencies.fundamental, record.tau) if record.scene.require_wave().mode == "L" else []
     drift = [record.tau * each for each in fundamental]
     return [response(record.tau, frequencies), *pair(frequencies.free, record.tau), *fundamental, *drift]
 
@@ -194,7 +194,7 @@ def locate_resonance(records: Iterable[Record]) -> tuple[float, float]:
     Of the runs around the one with the largest p; Ω and w̃ too are those of the runs, because the dispersion relation
     would bring its own resonance with it. Raises ValueError as `crossing`, and without TR runs.
     """
-    tr = sorted((r for r in records if r.scene.wave.mode == "TR"), key=lambda record: record.scene.wavenumber)
+    tr = sorted((r for r in records if r.scene.require_wave().mode == "TR"), key=lambda record: record.scene.wavenumber)
     loudest = int(np.argmax([np.mean(record.p**2) for record in tr]))
     if loudest in (0, len(tr) - 1):
         raise ValueError(f"p is largest at the end of the TR runs, xi = {tr[loudest].scene.wavenumber:.5g}")
@@ -228,8 +228,8 @@ def _one(fine: Record, coarse: Record | None = None) -> Record:
 
 def refusal(record: Record) -> str | None:
     """Return the reason why a run is not one of the spectrum's, or None."""
-    if record.scene.wave.phase:
-        return f"wave.phase = {record.scene.wave.phase!r}: the amplitude has its sign at phase 0 only"
+    if record.scene.require_wave().phase:
+        return f"wave.phase = {record.scene.require_wave().phase!r}: the amplitude has its sign at phase 0 only"
     left_out = sorted(traits_of(record) - HELD)
     if OBLIQUE in left_out:
         return "its wave is not along y, as those of the closed form are; granular-analysis oblique takes it"

@@ -142,7 +142,7 @@ def compare(record: Record) -> Tones:
         at = first + sign * second
         made = in_plane(pair_of(both[0], both[1], sign, contact).forced())[1]
         product = sent[0] * (sent[1] if sign > 0 else sent[1].conjugate())
-        theory, forced = complex(made * product * scene.wave.amplitude), xi[0] - sign * xi[1]
+        theory, forced = complex(made * product * scene.amplitude), xi[0] - sign * xi[1]
         frequency = abs(at)
         if at < 0:  # the same field with a positive frequency
             theory, forced = theory.conjugate(), -forced

@@ -123,7 +123,7 @@ def even_parts(runs: Iterable[Record]) -> Complexes:
         seeds[record.scene.disorder.seed].append(record)
     parts = []
     for seed, pair in sorted(seeds.items()):
-        signs = sorted(np.cos(run.scene.wave.phase) for run in pair)
+        signs = sorted(np.cos(run.scene.require_wave().phase) for run in pair)
         if len(pair) != 2 or not np.allclose(signs, [-1, 1], atol=1e-9):
             raise ValueError(f"{pair[0].folder}: seed {seed} needs two runs, with wave.phase = 0 and pi")
         fields = [run.snapshots().stack("displacement") for run in pair]

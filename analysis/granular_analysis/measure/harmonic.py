@@ -121,7 +121,7 @@ def by_theory(scene: Scene, tau: ArrayLike) -> Harmonic:
     """
     times = np.asarray(tau, dtype=float)
     amplitudes, off = Setting(scene).harmonic(times)
-    return Harmonic("theory", scene, times, amplitudes, _next_order(scene.wave.amplitude**2 + off, amplitudes))
+    return Harmonic("theory", scene, times, amplitudes, _next_order(scene.amplitude**2 + off, amplitudes))
 
 
 def by_cell(record: Record, tau: ArrayLike | None = None) -> Harmonic:
@@ -145,7 +145,7 @@ def by_cell(record: Record, tau: ArrayLike | None = None) -> Harmonic:
     uniform = reached(lattice.bonds.law, lattice.bonds.strain(mode.shape, mode.wavevector))
     farther = found.reached.strength / uniform.strength
     off = turned(lattice, (mode,), times * record.scene.sphere.time_scale)
-    share = max(record.scene.wave.amplitude, found.reached.opening) ** 2 + 2 * farther * off
+    share = max(record.scene.amplitude, found.reached.opening) ** 2 + 2 * farther * off
     return Harmonic("cell", record.scene, times, amplitudes, _next_order(share, amplitudes))
 
 
@@ -177,7 +177,7 @@ def by_runs(records: Sequence[Record]) -> Harmonic:
     if len({repr(all_but(record, "wave.phase")) for record in records}) > 1:
         raise ValueError("the runs differ in more than wave.phase")
     places, k = _places(records[0], first_snapshot(records[0]))
-    phases = np.array([record.scene.wave.phase for record in records])
+    phases = np.array([record.scene.require_wave().phase for record in records])
     found = [project(places, record.snapshots().stack("displacement"), k.tolist()).amplitudes[1] for record in records]
     amplitudes, errors = over_phases(phases - phases[0], np.array(found))
     return Harmonic("runs", records[0].scene, records[0].snapshots().tau, amplitudes, errors)

@@ -126,7 +126,7 @@ def _driven_row(scene: Scene, network: Network, scales: Scales) -> Drive:
     return Drive(
         row,
         1 if along else 0,
-        _scaled(signals.tone(frequency, envelope.ramp, scene.wave.phase), scales.length, scales.time),
+        _scaled(signals.tone(frequency, envelope.ramp, scene.require_wave().phase), scales.length, scales.time),
         moves=True,
         longest=scales.time / frequency,
         size=scales.length,

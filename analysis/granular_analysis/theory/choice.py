@@ -135,12 +135,12 @@ def wave_of(record: Record) -> Wave:
     if unknown:
         raise TheoryError(f"no theory here holds {', '.join(sorted(unknown))}")
     scene, contact = record.scene, contact_of(record)
-    name: ModeName = scene.wave.mode  # type: ignore[assignment]  # checked by the scene
+    name: ModeName = scene.require_wave().mode  # type: ignore[assignment]  # checked by the scene
     # A branch of several spheres a cell, which no theory of a plane wave holds, is known by its number alone
     other = catalogue.said("wave.mode", name) in catalogue.BRANCHES | catalogue.IN_SPACE
     named: ModeName = "L" if other else name
     linear = replace(mode(named, scene.wavenumber, direction_of(record), contact), name=name)
-    return Wave(linear, scene.wave.amplitude, contact, scene.wave.phase, others_of(record))
+    return Wave(linear, scene.amplitude, contact, scene.require_wave().phase, others_of(record))
 
 
 def traits(wave: Wave) -> frozenset[str]:

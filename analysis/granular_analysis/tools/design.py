@@ -173,7 +173,7 @@ class Question:
             return heavy_rows(contact, masses.tolist()), np.array(changes)
 
         rows(np.array(self.bounds)[:, 0])  # Tells what is not held, which looking for the best values does not
-        return Passing(rows, float(setting.mode().frequency) * scene.sphere.time_scale, scene.wave.mode)
+        return Passing(rows, float(setting.mode().frequency) * scene.sphere.time_scale, scene.require_wave().mode)
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,12 +98,12 @@ def columns(found: Harmonic) -> dict[str, np.ndarray]:
 def summary(found: Harmonic) -> dict[str, Any]:
     """Return the plain values, as the JSON holds them; None for an error that is unknown."""
     scene = found.scene
-    wave = {"mode": scene.wave.mode, "wavenumber": scene.wavenumber, "direction": scene.direction}
+    wave = {"mode": scene.require_wave().mode, "wavenumber": scene.wavenumber, "direction": scene.direction}
     strengths = {
         way: {"strength": float(value), "error": None if np.isnan(error) else float(error)}
         for way, value, error in zip(WAYS, found.strength, found.strength_error, strict=True)
     }
-    return {"name": scene.name, "by": found.by} | wave | {"amplitude": scene.wave.amplitude} | strengths
+    return {"name": scene.name, "by": found.by} | wave | {"amplitude": scene.amplitude} | strengths
 
 
 def table(found: Harmonic) -> str:

@@ -79,8 +79,8 @@ def table(found: Sequence[Row], several: bool) -> str:
 
 def outlook(setting: Setting, crystal: Crystal) -> str:
     """Return how far second order holds for the wave of the scene."""
-    scene, a = setting.scene, setting.scene.wave.amplitude
-    said = f"{scene.wave.mode} at xi = {scene.wavenumber:.6g}, a = {a:g}: contacts "
+    scene, a = setting.scene, setting.scene.amplitude
+    said = f"{scene.require_wave().mode} at xi = {scene.wavenumber:.6g}, a = {a:g}: contacts "
     if len(crystal) > 1:
         _, waves = setting.start()
         far, periods = together(crystal, waves), 20 * np.pi / max(each.frequency for each in waves)
