@@ -129,7 +129,7 @@ class Derived(Declaration):
 
     @cached_property
     def form(self) -> Form:
-        """How the wave begins; that of a crystal at rest without a wave too."""
+        """Form of the wave; "none" without a wave too."""
         return NO_WAVE if self.wave is None else self.wave.known
 
     @cached_property

@@ -27,7 +27,7 @@ from granular_lmp.scene.schema import (
 
 @dataclass(frozen=True)
 class Layout:
-    """What a kind of document holds.
+    """Tables and keys of a kind of document.
 
     Attributes
     ----------
