@@ -284,7 +284,7 @@ class Derived(Declaration):
         along = "" if self.along == "y" else f" along {self.along}"
         return f"{self._shaken}{self.wave.words} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
 
-    @property
+    @cached_property
     def struck(self) -> bool:
         """True if strikers or a state move spheres at the beginning, beside the wave."""
         return bool(self.striker or self.start.moves)

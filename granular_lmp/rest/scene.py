@@ -25,7 +25,7 @@ from granular_lmp.crystal.lattices import QUIET
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.errors import SceneError
-from granular_lmp.frozen import dataclass
+from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.rest.derived import Derived
 from granular_lmp.rest.frequency import with_placeholder, without_wavevector
 from granular_lmp.rest.refusals import refuse
@@ -227,7 +227,7 @@ class Scene(HasCard, Derived):
         refuse_step_beside_tolerance(tables)
         return with_placeholder(without_wavevector(super()._completed(_with_quiet_rows(tables))))
 
-    @property
+    @cached_property
     def _variant(self) -> str:
         return WAVE if self.wave is not None else HELD if self.held_at_rest else NOT_HELD
 
