@@ -1,6 +1,6 @@
 """LAMMPS unit styles, chosen by the size of the spheres so that the numbers of a deck stay near 1, or its own units."""
 
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,32 +8,6 @@ from numpy.typing import NDArray
 from granular_lmp.frozen import dataclass
 
 Value = TypeVar("Value", float, NDArray[np.float64])
-
-
-class AnyUnits(Protocol):
-    """Units of a deck: `style` is the argument of the command ``units``, `names` and `title` are words for comments.
-
-    `own` is true if they are those of the scene, in which t0 is 1.
-    """
-
-    @property
-    def own(self) -> bool:
-        """Whether t0 is 1."""
-
-    @property
-    def style(self) -> str:
-        """Argument of the command ``units``."""
-
-    @property
-    def names(self) -> str:
-        """Names of the units, as a deck says them."""
-
-    @property
-    def title(self) -> str:
-        """Title of the block of units in a deck."""
-
-    def number(self, value: Value, *, mass: int = 0, length: int = 0, time: int = 0) -> Value:
-        """Return an SI quantity of dimension kg^mass m^length s^time in these units."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +22,8 @@ class Units:
         Exponents of ten in kg, m, s.
     names : str
         Names of the units, for the comment in the deck.
+    own : bool
+        True if they are those of the scene, in which t0 is 1.
     """
 
     style: str
@@ -81,27 +57,17 @@ class OwnUnits:
     mass: float
     length: float
     time: float
+    style: str = "lj"
+    names: str = "lengths in radii, masses in m"
+    title: str = "lengths in radii, masses in m"
     own: bool = True
-
-    @property
-    def style(self) -> str:
-        """Argument of the command ``units``."""
-        return "lj"
-
-    @property
-    def names(self) -> str:
-        """Units in words."""
-        return "lengths in radii, masses in m"
-
-    @property
-    def title(self) -> str:
-        """Units in words, for a title."""
-        return self.names
 
     def number(self, value: Value, *, mass: int = 0, length: int = 0, time: int = 0) -> Value:
         """Return an SI quantity, a number or an array, of dimension kg^mass m^length s^time in these units."""
         return value / (self.mass**mass * self.length**length * self.time**time)
 
+
+AnyUnits = Units | OwnUnits
 
 NANO = Units("nano", -21, -9, -9, "ag, nm, ns, MPa, mJ/m2")
 MICRO = Units("micro", -15, -6, -6, "pg, um, us, kPa, mJ/m2")

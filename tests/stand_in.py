@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -106,8 +105,7 @@ def run_of_rows(
         return SimpleNamespace(tau=tau, stacks=lambda *names: [fields[name] for name in names])
 
     scene = Changed(
-        PAPER,
-        wave=replace(PAPER.wave, amplitude=AMPLITUDE, **wave),
+        PAPER.with_values({f"wave.{key}": value for key, value in {"amplitude": AMPLITUDE, **wave}.items()}),
         wavenumber=wavenumber,
         envelope=envelope or Envelope(),
         shape=SimpleNamespace(rows=rows, columns=COLUMNS, ends=ends, centre_row=(rows - 1) // 2),

@@ -30,7 +30,7 @@ from typing import Any
 
 CASES = Path(__file__).parent
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*(?:e[-+]?\d+)?|nan|inf)(?![\w.])")
-PROGRAMS = {"granular-lmp": ["-P", "-m", "granular_lmp"], "python": []}  # -P: nothing of the folder is imported
+PROGRAMS = {"granular-lmp": ["-P", "-m", "granular_lmp"]}  # -P: nothing of the folder is imported
 CONTINUED = ("sweep", "cost")  # commands that keep what is finished in a folder; others begin again
 
 
@@ -217,7 +217,7 @@ def main(argv: list[str] | None = None) -> int:
         cases = [Case.load(name) for name in chosen.cases]
     except ValueError as error:
         parser.error(str(error))
-    if chosen.list:
+    if chosen.list or not cases:
         print("\n".join(line for each in cases for line in recipe(each)) or listing())
         return 0
     return max(map(partial(_play, chosen), cases), default=0)

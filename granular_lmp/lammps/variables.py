@@ -63,7 +63,6 @@ def variables(problem: Problem) -> list[str]:
         *(f"variable {key:{width}} index {value}" for key, value in files.items()),
         *(_snapshots(problem) if wave else []),
         f"variable checkpoint index {checkpoint_steps(problem)}  # steps between checkpoints, here for one core",
-        f"variable {'marked':{width}} index unmarked  # empty group whose name identifies the scene in a checkpoint",
         *([_refusal(), f'print "{_said(problem)}"'] if wave else []),
         *(clock(problem) if problem.units.own else []),
     ]

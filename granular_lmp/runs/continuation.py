@@ -1,8 +1,4 @@
-"""Continuation of a stopped run: how it was started, the scene that it had, and a whole checkpoint of it.
-
-A checkpoint names the scene that it is of: LAMMPS writes the names of groups into it, and the deck makes an empty one
-whose name the run gives it (`mark`). It outlives the process of the run, however that ends.
-"""
+"""Continuation of a stopped run: how it was started, the scene that it had, and a whole checkpoint of it."""
 
 from pathlib import Path
 from shlex import quote
@@ -11,14 +7,12 @@ from typing import Any
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, STATUS
-from granular_lmp.runs.folder import refuse_links
 from granular_lmp.runs.formats import FORMAT, format_of
 from granular_lmp.runs.manifest import triggered
 from granular_lmp.runs.seal import refuse_changed, refuse_other_scene
 from granular_lmp.runs.status import read_status
 
 _NOT_SAID = f"{STATUS} does not say how the run was started; repeat it with force=True"
-_HEAD = 1 << 20  # bytes; names of groups stand among the first thousands
 _MARK = b"LammpS RestartT\0"  # LAMMPS writes it at the beginning and the end of a restart file (lmprestart.h)
 
 
@@ -28,8 +22,8 @@ def read_unfinished(folder: Path) -> dict[str, Any]:
     Raises
     ------
     RunFolderError
-        If it is finished, or failed by a guard, its scene or another file changed, ``run.json`` does not say how it was
-        started, or a file of the run is a link.
+        If it is finished, or failed by a guard, its scene or another file changed, or ``run.json`` does not say how it
+        was started.
     """
     info = read_status(folder)
     if info["status"] == "finished":
@@ -41,7 +35,6 @@ def read_unfinished(folder: Path) -> dict[str, Any]:
     if not {"launcher", "ranks"} <= set(info):
         raise RunFolderError(f"{folder}: {_NOT_SAID}")
     refuse_other_scene(folder, info)
-    refuse_links(folder)
     refuse_changed(folder, info)
     return info
 
@@ -64,29 +57,18 @@ def read_start(folder: Path) -> dict[str, Any]:
     return info
 
 
-def last_checkpoint(folder: Path, info: dict[str, Any], dump: str) -> Path:
-    """Return the newest whole checkpoint of a run, of which `info` is ``run.json`` and `dump` the record.
+def last_checkpoint(folder: Path, dump: str) -> Path:
+    """Return the newest whole checkpoint of a run, of which `dump` is the record.
 
     Raises
     ------
     RunFolderError
-        If the run was stopped before its first checkpoint, or one is of the run of another scene.
+        If the run was stopped before its first checkpoint.
     """
     checkpoints = whole_checkpoints(folder)
     if not checkpoints or not (folder / dump).is_file():
         raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with force=True")
-    for checkpoint in checkpoints:
-        with checkpoint.open("rb") as stream:
-            if mark(info["scene_sha256"]).encode() not in stream.read(_HEAD):
-                raise RunFolderError(
-                    f"{checkpoint}: is not of the scene of this run; put its own there, or run it again with force=True"
-                )
     return max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
-
-
-def mark(digest: str) -> str:
-    """Return the name of the group by which a checkpoint tells of which scene it is, from the scene's digest."""
-    return f"of_{digest}"
 
 
 def how_to_continue(folder: Path) -> str:

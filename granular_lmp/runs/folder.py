@@ -32,7 +32,7 @@ from granular_lmp.lammps.outputs import (
 from granular_lmp.scene.files import file_text, toml_tables
 from granular_lmp.scene.schema import NAME_PATTERN, checked_name, shown
 
-# Files that a run, a kicked sheet, a collision, or a comparison with theory writes beside its deck
+# Files that a run, a kicked sheet of release 0.2, a collision, or a comparison with theory writes beside its deck
 _FILES = (
     *(SCENE, STATUS, LOG, DUMP, SNAPSHOTS, CONTACTS, UNWAVED_CONTACTS, "trajectory.csv", *CHECKPOINTS),
     *("dump.everything", "dump.everything.bin"),
@@ -170,21 +170,6 @@ def written_files(folder: Path) -> list[str]:
     inners, own = [*folder.iterdir()], _own_names(folder) - _PASSING
     names = sorted(inner.name for inner in inners if inner.name in own and inner.is_file())
     return names + sorted(f"{part.name}/{STATUS}" for part in inners if _is_part(part) and (part / STATUS).is_file())
-
-
-def refuse_links(folder: Path) -> None:
-    """Raise RunFolderError if a file that a run wrote, or the folder of one of its steps, is a link or no plain file.
-
-    To continue the run would write through it.
-    """
-    written = _own_names(folder)
-    for inner in folder.iterdir():
-        plain = inner.is_file() if inner.name in written else inner.is_dir() or not _is_part(inner)
-        if (inner.name in written or _is_part(inner)) and (inner.is_symlink() or not plain):
-            raise RunFolderError(
-                f"{inner}: is a link, or no plain file, and a run writes into its own folder only; put its file there, "
-                "or remove the link"
-            )
 
 
 def _is_part(path: Path) -> bool:

@@ -24,7 +24,7 @@ from granular_lmp.lammps.outputs import (
     writable,
     write_files,
 )
-from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, mark, read_start
+from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, read_start
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.manifest import triggered, wall_seconds
 from granular_lmp.runs.options import Options, Progress, options_of
@@ -90,7 +90,7 @@ def proceed(of: Callable[[Path, bool], Simulation], folder: Path, progress: Prog
         with phase("build"):
             simulation = of(folder, "kernel" in info)
         _refuse_other_columns(folder, simulation)
-        last = last_checkpoint(folder, info, simulation.dump)
+        last = last_checkpoint(folder, simulation.dump)
         options = replace(options_of(folder, info), progress=progress)
         route = route_of(options)
         name = f"{simulation.input_name}.resume"
@@ -120,12 +120,12 @@ def _columns(deck: str) -> str:
 def _job(
     simulation: Simulation, folder: Path, name: str, log: str, lock: int, options: Options, info: dict[str, Any]
 ) -> Job:
-    """Return the job of an input: its deck is told the mark of its checkpoints, and their interval on ranks."""
+    """Return the job of an input: its deck is told the interval of checkpoints on ranks."""
     progress, steps = options.progress, simulation.steps
     report = (lambda step: progress(min(step, steps), steps)) if progress else (lambda _: None)
-    variables: tuple[str, ...] = ("-var", "marked", mark(info["scene_sha256"]))
+    variables: tuple[str, ...] = ()
     if info["ranks"] > 1:
-        variables += ("-var", "checkpoint", str(simulation.checkpoint_steps(info["ranks"])))
+        variables = ("-var", "checkpoint", str(simulation.checkpoint_steps(info["ranks"])))
     return Job(folder, name, log, lock, report, simulation.looks, variables)
 
 

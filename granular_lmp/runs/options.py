@@ -8,10 +8,11 @@ from typing import Any
 from granular_lmp.errors import LaunchError
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.outputs import STATUS
-from granular_lmp.runs.fields import LAUNCHERS
 from granular_lmp.scene.schema import plain_value
 
 Progress = Callable[[int, int], None]
+
+LAUNCHERS = ("module", "lmp")
 
 
 @dataclass(frozen=True)

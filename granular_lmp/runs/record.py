@@ -25,7 +25,7 @@ from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene as Scene
 from granular_lmp.runs import energy, tables
 from granular_lmp.runs.formats import is_one_column, scene_of
-from granular_lmp.runs.seal import refuse_changed, refuse_other_extrapolation, refuse_other_scene
+from granular_lmp.runs.seal import refuse_changed, refuse_other_scene
 from granular_lmp.runs.status import STATUS as STATUS
 from granular_lmp.runs.status import read_status as read_status
 from granular_lmp.runs.status import write_status as write_status
@@ -166,8 +166,7 @@ class Record(HasCard):
     def _of_trajectory(cls, folder: Path, scene: Scene, info: dict[str, Any], *, whole: bool) -> Self:
         """Return the record of a run folder with a trajectory; `whole` if ``run.json`` says how long it is."""
         samples = info.get("samples", 0) if whole else None
-        text, columns = tables.read_trajectory(folder / TRAJECTORY, header_of(scene), samples)
-        refuse_other_extrapolation(folder / TRAJECTORY, text, info)
+        columns = tables.read_trajectory(folder / TRAJECTORY, header_of(scene), samples)
         return cls(columns.pop("tau"), columns, scene, info, folder)
 
     @classmethod

@@ -39,15 +39,6 @@ def refuse_other_scene(folder: Path, info: dict[str, Any]) -> None:
         raise RunFolderError(f"{folder}: {SCENE} was changed since the run began; put it back, or run with force=True")
 
 
-def refuse_other_extrapolation(path: Path, text: str, info: dict[str, Any]) -> None:
-    """Raise RunFolderError if ``trajectory.csv`` is not the extrapolation whose digest ``run.json`` holds.
-
-    Only a run with a tolerance of format 1 has that digest; a later one lists all files (`granular_lmp.runs.seal`).
-    """
-    if info.get("trajectory_sha256") not in (None, scene_digest(text)):
-        raise RunFolderError(f"{path}: was changed since its runs ended; put it back, or run with force=True")
-
-
 def files_of(folder: Path, *, stopped: bool = False) -> dict[str, dict[str, Any]]:
     """Return ``files`` of ``run.json``: of each file of a run, which may be `stopped`, its name, size and SHA-256."""
     checkpoints = [name for name in CHECKPOINTS if stopped and (folder / name).is_file()]

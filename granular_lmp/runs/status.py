@@ -10,7 +10,6 @@ from typing import Any
 from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.lammps.outputs import STATUS as STATUS
 from granular_lmp.lammps.outputs import replace_text, writable
-from granular_lmp.runs.fields import refuse_malformed
 from granular_lmp.runs.folder import is_held
 from granular_lmp.runs.formats import as_today, format_of
 
@@ -49,7 +48,8 @@ def _status(folder: Path, changed: bool) -> dict[str, Any]:
         raise RunFolderError(f"{path}: must hold a JSON object")
     try:
         number = format_of(info)
-        refuse_malformed(info)
+        if "status" not in info:
+            raise ValueError("status: missing key")
     except ValueError as error:
         raise RunFolderError(f"{path}: {error}") from error
     sealed = info.pop(SEAL, None)

@@ -175,8 +175,8 @@ def write_csv(named: Columns, path: Path) -> None:
     replace_text(path, csv_text(named, zip(*(values.tolist() for values in named.values()), strict=True)))
 
 
-def read_trajectory(path: Path, header: list[str], samples: int | None) -> tuple[str, dict[str, NDArray[np.float64]]]:
-    """Return the text and the columns of a table over tau; `samples` is the number of its lines, if that is known.
+def read_trajectory(path: Path, header: list[str], samples: int | None) -> dict[str, NDArray[np.float64]]:
+    """Return the columns of a table over tau; `samples` is the number of its lines, if that is known.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def read_trajectory(path: Path, header: list[str], samples: int | None) -> tuple
             raise ValueError(f"{len(tau)} records, and {STATUS} says {samples}")
     except (OSError, ValueError, IndexError, csv.Error) as error:
         raise RunFolderError(f"{path}: cannot be read: {one_line(error)}") from error
-    return text, dict(zip(header, columns, strict=True))
+    return dict(zip(header, columns, strict=True))
 
 
 def to_pandas(record: Any) -> Any:

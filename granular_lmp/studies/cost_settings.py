@@ -6,14 +6,13 @@ other values are those of the scene, and many settings share its run.
 
 from typing import Any
 
-from granular_lmp.accuracy.ladder import build, sphere_steps
+from granular_lmp.accuracy.ladder import build
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.errors import GranularError, SceneError
-from granular_lmp.frozen import cached_property, dataclass
+from granular_lmp.frozen import dataclass
 from granular_lmp.problem import prepare
 from granular_lmp.rest.linear import starts_along_y
 from granular_lmp.rest.scene import Scene
-from granular_lmp.studies.sweep_points import scene_hash
 
 REFERENCE = "reference"
 HALVINGS = 5  # a single run halves the longest stable step at most five times
@@ -21,23 +20,6 @@ COLUMN_COUNTS = (3, 8, 20, 100)
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
 Changes = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Run:
-    """One run of a scene."""
-
-    scene: Scene
-
-    @cached_property
-    def name(self) -> str:
-        """Name of the folder of the run."""
-        return scene_hash(self.scene)
-
-    @cached_property
-    def work(self) -> float:
-        """Spheres times steps."""
-        return sphere_steps(self.scene)
 
 
 @dataclass(frozen=True)
@@ -50,7 +32,7 @@ class Setting:
         Name of its group.
     name : str
         Name in the group.
-    runs : tuple of Run
+    runs : tuple of Scene
         A run, or several, each with half the step of the one before, of which the last two are extrapolated.
     options : str or None
         Options of ``granular-lmp run`` that give this setting of the declared scene; None if it is not one run.
@@ -58,7 +40,7 @@ class Setting:
 
     knob: str
     name: str
-    runs: tuple[Run, ...]
+    runs: tuple[Scene, ...]
     options: str | None
 
 
@@ -83,18 +65,15 @@ def base(scene: Scene) -> Scene:
     return scene.with_values({"wave.wavenumber": scene.wavenumber, "output.particles": 0.0})
 
 
-def reference(scene: Scene) -> Setting:
-    """Return the reference of all settings: three runs with steps finer than those of the time-step settings.
-
-    The two finer runs are extrapolated; the extrapolation of the two coarser ones gives the error of the reference.
-    """
-    step = _steps(scene)[-1] / 2
-    return _setting(scene, REFERENCE, f"{step:.3g} + half + quarter", [_stepped(step / 2**k) for k in range(3)])
-
-
 def settings(scene: Scene) -> tuple[list[Setting], dict[str, str]]:
-    """Return all settings of a scene from `base`, and the names of those that it excludes with the reason."""
-    made, refused = [], {}
+    """Return all settings of a scene from `base`, and the names of those that it excludes with the reason.
+
+    The first is the reference of all others: three runs with steps finer than theirs, of which the two finer ones are
+    extrapolated; the extrapolation of the two coarser ones gives the error of the reference.
+    """
+    step = steps(scene)[-1] / 2
+    fine = [_stepped(step / 2**k) for k in range(3)]
+    made, refused = [_setting(scene, REFERENCE, f"{step:.3g} + half + quarter", fine)], {}
     for knob, group in groups(scene).items():
         for name, changes in group.items():
             try:
@@ -109,7 +88,7 @@ def groups(scene: Scene) -> dict[str, dict[str, list[Changes]]]:
 
     Only an endless perfect crystal may change its size, since another size would draw other spheres in any other.
     """
-    steps, fewest, sizes = _steps(scene), Changes(), dict[str, dict[str, list[Changes]]]()
+    single, fewest, sizes = steps(scene), Changes(), dict[str, dict[str, list[Changes]]]()
     if scene.wave is not None and scene.perfect and scene.shape.infinite:
         few = {"packing.rows": "auto"}
         # A periodic cell keeps its rows, which fix the wavenumber
@@ -122,31 +101,31 @@ def groups(scene: Scene) -> dict[str, dict[str, list[Changes]]]:
             "rows auto, periodic": [few | {"packing.ends": "periodic"}],
         }
     return {
-        "time step": {f"{step:.4g}": [_stepped(step)] for step in steps},
-        "Richardson pair": {f"{h:.4g} + {h / 2:.4g}": [_stepped(h), _stepped(h / 2)] for h in steps[:-1]},
+        "time step": {f"{step:.4g}": [_stepped(step)] for step in single},
+        "Richardson pair": {f"{h:.4g} + {h / 2:.4g}": [_stepped(h), _stepped(h / 2)] for h in single[:-1]},
         "tolerance, strip": {f"{each:.0e}": [fewest | {"time.tolerance": each}] for each in TOLERANCES},
         **sizes,
     }
 
 
-def _stepped(step: float) -> Changes:
-    return {"time.timestep": step}
-
-
-def _steps(scene: Scene) -> list[float]:
+def steps(scene: Scene) -> list[float]:
     """Return the longest step that the scene allows and that fits a sample, and its halves, τ."""
     rules = prepare(scene).rest.step_rules()
     longest = scene.time.sample / (int(scene.time.sample / min(rule.longest for rule in rules)) + 1)
     return [longest / 2**k for k in range(HALVINGS + 1)]
 
 
+def _stepped(step: float) -> Changes:
+    return {"time.timestep": step}
+
+
 def _setting(scene: Scene, knob: str, name: str, changes: list[Changes]) -> Setting:
     """Return a setting; raises every SceneError of its runs."""
-    runs = tuple(Run(scene.with_values(each)) for each in changes)
+    runs = tuple(scene.with_values(each) for each in changes)
     for run in runs:
         if scene.wave is not None:
-            check_floor(run.scene, linear_signals(run.scene))
-        _ = run.name  # which needs a prepared scene
+            check_floor(run, linear_signals(run))
+        prepare(run)
     # The step stands for a tolerance that the user may have declared
     own = changes[0] if "time.tolerance" in changes[0] else _stepped(scene.time.step) | changes[0]
     options = " ".join(f"--set {key}={value}" for key, value in own.items())

@@ -1,26 +1,20 @@
 """The table of a work–precision study: the seconds and the errors of each setting, and the one to recommend.
 
-Everything is read from the run folders of the study (`granular_lmp.studies.cost`).
+Its rows are made from the run folders of the study (`granular_lmp.studies.cost`).
 """
 
-from pathlib import Path
-from statistics import median
 from typing import Any
 
 import numpy as np
 
-from granular_lmp.accuracy.estimates import richardson
 from granular_lmp.accuracy.rounding import judged
-from granular_lmp.effects.selection import order
-from granular_lmp.lammps.outputs import SCENE, csv_text, replace_text
+from granular_lmp.lammps.outputs import csv_text
 from granular_lmp.rest.scene import Scene
-from granular_lmp.runs.record import STATUS, TRAJECTORY, Record, read_status, write_status
-from granular_lmp.runs.seal import files_of
-from granular_lmp.studies.cost_settings import REFERENCE, Run, Setting
+from granular_lmp.runs.record import Record
 
 NOT_RUN = "not run yet, the same command continues"
 NOT_MET = "no step meets it: "
-_COLUMNS = (
+COLUMNS = (
     *("knob", "setting", "repeats", "seconds", "seconds_min", "seconds_max", "loop_seconds"),
     *("particles", "steps", "particle_steps", "particle_steps_per_second"),
 )
@@ -31,88 +25,6 @@ Row = dict[str, Any]
 def components(scene: Scene) -> tuple[str, ...]:
     """Return the names of the signals whose errors are measured."""
     return ("velocity", "spin", "displacement") if scene.wave is None else ("p", "q", "phi")
-
-
-def place(folder: Path, run: Run, turn: int) -> Path:
-    """Return the folder of a run in one round of a study."""
-    return folder / "runs" / run.name / str(turn)
-
-
-def is_done(folder: Path) -> bool:
-    """Return whether the run in this folder is finished."""
-    return (folder / STATUS).is_file() and read_status(folder).get("status") == "finished"
-
-
-def collect(folder: Path, settings: list[Setting], repeats: int, failures: dict[str, str]) -> dict[str, Any]:
-    """Return the rows of the reference and of all settings from the run folders of a study.
-
-    Of a wave the record of the reference is written beside them. Without the reference there are no rows.
-
-    Parameters
-    ----------
-    folder : Path
-    settings : list of Setting
-        The reference first.
-    repeats : int
-        Number of rounds.
-    failures : dict
-        Name of a run → why it failed.
-    """
-    reference, *others = settings
-    places = [place(folder, run, 1) for run in reference.runs]
-    if not all(map(is_done, places)):
-        return {"reference": None, "points": []}
-    best = _record(places)
-    # The distance of two extrapolations is the error itself if that is no series in the step or of first order, as at
-    # these small steps, and an upper bound otherwise
-    left = errors(_record(places[:-1]), best)
-    if best.scene.wave is not None:
-        _write_reference(folder / REFERENCE, best, left)
-    rows = [_row(folder, each, repeats, best, failures) for each in others]
-    return {"reference": _row(folder, reference, 1, best, failures) | left, "points": rows}
-
-
-def _write_reference(folder: Path, record: Record, left: dict[str, float | None]) -> None:
-    folder.mkdir(exist_ok=True)
-    replace_text(folder / SCENE, record.scene.to_toml())
-    record.write_csv(folder / TRAJECTORY)
-    estimate = {name.removeprefix("error_"): error for name, error in left.items()}
-    write_status(folder, record.info | {"error_estimate": estimate, "files": files_of(folder)})
-
-
-def _record(places: list[Path]) -> Record:
-    """Return the record of a setting: that of its single run, or the extrapolation of its last two.
-
-    The finer of the two is returned where the error is no series in the step, as with contacts that open or slide.
-    """
-    *coarser, fine = [Record.load(there) for there in places[-2:]]
-    return richardson(coarser[0], fine, order(fine.scene)) if coarser else fine
-
-
-def _row(folder: Path, setting: Setting, repeats: int, best: Record, failures: dict[str, str]) -> Row:
-    turns = ([place(folder, run, turn) for run in setting.runs] for turn in range(1, repeats + 1))
-    rounds = [places for places in turns if all(map(is_done, places))]
-    message = next((failures[run.name] for run in setting.runs if run.name in failures), "" if rounds else NOT_RUN)
-    names = (*_COLUMNS, *(f"error_{name}" for name in components(best.scene)), "options", "message")
-    row: Row = dict.fromkeys(names) | {"knob": setting.knob, "setting": setting.name, "repeats": len(rounds)}
-    row |= {"options": setting.options, "message": message}
-    if not rounds:
-        return row
-    infos = [[read_status(there) for there in places] for places in rounds]
-    seconds = [sum(info["wall_seconds"]["total"] for info in together) for together in infos]
-    loop = median(sum(info["wall_seconds"]["loop"] for info in together) for together in infos)
-    work = sum(info["particles"] * info["steps"] for info in infos[0])
-    return row | {
-        "seconds": median(seconds),
-        "seconds_min": min(seconds),
-        "seconds_max": max(seconds),
-        "loop_seconds": loop,
-        "particles": infos[0][0]["particles"],
-        "steps": sum(info["steps"] for info in infos[0]),
-        "particle_steps": work,
-        "particle_steps_per_second": work / loop,
-        **errors(_record(rounds[0]), best),  # every round gives the same record
-    }
 
 
 def failed(row: Row) -> bool:

@@ -70,17 +70,10 @@ class Workers(Executor):
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="worker")  # one thread waits for one process
         self._mine = threading.local()
         self._processes: dict[Connection, _Process] = {}
-        self._starting = self._stopping = False
-
-    def start(self, ready: Callable[[], Any], calls: int) -> "list[Future[Any]]":
-        """Start the processes for some calls, each with `ready`, so that they import while the caller prepares them."""
-        found = [self.submit(ready) for _ in range(min(self._count, calls))]
-        self._starting = True
-        return found
+        self._stopping = False
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
         """Schedule a call and return its future, which raises WorkerError if the process dies."""
-        self._starting = False
         return self._threads.submit(self._call, function, args, kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -98,11 +91,8 @@ class Workers(Executor):
         if kind is not None:
             self._stopping = True
             self._threads.shutdown(wait=False, cancel_futures=True)
-            for line, process in list(self._processes.items()):
-                if self._starting:  # there is nothing to finish, and a process that imports hears nothing
-                    process.running.kill()
-                else:
-                    _send(line, _STOP)
+            for line in list(self._processes):
+                _send(line, _STOP)
         return super().__exit__(kind, error, trace)
 
     def _call(self, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:

@@ -2,17 +2,14 @@
 
 A sweep folder holds ``sweep.json`` (the request), ``runs/HASH`` (a run folder for each scene, named by a hash of the
 scene) and ``sweep.csv`` (a line for each run). A sweep that was stopped, or is started again, reads the run folders,
-runs what is missing, and continues interrupted runs. Of one that is finished ``known.json`` says what was read
-(`granular_lmp.studies.sweep_memory`).
+runs what is missing, and continues interrupted runs.
 """
 
-import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import field
-from math import prod
 from pathlib import Path
 from typing import Any, Self
 
@@ -30,11 +27,9 @@ from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import Record, optional_package, write_status
-from granular_lmp.runs.routes import check_machine
 from granular_lmp.scene.schema import plain_value
-from granular_lmp.studies.executors import Here, Workers, stop_requested, terminable
+from granular_lmp.studies.executors import Here, stop_requested, terminable
 from granular_lmp.studies.rounding_warnings import remarks
-from granular_lmp.studies.sweep_memory import KNOWN, recalled, remember
 from granular_lmp.studies.sweep_points import points
 from granular_lmp.studies.sweep_request import TABLE, claim, read_request
 from granular_lmp.studies.sweep_rows import (
@@ -110,8 +105,6 @@ class Sweep(HasCard):
         if request is None:
             raise RunFolderError(f"{folder}: not a sweep folder (there is no {SWEEP})")
         scene, over = Scene.from_dict(request["scene"]), request["over"]
-        if known := recalled(folder, request):
-            return cls(folder, scene, over, *known)
         grid = points(scene, over, folder / RUNS)
         made = {point.run: point.of_run for point in grid}
         rows = {name: row_of(folder / RUNS / name, each) for name, each in made.items()}
@@ -267,18 +260,14 @@ def sweep(
         library.built()
     asked = {key: plain_value([*values]) for key, values in over.items()}
     request = {"over": asked, "scene": scene.given()}
-    say = remark or (lambda _: None)
-    if found := _found(folder, scene, request, say):
-        return found
-    if isinstance(executor, Workers):
-        executor.start(ready, prod(map(len, asked.values())))
     grid = points(scene, asked, folder / RUNS)
     made, notes = {point.run: point.of_run for point in grid}, remarks(each.scene for each in grid)
     with locked(folder, make=True, force=True):
         claim(folder, request, force)
         rows = {name: row_of(folder / RUNS / name, each) for name, each in made.items()}
-        for note in notes:
-            say(note)
+        if remark is not None:
+            for note in notes:
+                remark(note)
 
         def save() -> Sweep:
             done = Sweep(folder, scene, asked, table_of(grid, rows), notes)
@@ -309,25 +298,7 @@ def sweep(
             ) from error
         finally:
             done = save()
-        with writable(folder):
-            remember(folder, request, done.rows, notes)
     return done
-
-
-def _found(folder: Path, scene: Scene, request: dict[str, Any], say: Callable[[str], None]) -> Sweep | None:
-    """Return the sweep that is asked for, and write its table, if it is finished and nothing in its folder changed."""
-    if not (folder / KNOWN).is_file():
-        return None
-    with locked(folder):
-        asked_before = json.dumps(read_request(folder)) == json.dumps(request)
-        known = recalled(folder, request) if asked_before else None
-        if known is None:
-            return None
-        found = Sweep(folder, scene, request["over"], *known)
-        for note in found.notes:
-            say(note)
-        found.write()
-    return found
 
 
 def _results(
@@ -372,11 +343,6 @@ def _submitted(executor: Executor, scene: Scene, folder: Path, kernel: bool | No
         future: Future[Point] = Future()
         future.set_exception(error)
         return future
-
-
-def ready() -> None:
-    """Import what a run needs, and LAMMPS: the first call of a process that starts while the points are prepared."""
-    check_machine()
 
 
 def run_point(scene: Scene, folder: Path, kernel: bool | None = None) -> Point:

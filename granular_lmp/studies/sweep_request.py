@@ -8,7 +8,6 @@ from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.lammps.outputs import STATUS, SWEEP, replace_text, writable
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.folder import clear
-from granular_lmp.studies.sweep_memory import KNOWN
 from granular_lmp.studies.sweep_points import scene_hash
 
 TABLE = "sweep.csv"
@@ -26,7 +25,6 @@ def claim(folder: Path, request: dict[str, Any], force: bool) -> None:
         clear(folder)
     if there != request:
         with writable(folder):
-            (folder / KNOWN).unlink(missing_ok=True)
             (folder / TABLE).unlink(missing_ok=True)  # a killed sweep would leave that of the other one
             replace_text(folder / SWEEP, json.dumps(request, indent=2) + "\n")
 

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from math import pi, sqrt
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,7 +33,6 @@ from granular_lmp.rest.at_rest import crystal_of
 from granular_lmp.rest.initial_fields import initial_fields
 from granular_lmp.rest.linear import bloch_wave, mode_of, physics_of, unit_contacts
 from granular_lmp.rest.shape import FASTEST_ROWS_PER_TAU
-from granular_lmp.studies.kick import run_kicked
 from tests.crystal.test_sphere import SILICA
 
 pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
@@ -331,11 +329,6 @@ def test_what_a_lattice_cannot_be_is_refused_by_name(
 ) -> None:
     with pytest.raises((SceneError, CrystalError), match=message):
         prepare(scene_of(lattice, mode).with_values(changes))
-
-
-def test_only_a_hexagonal_sheet_is_kicked(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"packing\.lattice = 'square': must be \"hexagonal\""):
-        run_kicked(scene_of("square", "TR"), tmp_path / "kick")
 
 
 def test_a_wave_that_shears_no_contact_keeps_the_shear_that_its_lattice_needs() -> None:

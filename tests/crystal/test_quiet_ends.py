@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.quiet.case import expected
+from cases.quiet.case import measured as reflected
 from granular_lmp import Scene, build, run
 from granular_lmp.crystal.lattices import CHAIN, HEXAGONAL, SQUARE, Lattice, unit_lattice
 from granular_lmp.crystal.mode import FULL, Mode, Physics
@@ -16,8 +18,6 @@ from granular_lmp.crystal.quiet_ends import QuietEnd, frequency_in_lattice, freq
 from granular_lmp.crystal.row_waves import line_of, waves
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.plot.reflection import expected
-from granular_lmp.plot.reflection import measured as reflected
 from granular_lmp.problem import prepare
 from granular_lmp.rest.absorption import quiet_end_of, waves_at_ends
 from granular_lmp.rest.held import largest_step
@@ -268,7 +268,7 @@ def test_the_reflection_in_lammps_is_that_of_the_layer_at_its_step(
     slow = 1 if lattice == "hexagonal" else 2  # no wave of the others runs faster than 0.41 rows per tau
     times = {"time.duration": 520.0 * slow, "time.sample": 2.0, "output.particles": 2.0, "envelope.ramp": 150.0 * slow}
     scene = DRIVEN.with_values(changes | times | {"packing.rows": 31, "time.timestep": step})
-    found = reflected(run(scene, tmp_path / "run").snapshots())
+    found = reflected(run(scene, tmp_path / "run"))
     # What the ramp excites beside the wave has left 3e-5 of it behind
     assert found == pytest.approx(expected(scene), rel=2e-3, abs=3e-5)
     assert found > 0.004

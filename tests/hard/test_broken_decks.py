@@ -22,7 +22,6 @@ SHIFTED: dict[str, Break] = {
 }
 # Words without which the run is the same one: names, what a guard says besides, and what nobody reads in a short run
 HARMLESS = {"v_tau", "v_overlap", "v_mu", "checkpoint.a", "checkpoint.b", "NULL", "plane", "move", "looks"}
-HARMLESS |= {"marked", "${marked}", "unmarked"}  # by which a checkpoint is known, of which a short run has none
 HARMLESS |= {"${dump}.contacts", "c_contact[1]", "c_contact[2]"}  # contacts are dumped when a bound passes, not here
 
 

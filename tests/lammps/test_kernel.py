@@ -17,6 +17,7 @@ import pytest
 
 from cases.pull_off import jkr
 from granular_lmp import Scene, build, compiled, run
+from granular_lmp.accuracy.ladder import sphere_steps
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.cli import main
 from granular_lmp.crystal.search import overlapping
@@ -35,7 +36,6 @@ from granular_lmp.runs.simulation import mend
 from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.shipped import shipped
 from granular_lmp.studies import collide, cost
-from granular_lmp.studies.kick import run_kicked
 from granular_lmp.studies.sweep import sweep
 from tests.conftest import kernel_lacks, members, run_input
 from tests.hard.guard_study import FAMILIES, random_scene
@@ -600,12 +600,6 @@ def test_a_sweep_without_a_kernel_is_refused_at_once(
     assert not (tmp_path / "sweep").exists()
 
 
-def test_a_kicked_sheet_takes_it(tmp_path: Path) -> None:
-    sheet = {"packing.rows": 12, "packing.columns": 12, "time.duration": 10.0, "time.sample": 0.5}
-    path = run_kicked(Scene.load("tr_periodic").with_values(sheet), tmp_path / "run")
-    assert read_status(path.parent)["kernel"] == library.description()
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -631,7 +625,7 @@ def test_doctor_says_whether_there_is_one(
 
 def test_cost_takes_it_and_keeps_its_study_apart(small: Scene, tmp_path: Path) -> None:
     made = cost.plan(small, tmp_path / "cost", repeats=1)
-    fastest = min(made.settings[1:], key=lambda setting: sum(run.work for run in setting.runs))
+    fastest = min(made.settings[1:], key=lambda setting: sum(map(sphere_steps, setting.runs)))
     result = cost.measure(replace(made, settings=[made.settings[0], fastest]))
     assert result["kernel"] is True
     runs = list((tmp_path / "cost" / "runs").glob("*/1"))

@@ -26,7 +26,6 @@ from granular_lmp.runs.export import export
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.readouts import readout
 from granular_lmp.scene.document import note
-from granular_lmp.studies.kick import run_kicked
 from tests.conftest import PAPER
 from tests.manual import Measure, Mutant, verifies
 from tests.pause import as_if_killed
@@ -105,12 +104,6 @@ def test_the_echo_at_a_monitor_is_said() -> None:
     assert said()
     assert not said(**{"time.allow_echo": True})
     assert not said(**{"monitor.3.rows": [6, 6]})
-
-
-def test_a_sheet_that_is_kicked_has_no_monitors(tmp_path: Path) -> None:
-    scene = Scene.load("tr_periodic").with_values({"packing.columns": 6, "monitor": [LINE]})
-    with pytest.raises(SceneError, match="monitor: must be left out for a sheet that is kicked"):
-        run_kicked(scene, tmp_path / "run")
 
 
 # --- what is recorded ------------------------------------------------------------------------------------------------

@@ -187,7 +187,6 @@ def test_a_run_is_stopped_and_continued_twice(tmp_path: Path, fast_looks: None) 
     [
         ({"status": "finished"}, "the run is finished; there is nothing to resume"),
         ({"edited": ["+ x"]}, "its deck was edited"),
-        ({"ranks": None}, "ranks = None: must be a whole number above 0"),
     ],
 )
 def test_what_cannot_be_continued_is_said(change: dict[str, Any], message: str, tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from granular_lmp.runs.seal import files_of
 from granular_lmp.scene.collision import Collision
 from granular_lmp.scene.schema import LONGEST_NAME
 from granular_lmp.studies.collide import run as collide
-from granular_lmp.studies.kick import run_kicked
+from granular_lmp.studies.kick import kicked
 from granular_lmp.studies.sweep import sweep
 
 Action = Callable[[Scene, Path], object]
@@ -34,7 +34,7 @@ def to_tolerance(scene: Scene, folder: Path) -> None:
 
 
 def kick(scene: Scene, folder: Path) -> None:
-    run_kicked(scene.with_values({"name": "kicked", "time.duration": 4.0}), folder, force=True)
+    run(kicked(scene.with_values({"name": "kicked", "time.duration": 4.0})), folder, force=True)
 
 
 def once(scene: Scene, folder: Path) -> None:
@@ -106,7 +106,7 @@ def test_a_study_is_never_the_old_run(study: str, small: Scene, tmp_path: Path) 
 def test_a_sweep_takes_the_folder_of_a_run_over(small: Scene, tmp_path: Path) -> None:
     once(small, tmp_path)
     sweep(small, {"wave.phase": [0.0]}, tmp_path, force=True)
-    assert {path.name for path in tmp_path.iterdir()} == {"sweep.json", "sweep.csv", "known.json", "runs"}
+    assert {path.name for path in tmp_path.iterdir()} == {"sweep.json", "sweep.csv", "runs"}
 
 
 def test_a_scene_that_names_files_elsewhere_deletes_none_of_them(tmp_path: Path) -> None:

@@ -30,9 +30,8 @@ from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import DUMP_COLUMNS, LOG, mend_dump, mend_log, read_centre, read_dump, read_log
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch, routes
-from granular_lmp.runs.fields import LAUNCHERS
 from granular_lmp.runs.folder import is_held, locked
-from granular_lmp.runs.options import Options, core_count
+from granular_lmp.runs.options import LAUNCHERS, Options, core_count
 from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER, members
 from tests.lammps.test_deck import lmp

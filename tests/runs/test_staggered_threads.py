@@ -12,7 +12,7 @@ from granular_lmp.runs import directory
 from granular_lmp.runs.options import Options
 from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import run as collide
-from granular_lmp.studies.kick import run_kicked
+from granular_lmp.studies.kick import kicked
 
 LONG = 1000.0  # τ of the run beside which the others begin: 20,000 steps of 24 spheres, an eighth of a second
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 20.0})
@@ -44,7 +44,7 @@ def test_staggered_runs_with_relative_folders_land_in_their_own(
         lambda: run_impact(CHAIN, "out/impact"),
         lambda: run_impact(CHAIN, "out/program", Options("lmp")),
         lambda: collide(Collision.load("test2"), "out/collision"),
-        lambda: run_kicked(small.with_values({"name": "kicked", "time.duration": 4.0}), "out/kicked"),
+        lambda: run(kicked(small.with_values({"name": "kicked", "time.duration": 4.0})), "out/kicked"),
     ]
 
     def call(function: Callable[[], object]) -> None:
@@ -70,7 +70,8 @@ def test_staggered_runs_with_relative_folders_land_in_their_own(
     assert Record.load("out/wave").scene.wave.phase == 0.1
     Record.load("out/to_tolerance")
     assert ImpactRecord.load("out/impact").velocity.tolist() == ImpactRecord.load("out/program").velocity.tolist()
-    assert all(Path(file).is_file() for file in ("out/collision/collision.csv", "out/kicked/sheet.npz"))
+    assert Path("out/collision/collision.csv").is_file()
+    assert len(Record.load("out/kicked").snapshots())
 
 
 def test_while_lammps_runs_no_other_thread_sees_its_directory(

@@ -17,7 +17,6 @@ from granular_lmp.scene.monitors import placed_monitors
 from granular_lmp.scene.signals import SIGNALS, Signal
 from granular_lmp.scene.sources import Source
 from granular_lmp.studies import forecast
-from granular_lmp.studies.kick import run_kicked
 from tests.conftest import members
 
 INPUTS = Path(__file__).parents[2] / "lammps_inputs"
@@ -68,18 +67,6 @@ def test_a_large_scene_is_forecast_by_a_cell_that_is_a_valid_scene(name: str, ch
 
 
 # ---------------------------------------------------------------- studies
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [{"disorder.density": 0.1}, {"inclusion": [{"spheres": [[3, 3]], "vacancy": True}]}],
-    ids=str,
-)
-def test_a_kicked_sheet_has_only_what_its_record_says(changes: dict[str, Any], tmp_path: Path) -> None:
-    scene = Scene.load("tr_periodic").with_values({"packing.rows": 12, "packing.columns": 6} | changes)
-    (key,) = changes
-    with pytest.raises(SceneError, match=f"{key}: must be left out for a sheet that is kicked"):
-        run_kicked(scene, tmp_path / "run")
 
 
 def test_an_effect_that_the_record_of_contacts_does_not_know_is_refused_by_name() -> None:

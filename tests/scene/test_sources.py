@@ -25,7 +25,6 @@ from granular_lmp.runs.launch import resume
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.document import note
 from granular_lmp.scene.signals import SIGNALS
-from granular_lmp.studies.kick import run_kicked
 from tests.conftest import PAPER
 from tests.linear_answer import Crystal, Load, response
 from tests.manual import Measure, Mutant, verifies
@@ -512,11 +511,6 @@ def test_what_cannot_be_a_source_is_refused_by_name(changes: dict[str, Any], mes
 def test_what_does_not_go_with_walls_or_quiet_ends_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=message):
         prepare(QUIET.with_values(changes))
-
-
-def test_a_sheet_with_sources_is_not_kicked(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match='wave.form = "none": must be another for a sheet that is kicked'):
-        run_kicked(SHEET, tmp_path / "kicked")
 
 
 @pytest.mark.parametrize(("key", "said"), [("source.1.delay", "tau, before the"), ("inclusion.2.radius", "m")])

@@ -33,8 +33,9 @@ from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies import cost as module
 from granular_lmp.studies import cost_settings
 from granular_lmp.studies.cost import measure, plan
-from granular_lmp.studies.cost_settings import Run, base, reference, settings
+from granular_lmp.studies.cost_settings import base, settings
 from granular_lmp.studies.cost_table import NOT_RUN, errors, failed, largest, recommended, text, to_csv
+from granular_lmp.studies.sweep_points import scene_hash
 from tests.cli.test_cli import cli
 from tests.conftest import PAPER
 
@@ -170,9 +171,9 @@ def test_the_options_of_a_setting_give_its_run(small: Scene) -> None:
         if setting.options is not None:
             changes = dict(map(assignment, setting.options.removeprefix("--set ").split(" --set ")))
             declared = small.with_values({"time.tolerance": 1e-2}).with_values(changes)
-            assert Run(base(declared)).name == Run(base(setting.runs[0].scene)).name
-            assert Run(there.with_values(changes)).name == setting.runs[0].name
-    assert {setting.knob for setting in made if setting.options is None} == {"Richardson pair"}
+            assert scene_hash(base(declared)) == scene_hash(base(setting.runs[0]))
+            assert scene_hash(there.with_values(changes)) == scene_hash(setting.runs[0])
+    assert {setting.knob for setting in made if setting.options is None} == {"reference", "Richardson pair"}
 
 
 # --- settings ---
@@ -186,8 +187,9 @@ def test_what_a_scene_cannot_have_is_left_out_with_the_reason(small: Scene) -> N
 
 
 def test_the_reference_is_finer_than_every_step_of_the_settings(small: Scene) -> None:
-    steps = [run.scene.time.step for run in reference(small).runs]
-    finest = min(each.runs[0].scene.time.step for each in settings(small)[0] if each.knob == "time step")
+    best, *others = settings(small)[0]
+    steps = [run.time.step for run in best.runs]
+    finest = min(each.runs[0].time.step for each in others if each.knob == "time step")
     assert steps == [finest / 2**k for k in (1, 2, 3)]
 
 
@@ -243,7 +245,7 @@ def test_ctrl_c_keeps_what_was_run_and_the_rest_is_done_next_time(
 def test_a_run_that_was_cut_off_is_done_from_its_start(few: None, small: Scene, tmp_path: Path) -> None:
     planned = plan(small, tmp_path / "study", repeats=1)
     folder, one = list(planned.todo().items())[-1]
-    record = run(one.scene, folder)
+    record = run(one, folder)
     write_status(folder, record.info | {"status": "interrupted", "wall_seconds": {"total": 99.0, "loop": 99.0}})
     measure(planned)
     assert read_status(folder)["status"] == "finished"
@@ -369,7 +371,8 @@ def test_a_folder_of_something_else_is_refused(small: Scene, tmp_path: Path) -> 
     (tmp_path / "notes.txt").touch()
     with pytest.raises(RunFolderError, match="is there already; choose another folder"):
         plan(small, tmp_path)
-    measure(replace(plan(small, tmp_path / "study", repeats=1), settings=[reference(small)]))
+    planned = plan(small, tmp_path / "study", repeats=1)
+    measure(replace(planned, settings=planned.settings[:1]))
     with pytest.raises(RunFolderError, match="holds a study of another scene, small"):
         plan(small.with_values({"wave.amplitude": 0.1}), tmp_path / "study")
 
@@ -417,8 +420,8 @@ def test_a_crystal_keeps_its_size_in_every_setting() -> None:
     scene = base(PAPER.with_values(changes | {"wave.wavenumber": np.pi / 4, "time.duration": 2.0}))
     made, refused = settings(scene)
     assert refused == {}
-    assert {setting.knob for setting in made} == {*FEW, "tolerance, strip"}
-    assert {run.scene.shape for setting in made for run in setting.runs} == {scene.shape}
+    assert {setting.knob for setting in made} == {"reference", *FEW, "tolerance, strip"}
+    assert {run.shape for setting in made for run in setting.runs} == {scene.shape}
     with pytest.raises(SceneError, match="must be a running plane wave along y"):
         base(scene.with_values({"wave.form": "standing"}))
 

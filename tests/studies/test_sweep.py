@@ -30,7 +30,6 @@ from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.simulation import Simulation
 from granular_lmp.studies.executors import Workers
 from granular_lmp.studies.sweep import Sweep, run_point, sweep
-from granular_lmp.studies.sweep_memory import KNOWN
 from granular_lmp.studies.sweep_points import axes, axis, scene_hash
 from granular_lmp.studies.sweep_rows import units_of
 from tests.cli.test_cli import cli
@@ -160,7 +159,7 @@ def test_a_run_of_a_sweep_is_the_run_of_its_scene(swept: tuple[Scene, str, Sweep
 
 def test_the_folder_and_its_table_say_what_was_returned(swept: tuple[Scene, str, Sweep], tmp_path: Path) -> None:
     scene, key, done = swept
-    names = {"sweep.json", "sweep.csv", "known.json", "runs"}
+    names = {"sweep.json", "sweep.csv", "runs"}
     assert {path.name for path in (tmp_path / "sweep").iterdir()} == names
     again = Sweep.load(tmp_path / "sweep")
     assert again == done
@@ -543,7 +542,6 @@ def test_a_scene_is_not_refused_for_the_key_that_is_swept(
         status, out, err = cli(capsys, *words, key)
         assert (status, err) == (0, "")
         assert "2 of 2 runs finished" in out
-        (tmp_path / "sweep" / KNOWN).unlink()  # so that the second time the folder's sweep is compared with this one
 
 
 @pytest.mark.parametrize(

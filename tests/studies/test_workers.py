@@ -7,7 +7,6 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -24,21 +23,6 @@ def test_a_process_answers_many_calls_and_is_not_this_one() -> None:
         numbers = {workers.submit(os.getpid).result() for _ in range(3)}
     assert len(numbers) == 1
     assert os.getpid() not in numbers
-
-
-@pytest.mark.parametrize(("count", "calls"), [(2, 5), (5, 2)])
-def test_processes_that_are_started_early_answer_the_calls_and_none_starts_without_one(count: int, calls: int) -> None:
-    with Workers(count) as workers:
-        early = {future.result() for future in workers.start(os.getpid, calls)}
-        assert len(early) == 2
-        assert workers.submit(os.getpid).result() in early
-
-
-def test_leaving_by_an_exception_does_not_wait_for_processes_that_start() -> None:
-    with suppress(KeyboardInterrupt), Workers(2) as workers:
-        calls = workers.start(partial(time.sleep, 30.0), 2)
-        raise KeyboardInterrupt
-    assert all(call.cancelled() or call.exception() for call in calls)  # none slept to its end
 
 
 def test_an_error_of_a_call_is_the_caller_s() -> None:

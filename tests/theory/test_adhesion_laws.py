@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from math import cbrt, pi
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,6 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import sliding_force
 from granular_lmp.errors import SceneError
-from granular_lmp.studies.kick import run_kicked
 from tests.conftest import latin
 from tests.theory.energy import ledger, opening_time
 
@@ -313,11 +311,6 @@ def test_restitution_is_refused_as_with_any_adhesive_law() -> None:
 def test_impacts_have_no_adhesion_law() -> None:
     with pytest.raises(SceneError, match="sphere.adhesion_law: is of spheres that adhere"):
         ImpactScene.load("solitary_chain").with_values({"sphere.adhesion_law": "jkr"})
-
-
-def test_a_sheet_that_is_kicked_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match="record does not name the law"):
-        run_kicked(PERIODIC.with_values({"sphere.adhesion_law": "jkr"}), tmp_path / "run")
 
 
 def test_the_figure_of_effects_names_the_law() -> None:

@@ -2,8 +2,8 @@
 
     granular-analysis dispersion SHEET [-o FILE]
 
-SHEET is ``sheet.npz`` of a kicked sheet (``granular-lmp kick``), or its folder. The table says how far the peaks are
-from the three branches, in units of the resolution 2π/T. ``make dispersion`` does it all.
+SHEET is the folder of a kicked sheet (``granular-lmp kick``). The table says how far the peaks are from the three
+branches, in units of the resolution 2π/T. ``make dispersion`` does it all.
 """
 
 import numpy as np
@@ -54,4 +54,4 @@ def draw(sheet: Sheet) -> Figure:
     return figure
 
 
-main = script(__name__, Sheet.load, table, draw, ("folder", "of a kicked sheet, or its sheet.npz"))
+main = script(__name__, Sheet.load, table, draw, ("folder", "of a kicked sheet"))

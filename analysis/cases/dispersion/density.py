@@ -4,15 +4,15 @@ The velocities of all spheres over time, transformed in space and time, have pow
 theory is `granular_analysis.theory.bloch.real_modes`, with the inertia of LAMMPS's contact geometry.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cases.fields import ROW, rest_of
+from granular_analysis.measure.runs import load
 from granular_analysis.theory.bloch import real_modes
 from granular_analysis.theory.contact import Contact
 
@@ -22,7 +22,12 @@ PADDING = 4  # points of the transform to a resolution
 FLOOR = 2e-3
 # Two waves nearer to each other, in resolutions, make one peak: half the width of the main lobe of the window.
 LOBE = 2.0
-EFFECTS = {"adhesion", "shear", "rotation", "tracking", "width"}  # that the theory holds
+# Effects, tables and keys that the theory holds, and guards of a sheet that is not linear any more
+EFFECTS = {f"effects.{name}" for name in ("adhesion", "shear", "rotation", "tracking", "width")}
+TABLES = {"name", "wave", "start", "time", "effects", "output"}
+KEYS = {f"sphere.{name}" for name in ("radius", "youngs_modulus", "poisson_ratio", "work_of_adhesion", "density")}
+KEYS |= {f"packing.{name}" for name in ("rows", "columns", "ends", "sides", "contact_force")}
+LINEAR = {"largest_slip": "contacts slid", "open_contacts": "contacts opened"}
 FEWEST = 8  # records: below, the window leaves next to nothing
 
 
@@ -30,7 +35,7 @@ FEWEST = 8  # records: below, the window leaves next to nothing
 class Sheet:
     """Velocities (T, N, 3) of all spheres in any unit at the times tau (T,), and the lattice, in lattice constants.
 
-    effects are the names of those that were on; prestress is the share of compression in the force at rest.
+    prestress is the share of compression in the force at rest.
     """
 
     tau: Floats
@@ -40,30 +45,45 @@ class Sheet:
     poisson_ratio: float
     overlap_ratio: float
     prestress: float = 0.0
-    effects: Sequence[str] = ()
 
     @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read ``sheet.npz``, or that of the folder of a kicked sheet.
+    def load(cls, folder: str | Path) -> Self:
+        """Read the run folder of a kicked sheet.
 
         Raises
         ------
         ValueError
-            For a file that is none or says too little, holds fewer than `FEWEST` records, or a sheet that the theory
-            does not hold.
+            For a run that was not kicked, holds fewer than `FEWEST` records or records too far apart, or a sheet that
+            the theory does not hold.
         """
-        path = Path(path) / "sheet.npz" if Path(path).is_dir() else Path(path)
-        try:
-            with np.load(path) as file:
-                if "prestress" not in file and not file["contact_force"]:  # of version 0.1 and 0.2
-                    file = {**file, "prestress": 0.0}
-                sheet = cls(**{name: file[name] for name in cls.__dataclass_fields__})
-        except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, BadZipFile) as error:
-            raise ValueError(f"not the sheet of granular-lmp kick: {error}") from error
-        if len(sheet.tau) < FEWEST:
-            raise ValueError(f"{len(sheet.tau)} records; a spectrum takes at least {FEWEST}, kick it for longer")
-        if left_out := sorted(f"effects.{name}" for name in {*sheet.effects} - EFFECTS):
+        record = load(folder)
+        scene, particles = record.scene, record.snapshots()
+        if not scene.start.noise:
+            raise ValueError("start.noise is 0; not the sheet of granular-lmp kick")
+        if len(particles) < FEWEST:
+            raise ValueError(f"{len(particles)} records; a spectrum takes at least {FEWEST}, kick it for longer")
+        effects = {f"effects.{name}" for name, effect in record.info["effects"].items() if effect["on"]}
+        said = {key for key in scene.departures() if key.partition(".")[0] not in TABLES}
+        if left_out := sorted((effects - EFFECTS) | (said - KEYS)):
             raise ValueError(f"the linear theory here leaves out {', '.join(left_out)}")
+        if "effects.rotation" not in effects or not (scene.shape.along_x and scene.shape.along_y):
+            raise ValueError("the theory here is of a periodic sheet whose spheres turn; choose another scene")
+        for guard, what in LINEAR.items():
+            if not record.info["guards"].get(guard, {}).get("quiet", True):
+                raise ValueError(f"{what}; the kick is too hard, take a smaller wave.amplitude")
+        velocity, spin = particles.stacks("velocity", "spin")
+        sheet = cls(
+            particles.tau,
+            np.concatenate([velocity, spin[..., None]], axis=-1),
+            rest_of(particles),
+            np.array([scene.shape.columns, scene.shape.rows * ROW]),
+            scene.sphere.poisson_ratio,
+            scene.sphere.overlap_ratio,
+            scene.sphere.contact_force / scene.sphere.holding_force,
+        )
+        longest = np.pi / sheet.theory(zone_path(sheet.box)[0]).max()
+        if scene.time.sample >= longest:
+            raise ValueError(f"time.sample = {scene.time.sample!r}: must be below {longest:.4g} tau, half a period")
         return sheet
 
     @property

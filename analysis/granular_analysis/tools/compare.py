@@ -279,10 +279,12 @@ def swept_table(swept: Swept, comparisons: list[Comparison]) -> str:
 def differences(records: Sequence[Record]) -> dict[str, list[Any]]:
     """Return the values of all runs, in their order, for each key of the scene that is not the same in all.
 
-    A key that a scene does not have, a time step beside a tolerance, has the value None there.
+    A key that a scene does not have, a time step beside a tolerance, has the value None there. Keys that are at their
+    default in each scene that has them are left out.
     """
     scenes = [_values(record) for record in records]
-    keys = dict.fromkeys(key for scene in scenes for key in scene)
+    said = {key for record in records for key in record.scene.departures()}
+    keys = [key for scene in scenes for key in scene if key in said or key.partition(".")[0] in said]
     values = {key: [scene.get(key) for scene in scenes] for key in keys}
     return {key: row for key, row in values.items() if any(value != row[0] for value in row)}
 
@@ -307,7 +309,8 @@ def difference_lines(records: Sequence[Record], comparisons: Sequence[Comparison
         return []
     lines = ["", "what differs between the scenes:"]
     for number, comparison in enumerate(comparisons):
-        lines.append(f"  {comparison.run}: " + ", ".join(f"{key} = {row[number]!r}" for key, row in found.items()))
+        own = (f"{key} = {row[number]!r}" for key, row in found.items() if row[number] is not None)
+        lines.append(f"  {comparison.run}: " + ", ".join(own))
     return lines
 
 

@@ -264,8 +264,9 @@ def unknown_in(deck: str) -> str:
     contacts = re.findall(r"^pair_coeff +\S+ +\S+ +(.*)", deck.replace("&\n", ""), re.MULTILINE)
     for contact in (" ".join(found.split()) for found in contacts or ["none"]):
         if not _KNOWN.fullmatch(contact):
+            kinds = " ".join(word for word in contact.split() if word[0].isalpha() and word != "NULL")
             return (
-                f"the kernel does not know the contact '{contact}': must be of DMT, JKR or Hertz, with the secant or "
+                f"the kernel does not know the contact '{kinds}': must be of DMT, JKR or Hertz, with the secant or "
                 "the incremental shear law or none, without rolling and twisting"
             )
     return ""

@@ -1,16 +1,14 @@
 """The figure of quiet ends: what is read off a run, and what is drawn beside it."""
 
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from cases.quiet import case as reflection
 from granular_lmp import Scene
 from granular_lmp.crystal.quiet_ends import reflection as lattice
-from granular_lmp.errors import ViewError
-from granular_lmp.plot import reflection
 from granular_lmp.rest.absorption import quiet_end_of
 from granular_lmp.rest.linear import mode_of, unit_contacts
 
@@ -27,7 +25,8 @@ def stand_in(scene: Scene, share: float, *, shift: float = 0.0, duration: float 
     wave = np.exp(1j * xi * n) + share * np.exp(-1j * xi * n + 0.7j)
     field = np.zeros((len(tau), 41 * 3, 2))
     field[..., 0] = np.repeat((wave * np.exp(-1j * mode_of(scene).frequency * tau[:, None])).real, 3, axis=1)
-    return SimpleNamespace(scene=scene, tau=tau, stack=lambda name: field, path="dump.particles")
+    snapshots = SimpleNamespace(tau=tau, stack=lambda name: field)
+    return SimpleNamespace(scene=scene, snapshots=lambda: snapshots, folder="run")
 
 
 @pytest.mark.parametrize("share", [0.3, 1e-3, 40.0])
@@ -47,21 +46,20 @@ def test_theory_is_that_of_the_step() -> None:
 
 
 def test_runs_that_show_no_reflection_are_refused() -> None:
-    with pytest.raises(ViewError, match="13 late snapshots of 18 rows: must be 20 of 8"):
+    with pytest.raises(ValueError, match="13 late snapshots of 18 rows: must be 20 of 8"):
         reflection.measured(stand_in(SCENE, 0.1, duration=100.0))
-    with pytest.raises(ViewError, match='must have wave.form = "driven" and absorb.rows'):
+    with pytest.raises(ValueError, match='must have wave.form = "driven" and absorb.rows'):
         reflection.expected(Scene.load("tr_driven"))
 
 
-def test_the_figure_has_a_panel_a_mode_and_a_mark_a_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    runs = {str(step): stand_in(SCENE.with_values({"time.timestep": step}), 0.01) for step in (0.05, 0.025)}
-    monkeypatch.setattr(reflection.Snapshots, "load", lambda path: runs[path.name])
+def test_the_figure_has_a_panel_a_mode_and_a_mark_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = [stand_in(SCENE.with_values({"time.timestep": step}), 0.01) for step in (0.05, 0.025)]
     monkeypatch.setattr(reflection, "THICKNESSES", (4, 10))
-    sweep: Any = SimpleNamespace(folder=tmp_path, having=lambda status: [{"run": name} for name in runs])
-    panels = reflection.figure([sweep], wavenumbers=(1.0, 1.5)).axes
+    panels = reflection.draw(runs, wavenumbers=(1.0, 1.5)).axes
     assert [panel.get_title() for panel in panels] == [
         f"{reflection._TITLES[name]} ({name})" for name in ("L", "TR", "RT")
     ]
     assert [len(panel.lines) for panel in panels] == [2, 6, 2]  # two lines; a ring and a dot of each run
-    with pytest.raises(ViewError, match="no run is finished"):
-        reflection.figure([SimpleNamespace(folder=tmp_path, having=lambda status: [])], wavenumbers=(1.0,))  # type: ignore[list-item]
+    assert len(reflection.table(runs).splitlines()) == 2 + len(runs)
+    with pytest.raises(ValueError, match="no run is finished"):
+        reflection.table([])

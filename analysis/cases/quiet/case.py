@@ -1,32 +1,29 @@
 """Reflection |r| of quiet ends over wave number and thickness, per mode: theory as lines, runs of a sweep as marks.
 
-    make quiet  # sweeps over driven rows, and this script: python -m granular_lmp.plot.reflection SWEEP -o FILE
+    granular-analysis quiet SWEEP... [-o FILE]
 
 A line is |r| of the layer that is best for one wave alone (`granular_lmp.crystal.quiet_ends`). A run is one of a driven
 row; its layer was chosen for the free wave at 2Ω too, and may reflect the wave itself more. A ring is theory for the
-layer and the time step of a run, the dot what LAMMPS does.
+layer and the time step of a run, the dot what LAMMPS does. Theory is the one by which the package chooses its layers.
 """
 
-import argparse
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.optimize import minimize_scalar
 
+from cases.runner import script
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.mode import FULL, Mode
 from granular_lmp.crystal.modes import MODES, bloch_mode
 from granular_lmp.crystal.quiet_ends import quiet_end, reflection
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
-from granular_lmp.errors import ViewError
-from granular_lmp.plot.signals import LEGEND, Picture, save
 from granular_lmp.rest.absorption import quiet_end_of, waves_at_ends
 from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts
-from granular_lmp.rest.scene import Scene
-from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.studies.sweep import Sweep
+from granular_lmp.runs.record import Record, Scene
 
 THICKNESSES = (5, 10, 20, 40)
 WAVENUMBERS = tuple(np.linspace(0.2, 2.9, 28).tolist())
@@ -45,16 +42,16 @@ def expected(scene: Scene) -> float:
 
     Raises
     ------
-    ViewError
+    ValueError
         If the scene is not one of a driven row before a quiet end.
     """
     end = quiet_end_of(scene)
     if end is None or not scene.form.driven:
-        raise ViewError(f'{scene.name}: must have wave.form = "driven" and absorb.rows')
+        raise ValueError(f'{scene.name}: must have wave.form = "driven" and absorb.rows')
     return reflection(unit_contacts(scene), scene.sphere, incident(scene), end, physics_of(scene), scene.time.step)
 
 
-def measured(snapshots: Snapshots) -> float:
+def measured(record: Record) -> float:
     """Return |r| of the quiet end of a driven run, by least squares.
 
     Rows of the last quarter of the run are cos and sin in time at Ω, and in space A e^{iξn} + B e^{−iξn}; |r| is the
@@ -64,14 +61,15 @@ def measured(snapshots: Snapshots) -> float:
 
     Raises
     ------
-    ViewError
+    ValueError
         If the run is too short for a fit.
     """
-    scene, tau = snapshots.scene, snapshots.tau
+    scene, snapshots = record.scene, record.snapshots()
+    tau = snapshots.tau
     late = tau > _LATE * scene.time.duration
     rows = np.arange(_NEAR, scene.shape.rows - 1 - int(scene.absorb.rows) - _NEAR)
     if late.sum() < 20 or len(rows) < 8:
-        raise ViewError(f"{snapshots.path}: {late.sum()} late snapshots of {len(rows)} rows: must be 20 of 8")
+        raise ValueError(f"{record.folder}: {late.sum()} late snapshots of {len(rows)} rows: must be 20 of 8")
     along = int(scene.require_wave().mode == "L")
     field = snapshots.stack("displacement")[late][:, :: scene.shape.columns, along][:, rows]
     phase = mode_of(scene).frequency * tau[late]
@@ -96,13 +94,24 @@ def best(sphere: Sphere, name: str, rows: int, wavenumbers: Sequence[float]) -> 
     return [quiet_end(lattice, sphere, [mode], 0.5, rows).reflection for mode in modes]
 
 
-def figure(sweeps: Sequence[Sweep], wavenumbers: Sequence[float] = WAVENUMBERS) -> Picture:
-    """Return the figure of the finished runs of sweeps over theory for their spheres."""
-    runs = [Snapshots.load(sweep.folder / row["run"]) for sweep in sweeps for row in sweep.having("finished")]
+def table(runs: Sequence[Record]) -> str:
+    """Return a line for each run: its mode, wave number and rows, |r| by theory and in LAMMPS; and how they differ."""
     if not runs:
-        raise ViewError("no run is finished; there is nothing to draw")
+        raise ValueError("no run is finished; there is nothing to draw")
+    both = np.array([(expected(run.scene), measured(run)) for run in runs])
+    lines = [f"{'mode':5}{'xi':>6}{'rows':>6}{'theory':>12}{'LAMMPS':>12}"]
+    for run, (theory, lammps) in zip(runs, both.tolist(), strict=True):
+        place = f"{run.scene.require_wave().mode:5}{run.scene.wavenumber:6.3f}{int(run.scene.absorb.rows):6}"
+        lines.append(f"{place}{theory:12.4e}{lammps:12.4e}")
+    seen = both[both[:, 0] > 1e-4]
+    apart = float(np.median(np.abs(seen[:, 1] / seen[:, 0] - 1)))
+    return "\n".join([*lines, f"median of |LAMMPS/theory - 1|, |r| above 1e-4: {apart:.1e}"])
+
+
+def draw(runs: Sequence[Record], wavenumbers: Sequence[float] = WAVENUMBERS) -> Figure:
+    """Return the figure of runs over theory for their spheres."""
     sphere = runs[0].scene.sphere
-    drawing = Picture(figsize=(9.0, 3.6), layout="constrained")
+    drawing = Figure(figsize=(9.0, 3.6), layout="constrained")
     panels = drawing.subplots(1, len(MODES), sharey=True)
     for panel, name in zip(panels, MODES, strict=True):
         for place, rows in enumerate(THICKNESSES):
@@ -127,19 +136,15 @@ def figure(sweeps: Sequence[Sweep], wavenumbers: Sequence[float] = WAVENUMBERS) 
     )
     dot = Line2D([], [], marker=".", markersize=4, label="LAMMPS", linestyle="none", color="black")
     lines, _ = panels[0].get_legend_handles_labels()
-    drawing.legend(handles=[*lines, ring, dot], loc="outside lower center", ncols=6, fontsize=LEGEND)
+    drawing.legend(handles=[*lines, ring, dot], loc="outside lower center", ncols=6, fontsize=8)
     return drawing
 
 
-def main() -> int:
-    """Draw the figure of the sweeps that the command line names."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("sweeps", nargs="+", metavar="SWEEP", help="folder of a sweep over driven rows and quiet ends")
-    parser.add_argument("-o", "--output", default="quiet_ends.png", metavar="FILE", help="PNG, PDF or SVG")
-    options = parser.parse_args()
-    save(figure([Sweep.load(each) for each in options.sweeps]), options.output)
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+main = script(
+    __name__,
+    list,
+    table,
+    draw,
+    ("sweeps", "folders of sweeps over driven rows and quiet ends"),
+    figure="quiet_ends.png",
+)
