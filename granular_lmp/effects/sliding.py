@@ -35,12 +35,12 @@ def variables_off(problem: Prepared) -> list[str]:
 
 def measured(problem: Prepared) -> list[str]:
     """Return the lines of the largest slip."""
-    return [mu_line(problem.scene), *slip_lines(Reading.of(problem))]
+    return [mu_line(problem), *slip_lines(Reading.of(problem))]
 
 
-def mu_line(scene: Scene) -> str:
+def mu_line(problem: Prepared) -> str:
     """Return the line of the friction by which slips are judged: that of the spheres, if the scene gives one."""
-    friction = scene.effects.friction
+    friction = problem.scene.effects.friction
     return f"variable     mu equal {'$(v_friction:%.17g)' if friction == AUTO else repr(friction)}"
 
 

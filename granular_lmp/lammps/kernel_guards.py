@@ -58,7 +58,7 @@ def _guards(problem: Problem) -> list[str]:
         *inside_lines(problem),
         *look_lines(problem),
         *dict.fromkeys(line for guard in own if guard.name not in _STEP for line in guard.lines(problem)),
-        *([mu_line(problem.scene)] if SLIP in own else []),
+        *([mu_line(problem)] if SLIP in own else []),
         *_extremes(SLIP in own),
         *(
             f"variable     {guard.name}_at equal f_seen[{_STEP[guard.name]}]*v_step/v_t0"

@@ -297,11 +297,10 @@ class Setting:
         names. In a cell of several spheres the squares of all amplitudes sum to 1.
         """
         plain, k = self.crystal(layers=False), self.wavevector()
-        counted = self.scene.require_wave().mode.isdecimal() and len(plain) == 1 and self.scene.space == 2
+        name = self.scene.require_wave().mode
+        counted = name.isdecimal() and len(plain) == 1 and self.scene.space == 2
         lattice = self.crystal() if counted else plain
-        return wave(lattice, k, named_branch(lattice, k, self.scene.require_wave().mode)).times(
-            1 / np.sqrt(len(lattice))
-        )
+        return wave(lattice, k, named_branch(lattice, k, name)).times(1 / np.sqrt(len(lattice)))
 
     def start(self) -> tuple[Crystal, tuple[Wave, ...]]:
         """Return the crystal, and the waves with which the scene starts, displacements in m.
@@ -309,12 +308,13 @@ class Setting:
         Raises ValueError for a scene that starts otherwise, or whose wave is also moved by something else.
         """
         self.refuse(CRYSTAL_KEYS - MOTION)
-        if self.scene.form.name not in FORMS:
-            raise TheoryError(f"wave.form = {self.scene.form.name!r}; allowed: {', '.join(FORMS)}")
+        own = self.scene.require_wave()
+        if own.form not in FORMS:
+            raise TheoryError(f"wave.form = {own.form!r}; allowed: {', '.join(FORMS)}")
         scene, crystal, mode = self.scene, self.crystal(), self.mode()
-        size = scene.displacement_amplitude * np.exp(1j * scene.require_wave().phase)
+        size = scene.displacement_amplitude * np.exp(1j * own.phase)
         field = np.tile(size * mode.shape, (len(crystal) // len(mode.shape), 1))
-        rate = np.zeros_like(field) if scene.form.name == "standing" else -1j * mode.frequency * field
+        rate = np.zeros_like(field) if own.form == "standing" else -1j * mode.frequency * field
         return crystal, started(crystal, mode.wavevector, field, rate)
 
     def signals(self, tau: ArrayLike) -> tuple[tuple[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]:
