@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis.measure.norms import relative_error
-from granular_analysis.second_harmonic import ModeName
+from granular_analysis.second_harmonic import MODES
 from granular_analysis.theory import lattice
 from granular_analysis.theory.contact import Contact, Law
+from granular_analysis.theory.errors import one_of
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Scene, build
 from granular_lmp.crystal.lattices import centre
@@ -80,7 +81,7 @@ def times(scene: Scene) -> Floats:
 def exact(scene: Scene, law: Law = "secant") -> tuple[Floats, Floats]:
     """p and q of the infinite lattice at the scene's wave number, in true contact geometry."""
     nu, eta = scene.sphere.poisson_ratio, scene.sphere.overlap_ratio
-    name: ModeName = scene.require_wave().mode  # type: ignore[assignment]  # checked by the scene
+    name = one_of(MODES, scene.require_wave().mode, "wave.mode")
     wave = Wave.of_mode(name, scene.wavenumber, scene.amplitude, Contact(nu, law=law, overlap_ratio=eta))
     p, q, _ = lattice.torus(wave, times(scene))
     return p, q

@@ -42,7 +42,7 @@ def load_form(folder: str | Path, form: str) -> tuple[Record, Rows]:
     does not hold.
     """
     record = load(folder)
-    found = record.scene.form.name
+    found = record.scene.require_wave().form
     if found != form:
         raise SystemExit(f"{folder}: its wave has the form '{found}'; this script reads runs of the form '{form}'")
     if left_out := sorted(traits_of(record) - FORMS[form]):

@@ -44,6 +44,7 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 ModeName = Literal["L", "TR", "RT"]
+MODES: tuple[ModeName, ...] = ("L", "TR", "RT")
 
 SOLID_SPHERE = 0.4  # I/(mR²) of a homogeneous sphere
 ALONG_Y = 90.0  # degrees from a close-packed row
@@ -144,7 +145,7 @@ class Mode:
     1.0
     """
 
-    name: ModeName
+    name: str
     wavenumber: float
     frequency: float
     p: float

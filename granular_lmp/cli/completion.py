@@ -26,7 +26,7 @@ class Parser(argparse.ArgumentParser):
         kind = how.get("metavar")
         if kind in ("SCENE", "DIR", "FILE"):
             function = _function(self.prog.split()[-1] if kind == "SCENE" else "file")
-            action.complete = {shell: _NAMED[shell].format(function) for shell in SHELLS}  # type: ignore[attr-defined]
+            action.complete = {shell: _NAMED[shell].format(function) for shell in SHELLS}  # type: ignore[attr-defined]  # shtab's
         return action
 
 

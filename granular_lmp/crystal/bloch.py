@@ -46,6 +46,7 @@ _STIFF = 1e-3  # 1/t0²: where all of ω² are less, as of motions that no conta
 _FED = 1e-5  # imaginary part of ω² over the largest one: in a film without symmetry 3e-7, for a share η of 2.5e-4
 SPARSE = 12  # spheres of a cell beyond which the rows of one wave vector are a sparse array; a contact has 12 numbers
 _APART = 1e-9  # coupling of two subspaces, over the largest element of the matrix, that is rounding
+Floats = NDArray[np.float64]
 Springs = list[tuple[NDArray[Any], NDArray[Any]]]
 
 
@@ -93,7 +94,7 @@ def require_plane(contacts: Contacts) -> None:
         raise ValueError(f"contact {outside[0]}: leaves the plane z = const, in which all contacts must lie")
 
 
-def effective_inertia(contacts: Contacts) -> NDArray[Any]:
+def effective_inertia(contacts: Contacts) -> Floats:
     """Return I/R² = Ĩm/(1 − η) of each sphere, (N,), kg: its inertia as LAMMPS's torque arm makes it.
 
     A sphere that no contact turns keeps Ĩm. The module docstring defines η.
@@ -101,7 +102,7 @@ def effective_inertia(contacts: Contacts) -> NDArray[Any]:
     return INERTIA_RATIO * contacts.mass / (1 - _arm_loss(contacts))
 
 
-def _arm_loss(contacts: Contacts) -> NDArray[Any]:
+def _arm_loss(contacts: Contacts) -> Floats:
     """Return the mean η of each sphere, (N,), over its contacts with others."""
     turned, weighted = np.zeros_like(contacts.mass), np.zeros_like(contacts.mass)
     pairs = ~contacts.on_wall
@@ -112,7 +113,7 @@ def _arm_loss(contacts: Contacts) -> NDArray[Any]:
     return np.divide(weighted, turned, out=np.zeros_like(turned), where=turned > 0)
 
 
-def effective_rolling(contacts: Contacts, physics: Physics) -> NDArray[Any]:
+def effective_rolling(contacts: Contacts, physics: Physics) -> Floats:
     """Return the rolling stiffness k_r/(1 − η) of each contact that goes with `effective_inertia`, (C,), N/m.
 
     LAMMPS's torque of a roll has the arm Rc, without the part δ/2 that shear torques lose: the effective inertia is too
@@ -122,7 +123,7 @@ def effective_rolling(contacts: Contacts, physics: Physics) -> NDArray[Any]:
 
 
 def stretch_rows(
-    contacts: Contacts, wavevectors: NDArray[Any], ways: Sequence[int] = (0, 1)
+    contacts: Contacts, wavevectors: Floats, ways: Sequence[int] = (0, 1)
 ) -> tuple[NDArray[Any], list[NDArray[Any]], list[NDArray[Any]]]:
     """Return rows (..., C, 6N) of a shape (u, f): −i times δN, and of the tangents δT and δS − δT; k in 1/m."""
     phase_i, phase_j = _phases(contacts, wavevectors)
@@ -135,7 +136,7 @@ def stretch_rows(
     return moves(contacts.normals), [moves(contacts.tangents[:, way]) for way in ways], turns
 
 
-def twist_rows(contacts: Contacts, wavevectors: NDArray[Any]) -> NDArray[Any]:
+def twist_rows(contacts: Contacts, wavevectors: Floats) -> NDArray[Any]:
     """Return the rows (..., C, 6N) of a shape (u, f) that give −i times (φ_i + φ_j)·n; k in 1/m."""
     part = np.hstack([np.zeros_like(contacts.normals), contacts.normals])
     phase_i, phase_j = _phases(contacts, wavevectors)
@@ -149,7 +150,7 @@ def _turn_rows(contacts: Contacts, way: int, on_i: NDArray[Any], on_j: NDArray[A
     return _rows(contacts, on_i * part, on_j * part)
 
 
-def _torque_rows(contacts: Contacts, wavevectors: NDArray[Any]) -> list[NDArray[Any]]:
+def _torque_rows(contacts: Contacts, wavevectors: Floats) -> list[NDArray[Any]]:
     """Return, for both tangents, the rows of `stretch_rows` of δS − δT times what the true arm of a torque adds.
 
     The arm is (R − δ/2)/R of a pair and 1 of a wall; `effective_inertia` stands for the mean 1 − η of each sphere.
@@ -182,13 +183,13 @@ def _exact(matrix: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     return np.real(squared), vectors
 
 
-def _phases(contacts: Contacts, wavevectors: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _phases(contacts: Contacts, wavevectors: Floats) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return e^{−ik·d/2} and e^{ik·d/2} of each contact, (..., C, 1), for spheres i and j."""
     half_phase = wavevectors @ contacts.vector[:, : wavevectors.shape[-1]].T / 2
     return np.exp(-1j * half_phase)[..., None], np.exp(1j * half_phase)[..., None]
 
 
-def roll_rows(contacts: Contacts, wavevectors: NDArray[Any]) -> NDArray[Any]:
+def roll_rows(contacts: Contacts, wavevectors: Floats) -> NDArray[Any]:
     """Return the rows (..., C, 6N) that give the roll ρ of a shape in the plane, up to a phase; k in 1/m."""
     phase_i, phase_j = _phases(contacts, wavevectors)
     turn = np.eye(6)[F]
@@ -221,7 +222,7 @@ def _rows(contacts: Contacts, on_i: NDArray[Any], on_j: NDArray[Any]) -> NDArray
 
 
 def _springs(
-    contacts: Contacts, sphere: Sphere, wavevectors: NDArray[Any], physics: Physics
+    contacts: Contacts, sphere: Sphere, wavevectors: Floats, physics: Physics
 ) -> tuple[Springs, list[NDArray[Any]], NDArray[Any]]:
     """Return springs, torques, and 1/√mass of the freedoms, (6N,).
 
@@ -246,7 +247,7 @@ def _springs(
 
 
 def solve(
-    contacts: Contacts, sphere: Sphere, wavevectors: NDArray[Any], physics: Physics, basis: NDArray[Any]
+    contacts: Contacts, sphere: Sphere, wavevectors: Floats, physics: Physics, basis: NDArray[Any]
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return frequencies, ascending, and shapes of the modes in a subspace of the freedoms.
 
@@ -289,7 +290,7 @@ def solve(
 def part(
     contacts: Contacts,
     sphere: Sphere,
-    wavevector: NDArray[Any],
+    wavevector: Floats,
     physics: Physics,
     one: NDArray[Any],
     other: NDArray[Any],
@@ -304,9 +305,7 @@ def part(
     )
 
 
-def matrix_of(
-    contacts: Contacts, sphere: Sphere, wavevector: NDArray[Any], physics: Physics
-) -> tuple[Any, NDArray[Any]]:
+def matrix_of(contacts: Contacts, sphere: Sphere, wavevector: Floats, physics: Physics) -> tuple[Any, NDArray[Any]]:
     """Return the sparse matrix of ω² of a cell of many spheres, (6N, 6N) over freedoms times √mass, and 1/√mass."""
     springs, torques, inverse_root_mass = _springs(contacts, sphere, wavevector, physics)
     parts: list[tuple[Any, Any]] = [(rows, rows * weight) for weight, rows in springs]

@@ -135,8 +135,9 @@ class Lattice:
 
     def patterned(self, densities: Sequence[float], kinds: Sequence[int] = (), pairs: Sequence[Pair] = ()) -> "Lattice":
         """Return the lattice of one layer whose rows have these densities and kinds in turn, as many as of a cell."""
-        rows = {"densities": tuple(densities), "kinds": tuple(kinds), "pairs": tuple(pairs)}
-        return replace(self, cell_rows=len(densities), **rows)  # type: ignore[arg-type]  # by their names
+        return replace(
+            self, cell_rows=len(densities), densities=tuple(densities), kinds=tuple(kinds), pairs=tuple(pairs)
+        )
 
     def zone_edge(self, direction: float) -> float:
         """Return the ξ at which the zone ends in a direction (degrees): a hexagon, a square where no row is shifted."""

@@ -32,6 +32,7 @@ from granular_lmp.errors import SceneError
 
 __all__ = ["bloch_modes"]
 
+Floats = NDArray[np.float64]
 MODES = ("L", "TR", "RT")
 _MEET = 1e-9  # relative distance of two frequencies below which the shapes of their branches are any
 _STILL = 1e-6  # A frequency below this share of the highest one is the root of a rounding
@@ -151,7 +152,7 @@ def modes_at(lattice: Contacts, sphere: Sphere, vector: WaveVector, physics: Phy
 
 def branches(
     lattice: Contacts, sphere: Sphere, vectors: Sequence[WaveVector], physics: Physics = FULL
-) -> dict[str, NDArray[Any]]:
+) -> dict[str, Floats]:
     """Return the frequencies (K,) of `modes_at` at wave vectors of one direction, by their names there.
 
     Between the axes, where branches exchange their names, they are numbered from the lowest.
@@ -218,7 +219,7 @@ def named_in_space(
     return found
 
 
-def _spread(ways: list[tuple[NDArray[Any], NDArray[Any]]], spheres: int, physics: Physics) -> Any:
+def _spread(ways: list[tuple[Floats, Floats]], spheres: int, physics: Physics) -> Any:
     """Return motions (u, f) of each sphere of a cell as orthonormal columns, (6N, F); none turns without rotation."""
     columns = np.array([np.concatenate(way) for way in ways if physics.rotation or not way[1].any()]).T
     if spheres <= _MANY:
@@ -229,7 +230,7 @@ def _spread(ways: list[tuple[NDArray[Any], NDArray[Any]]], spheres: int, physics
 
 
 def _lowest(
-    lattice: Contacts, sphere: Sphere, wavevector: NDArray[Any], physics: Physics, basis: Any, least: int = 0
+    lattice: Contacts, sphere: Sphere, wavevector: Floats, physics: Physics, basis: Any, least: int = 0
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return frequencies and shapes as `solve` does; of a cell of many spheres the `_LOWEST` ones.
 
@@ -278,14 +279,14 @@ def _branch(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, ph
     return branch_mode(name, vector, float(own), shapes[number - 1])
 
 
-def branch_names(shapes: NDArray[Any], along: NDArray[Any]) -> tuple[str, ...]:
+def branch_names(shapes: NDArray[Any], along: Floats) -> tuple[str, ...]:
     """Return L, TR or RT for each branch of a lattice, (B, 3), ascending in frequency, at a wave vector along (2,)."""
     longitudinal, others = int(np.argmax(np.abs(shapes[:, :2] @ along))), iter(MODES[1:])
     return tuple("L" if branch == longitudinal else next(others) for branch in range(len(shapes)))
 
 
 @lru_cache(maxsize=1)  # rules ask again and again
-def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray[Any], NDArray[Any]]:
+def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[Floats, Floats]:
     """Return the amplitudes of δN and δS of contacts in a wave of the perfect lattice, (C,) each, in units of D0.
 
     All are in phase; of several spheres a cell they are the moduli. In a crystal that is not perfect they are those of
@@ -300,7 +301,7 @@ def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[N
     return normal, shear
 
 
-def _in_phase(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray[Any], NDArray[Any]]:
+def _in_phase(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[Floats, Floats]:
     """Return δN and δS of the contacts in a mode of one sphere a cell."""
     half_phase = contacts.vector[:, :2] @ _wavevector(sphere, mode.vector) / sphere.radius / 2
     moved, shape = 2 * np.sin(half_phase), np.array([mode.ux, mode.uy])
@@ -309,7 +310,7 @@ def _in_phase(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray[A
     return normal, shear
 
 
-def _moduli(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray[Any], NDArray[Any]]:
+def _moduli(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[Floats, Floats]:
     """Return |δN| and |δS| of the contacts of a cell of several spheres; of another crystal a bound on both."""
     if len(contacts.mass) == len(mode.cell):
         normal, sideways, turn = stretch_rows(contacts, _wavevector(sphere, mode.vector) / sphere.radius)
@@ -323,12 +324,12 @@ def _moduli(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray[Any
     return 2 * normal, 2 * (np.hypot(*across) + turned)
 
 
-def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray[Any]:
+def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray[np.complex128]:
     """Return the amplitudes of the rolls ρ of the contacts of a cell, (C,), in units of D0."""
     return roll_rows(lattice, _wavevector(sphere, mode.vector) / sphere.radius) @ _freedoms(mode)
 
 
-def _freedoms(mode: Mode) -> NDArray[Any]:
+def _freedoms(mode: Mode) -> NDArray[np.complex128]:
     """Return (u, f) of each sphere of a cell in turn, (6P,)."""
     return (mode.shape() / TURNS).ravel()
 
@@ -404,7 +405,7 @@ def _layers_of(crystal: Contacts, count: int) -> Contacts:
     return replace(crystal, **own | {"i": place[own["i"]], "j": place[own["j"]]} | of_spheres)
 
 
-def row_stretches(lattice: Contacts, ux: float, uy: float) -> tuple[NDArray[Any], NDArray[Any]]:
+def row_stretches(lattice: Contacts, ux: float, uy: float) -> tuple[Floats, Floats]:
     """Return δN and δS of the contacts, (C,) each, between a row shifted by (ux, uy) and the next one at rest."""
     shift, normal, shear = np.array([ux, uy]), np.empty(len(lattice)), np.empty(len(lattice))
     for block, some in zip(blocks(len(lattice)), lattice.parts(), strict=True):
@@ -441,7 +442,7 @@ def kinetic_parts(lattice: Contacts, sphere: Sphere, mode: Mode) -> tuple[float,
     return float(squares[:FX].sum()), float(INERTIA_RATIO * squares[FX:].sum())
 
 
-def _wavevector(sphere: Sphere, vector: WaveVector) -> NDArray[Any]:
+def _wavevector(sphere: Sphere, vector: WaveVector) -> Floats:
     """Return the components of a wave vector in 1/R."""
     return np.array(vector.components) / lattice_constant(sphere)
 

@@ -5,14 +5,12 @@ It is the constant F = 2πwRc of contacts that touch (DMT), or JKR's, which also
 Without it contacts are those of Hertz, and compression has to hold the crystal (``packing.contact_force``).
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from math import inf
-from typing import Any
 
 from granular_lmp.crystal.adhesion_laws import HERTZ
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import AmongMeeting, Effect
+from granular_lmp.effects.effect import AmongMeeting, Effect, LawPart
 from granular_lmp.rest.scene import Scene
 
 
@@ -42,7 +40,7 @@ def loss(case: Case) -> str:
     return f"the static overlap falls to {left:.3g} of its value"
 
 
-def law(scene: Scene, on: bool) -> Mapping[str, Any]:
+def law(scene: Scene, on: bool) -> LawPart:
     return {"normal": scene.material.adhesion_law if on else HERTZ}
 
 

@@ -13,25 +13,24 @@ sources and strikes together. With the kernel nothing hides: it sees every step.
 from math import cos, pi
 
 from granular_lmp.effects.case import Case
-from granular_lmp.rest.at_rest import contacts_of
-from granular_lmp.rest.looks import LOOKS, fastest, look_interval
-from granular_lmp.rest.scene import Scene
+from granular_lmp.rest.face import Rest
+from granular_lmp.rest.looks import LOOKS, fastest
 
 
-def hidden(scene: Scene, usual: float | None = None, every: float | None = None) -> float:
+def hidden(rest: Rest, every: float | None = None) -> float:
     """Return the share of the amplitude of an oscillation that may lie beyond what is seen.
 
     every : τ between two looks; by default those of the deck. A deck of an earlier version that looked more rarely is
         read as if it had looked `LOOKS` times in a period.
     """
     if every is None:
-        every = look_interval(scene, usual) * scene.time.step
-    return 1 - cos(min(fastest(scene, usual) * every / 2, pi / LOOKS))
+        every = rest.steps_between_looks * rest.scene.time.step
+    return 1 - cos(min(fastest(rest.scene, rest.frequency) * every / 2, pi / LOOKS))
 
 
-def nearly_open(scene: Scene, usual: float | None = None, every: float | None = None) -> float:
+def nearly_open(rest: Rest, every: float | None = None) -> float:
     """Return the overlap, in Δ0, below which a contact may open between two looks; in JKR's law it may be negative."""
-    share, case = hidden(scene, usual, every), Case(scene)
-    deepest = max(1.0, float(contacts_of(scene).overlap.max()) / scene.sphere.static_overlap)
+    share, case = hidden(rest, every), Case(rest.scene)
+    deepest = max(1.0, float(rest.contacts.overlap.max()) / rest.scene.sphere.static_overlap)
     most = min((deepest + case.hold) * share, case.swing * share / (1 - share) if share < 1 else deepest)
     return most - case.hold

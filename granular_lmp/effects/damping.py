@@ -1,10 +1,7 @@
 """Damping: contacts dissipate energy, by a viscosity or by the coefficient of restitution of a Hertz contact."""
 
-from collections.abc import Mapping
-from typing import Any
-
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import AmongMeeting, Effect
+from granular_lmp.effects.effect import AmongMeeting, Effect, LawPart
 from granular_lmp.rest.scene import Scene
 
 
@@ -35,12 +32,13 @@ def loss(case: Case) -> str:
     return f"nothing decays, where {case.amplitude_left:.3g} of the wave should be left"
 
 
-def law(scene: Scene, on: bool) -> Mapping[str, Any]:
+def law(scene: Scene, on: bool) -> LawPart:
     if not on:
         return {}
     effects = scene.effects
-    kind = {"damping": effects.viscosity} if effects.restitution == 1 else {"restitution": effects.restitution}
-    return kind | {"shear_damping": effects.shear_damping}
+    if effects.restitution == 1:
+        return {"damping": effects.viscosity, "shear_damping": effects.shear_damping}
+    return {"restitution": effects.restitution, "shear_damping": effects.shear_damping}
 
 
 def refuse(case: Case) -> str:

@@ -8,13 +8,27 @@ only if its line in `granular_analysis.theory.catalogue` names it.
 
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
-from typing import Any
+from typing import TypedDict
 
 from granular_lmp.effects.case import Case, Finding
 from granular_lmp.effects.guard import Guard, Lines
 from granular_lmp.frozen import dataclass
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO, Auto
+
+
+class LawPart(TypedDict, total=False):
+    """Arguments of `granular_lmp.lammps.contact.model` that effects set."""
+
+    normal: str
+    shear: str
+    friction: float | str
+    damping: float
+    restitution: float
+    shear_damping: float
+    late_parting: bool
+    rolling: str
+    twisting: str
 
 
 def _nothing_refused(case: Case) -> str:
@@ -29,7 +43,7 @@ def _not_required(scene: Scene) -> str:
     return ""
 
 
-def _no_law(scene: Scene, on: bool) -> Mapping[str, Any]:
+def _no_law(scene: Scene, on: bool) -> LawPart:
     return {}
 
 
@@ -117,7 +131,7 @@ class Effect:
     needs: str = ""
     lines: Mapping[str, Lines] = field(default_factory=dict)
     lines_off: Mapping[str, Lines] = field(default_factory=dict)
-    law: Callable[[Scene, bool], Mapping[str, Any]] = _no_law
+    law: Callable[[Scene, bool], LawPart] = _no_law
     required: Callable[[Scene], str] = _not_required
     refuse: Callable[[Case], str] = _nothing_refused
     order: Callable[[Scene], int] = _second_order

@@ -99,4 +99,4 @@ class Guard:
         """Return the limit above which the guard triggers, with `every` τ between two looks, or those of the deck."""
         if self.roundings:
             return self.limit + self.roundings * gathered_rounding(problem.scene)
-        return self.limit * (1 - hidden(problem.scene, problem.rest.frequency, every)) if self.hides else self.limit
+        return self.limit * (1 - hidden(problem.rest, every)) if self.hides else self.limit

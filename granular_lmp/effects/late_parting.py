@@ -10,11 +10,8 @@ Of the two LAMMPS has the second; the first needs the kernel. It is declared, as
 Sources: as of `cases.pull_off.jkr`.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import AmongMeeting, Effect
+from granular_lmp.effects.effect import AmongMeeting, Effect, LawPart
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.sections import DISTANCE
 
@@ -31,7 +28,7 @@ def declared(scene: Scene) -> bool:
     return scene.effects.parting == DISTANCE
 
 
-def law(scene: Scene, on: bool) -> Mapping[str, Any]:
+def law(scene: Scene, on: bool) -> LawPart:
     return {"late_parting": True} if on else {}
 
 

@@ -24,7 +24,7 @@ from granular_lmp.effects import on_walls
 from granular_lmp.effects.between_looks import nearly_open
 from granular_lmp.effects.guard import Prepared, watches_part
 from granular_lmp.effects.reading import alike, judged_singly
-from granular_lmp.rest.at_rest import contacts_of, crystal_of, law_at_rest
+from granular_lmp.rest.at_rest import law_at_rest
 from granular_lmp.rest.looks import LOOKS
 from granular_lmp.rest.scene import Scene
 
@@ -39,25 +39,25 @@ def by_pairs(scene: Scene) -> bool:
     return not scene.perfect and scene.sphere.pull_off_distance > 0 and not alike(scene)
 
 
-def _lingers(scene: Scene) -> bool:
+def _lingers(problem: Prepared) -> bool:
     """Return whether a contact that oscillates, and is just pulled off, is open for longer than a look.
 
     About the overlap δ at rest it comes from the pull-off distance h back to 0 in the phase arccos(δ/(δ + h)).
     """
-    deepest, reach = contacts_of(scene).overlap.max(), scene.sphere.pull_off_distance
+    deepest, reach = problem.rest.contacts.overlap.max(), problem.scene.sphere.pull_off_distance
     return bool(np.arccos(deepest / (deepest + reach)) > 2 * np.pi / LOOKS)
 
 
-def begins_wider(scene: Scene) -> bool:
+def begins_wider(problem: Prepared) -> bool:
     """Return whether a contact at rest is one that LAMMPS does not begin by itself."""
-    return by_pairs(scene) and bool((contacts_of(scene).overlap <= 0).any())
+    return by_pairs(problem.scene) and bool((problem.rest.contacts.overlap <= 0).any())
 
 
 def begin(problem: Prepared) -> list[str]:
     """Return the block that begins all contacts at rest, empty where LAMMPS does by itself."""
-    if not begins_wider(problem.scene):
+    if not begins_wider(problem):
         return []
-    reach = float(np.max(-law_at_rest(problem.scene).pull_off_overlap / contacts_of(problem.scene).radii))
+    reach = float(np.max(-law_at_rest(problem.scene).pull_off_overlap / problem.rest.contacts.radii))
     return [
         "# --- begin: LAMMPS begins a contact at overlap 0, and some adhere beyond: wider for a moment, all begin",
         "fix          own all store/state 0 diameter",
@@ -92,14 +92,14 @@ def changed_lines(problem: Prepared) -> list[str]:
     A contact that hardly touches counts as one, as it may open between two looks.
     """
     scene = problem.scene
-    near = "" if judged_singly(scene) else f"+({nearly_open(scene, problem.rest.frequency):.4f}>v_overlap)"
+    near = "" if judged_singly(scene) else f"+({nearly_open(problem.rest):.4f}>v_overlap)"
     if not by_pairs(scene):
         missed = f"abs(f_at_rest-c_touching){on_walls.missed(problem)}{near}"
         return [
             f"variable     missed atom {missed}  # contacts of a sphere that opened or formed{_MAY * bool(near)}",
             "compute      open inside reduce max v_missed",
         ]
-    law, axes = scene.sphere.contact_law, _axes(scene)
+    law, axes = scene.sphere.contact_law, _axes(problem)
     mark = law.mark(scene.space)
     off = [
         f"variable     off_{axis} equal abs(f_along_{axis}[1][2]+f_along_{axis}[3][2]-{count})"
@@ -113,7 +113,7 @@ def changed_lines(problem: Prepared) -> list[str]:
         *([f"compute      pairs all pair/local{mark} cutoff {law.cutoff}"] if watches_part(scene) else []),
         *off,
         f"variable     changed equal {most}{'+c_missing' if left else ''}",
-        f"variable     open equal v_changed{'' if _lingers(scene) else near}",
+        f"variable     open equal v_changed{'' if _lingers(problem) else near}",
     ]
 
 
@@ -130,20 +130,19 @@ def counted_lines(problem: Prepared) -> list[str]:
     return [
         f"fix          along_{axis} all ave/histo ${{look}} 1 ${{look}} -{most} {most} 3 "
         f"{column.format(first + 'xyz'.index(axis))} mode vector kind local beyond end"
-        for axis in _axes(scene)
+        for axis in _axes(problem)
     ]
 
 
-def _axes(scene: Scene) -> dict[str, int]:
+def _axes(problem: Prepared) -> dict[str, int]:
     """Return the axes along which contacts are counted, and how many have a component above R/2 along them at rest.
 
     One axis is enough if all contacts, and all pairs that may form one, have that component: x in a hexagonal lattice,
     y in a chain.
     """
-    wider = crystal_of(scene).atoms.copy()
+    scene, contacts, wider = problem.scene, problem.rest.contacts, problem.rest.atoms.copy()
     wider.arrays["radius"] = wider.arrays["radius"] + _NEAR / 2
     near = np.abs(overlapping(wider)[2][:, : scene.space]) > 0.5
-    contacts = contacts_of(scene)
     counts = (np.abs(contacts.vector[~contacts.on_wall]) > scene.sphere.radius / 2).sum(axis=0)
     enough = np.flatnonzero(near.all(axis=0))[:1]
     return {"xyz"[axis]: int(counts[axis]) for axis in (enough if len(enough) else range(scene.space))}

@@ -8,14 +8,11 @@ makes the torques ±Rc f_r (Luding, Granular Matter 10, 235 (2008)). Below the c
 (`granular_lmp.crystal.modes.Physics.rolling`).
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from granular_lmp.crystal.modes import contact_rolls
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import AmongMeeting, Effect
+from granular_lmp.effects.effect import AmongMeeting, Effect, LawPart
 from granular_lmp.rest.linear import wave_contacts
 from granular_lmp.rest.scene import Scene
 
@@ -46,7 +43,7 @@ def loss(case: Case) -> str:
     return case.frequency_shift(case.physics(case.on.get("shear", True), case.on.get("rotation", True)))
 
 
-def law(scene: Scene, on: bool) -> Mapping[str, Any]:
+def law(scene: Scene, on: bool) -> LawPart:
     if not on:
         return {}
     effects, units = scene.effects, scene.units

@@ -4,15 +4,13 @@ The law, "secant" (the paper's) or "incremental", determines the effect of a cha
 (docs/choosing-a-shear-law.md).
 """
 
-from collections.abc import Mapping
 from math import inf
-from typing import Any
 
 import numpy as np
 
 from granular_lmp.crystal.modes import bears_compression, contact_stretches
 from granular_lmp.effects.case import NOTHING, Case, Finding
-from granular_lmp.effects.effect import AmongMeeting, Effect
+from granular_lmp.effects.effect import AmongMeeting, Effect, LawPart
 from granular_lmp.rest.linear import uniform_rows, wave_contacts
 from granular_lmp.rest.scene import Scene
 
@@ -52,7 +50,7 @@ def loss(case: Case) -> str:
     return case.frequency_shift(case.physics(shear=False, rotation=False))
 
 
-def law(scene: Scene, on: bool) -> Mapping[str, Any]:
+def law(scene: Scene, on: bool) -> LawPart:
     return {"shear": scene.effects.shear_law if on else "none"}
 
 

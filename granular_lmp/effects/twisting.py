@@ -4,11 +4,8 @@ The law is LAMMPS's ``twisting marshall``. Spheres that move in a plane turn abo
 contact, so the effect changes no number of a run; it prepares decks for three dimensions.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 from granular_lmp.effects.case import Case, Finding
-from granular_lmp.effects.effect import Effect
+from granular_lmp.effects.effect import Effect, LawPart
 from granular_lmp.rest.scene import Scene
 
 
@@ -22,7 +19,7 @@ def loss(case: Case) -> str:
     return "nothing"
 
 
-def law(scene: Scene, on: bool) -> Mapping[str, Any]:
+def law(scene: Scene, on: bool) -> LawPart:
     return {"twisting": "marshall"} if on else {}
 
 

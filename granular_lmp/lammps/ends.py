@@ -3,13 +3,11 @@
 Quiet ends are an effect (`granular_lmp.effects.quiet_ends`).
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import FACTORS
+from granular_lmp.effects.effect import LawPart
 from granular_lmp.lammps.contact import model, of_law, rigid, wall
 from granular_lmp.problem import Problem
 
@@ -37,7 +35,7 @@ def box_of(problem: Problem) -> NDArray[np.float64]:
     return np.column_stack([low, high])
 
 
-def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
+def walls(problem: Problem, law: LawPart) -> list[str]:
     """Return the lines of the rigid walls that spheres of each material touch, by the law of their contacts.
 
     A wall that is touched at rest says of each sphere whether it touches and with what force.
@@ -61,7 +59,7 @@ def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _against(problem: Problem, name: str, material: int, law: Mapping[str, Any]) -> str:
+def _against(problem: Problem, name: str, material: int, law: LawPart) -> str:
     """Return the model of the contact of spheres of a material, by its index, with a wall.
 
     A wall that spheres meet, which has no law at rest, is that of spheres of twice the modulus.

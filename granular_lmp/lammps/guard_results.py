@@ -77,7 +77,7 @@ def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Pr
     contacts = folder / (UNWAVED_CONTACTS if problem.wave is None else CONTACTS)
     if not (guard.per_contact(scene) and contacts.is_file()):
         smallest = float(np.min(table.get("v_overlap", np.empty(0)), initial=np.inf))
-        near = guard is OPEN and bound == 1 and smallest < nearly_open(scene, problem.rest.frequency, every)
+        near = guard is OPEN and bound == 1 and smallest < nearly_open(problem.rest, every)
         return Measured(bound, first, bound, smallest if near else None)
     looks = judged_contacts(contacts, problem, Case(scene, problem.on).friction)
     if guard is SLIP:
@@ -86,7 +86,7 @@ def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Pr
         return Measured(
             worst, next((step * scene.time.step for step, ratio in ratios if not ratio <= limit), None), bound
         )
-    least = nearly_open(scene, problem.rest.frequency, every)
+    least = nearly_open(problem.rest, every)
     nearly = next((step * scene.time.step for step, look in looks if look.overlap < least), None)
     known = [tau for tau in (first, nearly) if tau is not None]
     return Measured(max(bound, float(nearly is not None)), min(known, default=None), bound)

@@ -166,7 +166,7 @@ def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkp
         ends = [f"compute      ends inside property/local patom1 patom2 cutoff {how.law.cutoff}"]
     holds = {
         SLIP.title: f"({SLIP.limit_in(problem):.4f}>={seen['v_slip']})",
-        OPEN.title: f"({seen['v_overlap']}>={nearly_open(scene, problem.rest.frequency):.4f})",
+        OPEN.title: f"({seen['v_overlap']}>={nearly_open(problem.rest):.4f})",
     }
     return [
         *ends,

@@ -1,11 +1,10 @@
 """The block of a deck with the law of its contacts, which all effects write together."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from itertools import combinations_with_replacement
-from typing import Any
 
 from granular_lmp.crystal.contacts import FACTORS, equivalent
+from granular_lmp.effects.effect import LawPart
 from granular_lmp.effects.openings import at_rest_lines
 from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.lammps.contact import model, pairs
@@ -24,7 +23,7 @@ def contacts_of_meeting(problem: Problem) -> list[str]:
 
 
 def _contacts(problem: Problem, friction: float | str, words: str) -> list[str]:
-    law: dict[str, Any] = {"friction": friction}
+    law: LawPart = {"friction": friction}
     for effect in EFFECTS:
         law |= effect.law(problem.scene, problem.on[effect.name])
     laws = {
@@ -38,7 +37,7 @@ def _contacts(problem: Problem, friction: float | str, words: str) -> list[str]:
     ]
 
 
-def of_pair(problem: Problem, one: int, other: int, law: Mapping[str, Any]) -> str:
+def of_pair(problem: Problem, one: int, other: int, law: LawPart) -> str:
     """Return the model of the contacts of two materials, times the factors of stiffnesses that differ from theirs."""
     sphere, factors = (
         equivalent(problem.rest.materials[one], problem.rest.materials[other]),

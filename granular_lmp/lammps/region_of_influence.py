@@ -22,7 +22,6 @@ from granular_lmp.effects.openings import by_pairs
 from granular_lmp.problem import Problem
 from granular_lmp.rest.at_rest import swiftness
 from granular_lmp.rest.linear import uniform_rows
-from granular_lmp.rest.scene import Scene
 from granular_lmp.rest.shape import quiet_rows
 
 _ALL = 2**31 - 1  # spheres that may leave at once
@@ -48,67 +47,68 @@ def inside_lines(problem: Problem) -> list[str]:
         *lines,
         _reach(problem),
         f"variable     near atom v_reach>{away}",
-        f"group        inside dynamic all var near every {_interval(scene)}  # whose signals still reach the record",
+        f"group        inside dynamic all var near every {_interval(problem)}  # whose signals still reach the record",
         *_leaving(problem),
     ]
 
 
 def leaving_lines(problem: Problem) -> list[str]:
     """Return the lines by which spheres leave a run without guards, [] where they stay."""
-    return [_reach(problem), *_leaving(problem)] if leave(problem.scene) else []
+    return [_reach(problem), *_leaving(problem)] if leave(problem) else []
 
 
 def _reach(problem: Problem) -> str:
     """Return the line of v_reach, the radius of the cone at a step."""
-    least, lost = 1.5 * _row(problem), (_farthest_row(problem.scene) - 2.5) * _row(problem)
+    least, lost = 1.5 * _row(problem), (_farthest_row(problem) - 2.5) * _row(problem)
     shrinks = f"$({lost!r}*v_step/(v_t0*(v_duration+(v_duration==0))):%.17g)*step"
     return f"variable     reach equal {least + lost!r}-{shrinks}"
 
 
-def leave(scene: Scene) -> bool:
+def leave(problem: Problem) -> bool:
     """Return whether spheres that can no longer affect the record leave the run."""
+    scene = problem.scene
     return watches_part(scene) and not scene.packing.contact_force and not by_pairs(scene)
 
 
 def mean_count(problem: Problem) -> float:
     """Return the number of spheres of a run, of those that leave in the share of the run in which they are there."""
     scene, crystal = problem.scene, problem.rest.atoms
-    if not leave(scene):
+    if not leave(problem):
         return float(len(crystal))
     row = scene.lattice.row_distance(scene.sphere.lattice_constant) / scene.sphere.radius
     (low, high), (x, y, _) = _recorded(problem), crystal.positions.T
     along = np.maximum(np.maximum(low - y, y - high), 0.0)
-    apart = np.sort(along if _by_rows(scene) else np.hypot(x, along)) / row
-    every, time = LOST * _interval(scene), scene.time
+    apart = np.sort(along if _by_rows(problem) else np.hypot(x, along)) / row
+    every, time = LOST * _interval(problem), scene.time
     steps = np.arange(every, time.steps, every)  # at which spheres leave
-    way = _speed(scene) * (time.duration - steps * time.step)
+    way = _speed(problem) * (time.duration - steps * time.step)
     stay = np.searchsorted(apart, way + WIDTHS * np.cbrt(way + WIDTHS**1.5))
     return float(np.average([len(apart), *stay], weights=np.diff([0, *steps, time.steps])))
 
 
-def _speed(scene: Scene) -> float:
+def _speed(problem: Problem) -> float:
     """Return the speed that no signal exceeds, rows per τ."""
-    return scene.lattice.fastest * swiftness(scene)
+    return problem.scene.lattice.fastest * swiftness(problem.scene)
 
 
 def _leaving(problem: Problem) -> list[str]:
     """Return the lines by which spheres leave, [] where they stay."""
-    scene, row = problem.scene, _row(problem)
-    if not leave(scene):
+    row = _row(problem)
+    if not leave(problem):
         return []
-    way = f"{_speed(scene)!r}*(v_duration-v_tau)"
+    way = f"{_speed(problem)!r}*(v_duration-v_tau)"
     return [
         f"variable     front equal {row!r}*({way}+{WIDTHS}*({way}+{WIDTHS**1.5:.3f})^(1/3))"
-        f"+({scene.time.duration!r}>v_duration)*v_reach  # farther if -var made the run shorter",
+        f"+({problem.scene.time.duration!r}>v_duration)*v_reach  # farther if -var made the run shorter",
         *_far(problem),
-        f"fix          gone all evaporate {LOST * _interval(scene)} {_ALL} far 1"
+        f"fix          gone all evaporate {LOST * _interval(problem)} {_ALL} far 1"
         "  # what can no longer affect the record leaves; to keep it: unfix gone",
     ]
 
 
 def _far(problem: Problem) -> list[str]:
     """Return the lines of the region in which spheres leave."""
-    if not _by_rows(problem.scene):
+    if not _by_rows(problem):
         return ["region       far cylinder z 0 0 v_front INF INF side out units box"]
     to_deck = problem.units.number(problem.scene.sphere.radius, length=1)
     low, high = (each * to_deck for each in _recorded(problem))
@@ -121,9 +121,9 @@ def _far(problem: Problem) -> list[str]:
     ]
 
 
-def _by_rows(scene: Scene) -> bool:
+def _by_rows(problem: Problem) -> bool:
     """Return whether spheres leave by whole rows."""
-    return uniform_rows(scene) or bool(scene.monitor)
+    return uniform_rows(problem.scene) or bool(problem.scene.monitor)
 
 
 def _recorded(problem: Problem) -> tuple[float, float]:
@@ -159,10 +159,12 @@ def _away(problem: Problem) -> tuple[list[str], str]:
     return lines, least
 
 
-def _farthest_row(scene: Scene) -> int:
+def _farthest_row(problem: Problem) -> int:
+    scene = problem.scene
     return (quiet_rows(scene.time.duration * swiftness(scene), scene.lattice.fastest) - 1) // 2
 
 
-def _interval(scene: Scene) -> int:
+def _interval(problem: Problem) -> int:
     """Return the steps in which the cone loses a row."""
-    return max(1, int(scene.time.duration / _farthest_row(scene) / scene.time.step))
+    time = problem.scene.time
+    return max(1, int(time.duration / _farthest_row(problem) / time.step))

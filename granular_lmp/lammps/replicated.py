@@ -47,7 +47,7 @@ def first_rows(problem: Problem) -> DataFile:
     period, to_deck = scene.lattice.row_period, units.number(scene.sphere.radius, length=1)
     first = problem.rest.atoms[: period * scene.shape.columns * scene.shape.layers]
     position = first.positions * to_deck
-    spacing = _row_spacing(scene) * to_deck
+    spacing = _row_spacing(problem) * to_deck
     box = box_of(problem)
     box[1] = position[:, 1].min() + np.array([-0.5, period - 0.5]) * spacing
     return DataFile(
@@ -79,9 +79,9 @@ def lines(problem: Problem) -> list[str]:
         f"change_box   all x final {left!r} {right!r} y final {bottom!r} {top!r} units box",
         "# column and row from the centre sphere, and with all digits the place there",
         f"variable     row    atom floor((id-1)/{in_row})-{scene.shape.centre_row}",
-        *_places(scene),
+        *_places(problem),
         f"variable     at_x   atom (v_column+0.25)*{across!r}*v_R",
-        f"variable     at_y   atom v_row*{_row_spacing(scene)!r}*v_R",
+        f"variable     at_y   atom v_row*{_row_spacing(problem)!r}*v_R",
         "set          group all x v_at_x y v_at_y",
     ]
     if not scene.shape.along_y:
@@ -93,8 +93,9 @@ def lines(problem: Problem) -> list[str]:
     return [*lines, start.field(problem), *_wave(problem)]
 
 
-def _places(scene: Scene) -> list[str]:
+def _places(problem: Problem) -> list[str]:
     """Return the lines of the variable column, which is shifted by the stacking; in a bulk crystal by row and layer."""
+    scene = problem.scene
     lattice, columns, layers = scene.lattice, scene.shape.columns, scene.shape.layers
     if not lattice.solid:
         shift = f"+{lattice.shift!r}*(abs(v_row)%2)" if lattice.shift else ""
@@ -157,6 +158,6 @@ def _in_plane(wave: BlochWave) -> dict[str, str]:
     return {name: f"{size!r}*{cosine}(v_angle)" for name, (size, cosine) in fields.items() if size}
 
 
-def _row_spacing(scene: Scene) -> float:
+def _row_spacing(problem: Problem) -> float:
     """Return the distance of rows in radii."""
-    return scene.lattice.row_distance(lattice_constant(scene.sphere))
+    return problem.scene.lattice.row_distance(lattice_constant(problem.scene.sphere))

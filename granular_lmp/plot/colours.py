@@ -86,6 +86,11 @@ def _speed(spheres: Spheres, scene: Scene, side: Side) -> Floats:
     return np.asarray(np.linalg.norm(spheres.velocity, axis=1) * unit)
 
 
+def _along(place: int) -> Callable[[Spheres, Scene, Side], Floats]:
+    """Return the displacements along an axis, D0."""
+    return lambda spheres, scene, side: np.asarray(spheres.displacement[:, place])
+
+
 COLOURINGS = {
     "rotation": Colouring(lambda spheres, scene, side: side.turn(spheres.rotation), r"rotation $R\theta/D_0$"),
     "energy": Colouring(
@@ -108,7 +113,7 @@ COLOURINGS = {
     ),
 } | {
     axis: Colouring(
-        lambda spheres, scene, side, place=place: spheres.displacement[:, place],  # type: ignore[misc]
+        _along(place),
         f"displacement along ${axis}$ ($D_0$)",
     )
     for place, axis in enumerate("xyz")

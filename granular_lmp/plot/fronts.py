@@ -52,10 +52,10 @@ class Fronts:
                             f"--fronts: the source on sphere {list(place)} of {scene.name} is not among the recorded "
                             "spheres; must be one of output.rows or output.spheres, or leave both out"
                         )
-                    style = {"color": "black", "linestyle": BRANCH_STYLES[name]["linestyle"], "linewidth": 0.9}
+                    dashes = BRANCH_STYLES[name]["linestyle"]
                     label = None if name in labelled else f"{name}, $\\Omega$ = {frequency:.3g}"
                     labelled.add(name)
-                    (line,) = axes.plot([], [], label=label, zorder=4, **style)  # type: ignore[arg-type]
+                    (line,) = axes.plot([], [], label=label, zorder=4, color="black", linestyle=dashes, linewidth=0.9)
                     self.lines.append((line, start, closed, middle))
         if labelled:
             axes.legend(loc="upper left", fontsize=LEGEND, framealpha=0.8)

@@ -1,6 +1,7 @@
 """Marks on spheres: sources, strikers, monitors and inclusions, with lines where interfaces are, and their legend."""
 
 from collections.abc import Iterator
+from typing import TypedDict
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +20,17 @@ from granular_lmp.scene.places import spheres_at
 
 Integers = NDArray[np.int64]
 _STRIKERS = {"y": "^", "-y": "v", "x": ">", "-x": "<"}
-_LOOKS: dict[str, dict[str, object]] = {
+
+
+class Look(TypedDict):
+    """How a mark is drawn."""
+
+    marker: str
+    markersize: float
+    markerfacecolor: str
+
+
+_LOOKS: dict[str, Look] = {
     "source": {"marker": "*", "markersize": 9, "markerfacecolor": "white"},
     "striker": {"marker": "^", "markersize": 7, "markerfacecolor": "white"},
     "monitor": {"marker": "s", "markersize": 6, "markerfacecolor": "none"},
@@ -41,8 +52,17 @@ class Marks:
             if not len(seen):
                 continue
             indices = (np.arange(copies)[:, None] * len(drawn) + seen).ravel()
-            look = _LOOKS[kind] | {"linestyle": "none", "markeredgecolor": "black", "zorder": 5, "clip_on": False}
-            (line,) = axes.plot(*rest[indices].T, **(look | ({"marker": marker} if marker else {})))  # type: ignore[arg-type]
+            look = _LOOKS[kind]
+            (line,) = axes.plot(
+                *rest[indices].T,
+                linestyle="none",
+                marker=marker or look["marker"],
+                markersize=look["markersize"],
+                markerfacecolor=look["markerfacecolor"],
+                markeredgecolor="black",
+                zorder=5,
+                clip_on=False,
+            )
             self.lines.append((line, indices))
             handles.setdefault(kind, line)
         if side.page == (0, 1):
@@ -55,9 +75,17 @@ class Marks:
     def legend(self, axes: Axes, handles: dict[str, Line2D], snapshots: Snapshots, drawn: Integers) -> None:
         """Draw the legend below the axes."""
         if snapshots.held[drawn].any():
-            edge = {"markeredgewidth": 1.5, "markerfacecolor": "white", "markeredgecolor": "black"}
             name = "held or driven" if snapshots.scene.form.driven else "held"
-            handles[name] = Line2D([], [], linestyle="none", marker="o", markersize=8, **edge)  # type: ignore[arg-type]
+            handles[name] = Line2D(
+                [],
+                [],
+                linestyle="none",
+                marker="o",
+                markersize=8,
+                markeredgewidth=1.5,
+                markerfacecolor="white",
+                markeredgecolor="black",
+            )
         figure = axes.get_figure()
         if handles and figure is not None:
             figure.legend(

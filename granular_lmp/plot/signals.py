@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from io import BytesIO
 from math import pi
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,8 +19,16 @@ from granular_lmp.rest import words
 from granular_lmp.rest.linear import mode_of, physics_of, wave_contacts
 from granular_lmp.rest.scene import Scene
 
+
+class LineStyle(TypedDict):
+    """Colour and dashes of a line."""
+
+    color: str
+    linestyle: str
+
+
 # The dashes distinguish the modes in print without colour
-BRANCH_STYLES = {
+BRANCH_STYLES: dict[str, LineStyle] = {
     "L": {"color": "black", "linestyle": "-"},
     "TR": {"color": "tab:blue", "linestyle": "--"},
     "RT": {"color": "tab:red", "linestyle": "-."},
@@ -118,9 +127,9 @@ def dispersion_figure(scene: Scene) -> Figure:
     axes = figure.subplots()
     along = [scene.lattice.vector(xi, vector.direction) for xi in wavenumbers]
     for index, (name, branch) in enumerate(branches(lattice, scene.sphere, along, physics).items()):
-        style = BRANCH_STYLES.get(name, {"color": "black"})
+        style = BRANCH_STYLES.get(name, {"color": "black", "linestyle": "-"})
         label = name if name in BRANCH_STYLES else "_" * (index > 0) + "all branches"
-        axes.plot(wavenumbers, branch, label=label, **style)  # type: ignore[arg-type]
+        axes.plot(wavenumbers, branch, label=label, **style)
     if scene.wave is not None:
         wave = mode_of(scene, physics)
         named = f"branch {wave.name}" if wave.name.isdigit() else wave.name

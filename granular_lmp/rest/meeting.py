@@ -103,7 +103,7 @@ class Meeting(Rest):
     @property
     def drag_rate(self) -> float:
         """Bound on the rate, 1/t0, at which dashpots slow a motion: 2η/m of each contact of a sphere, 1/Ĩ of a turn."""
-        effects: Any = self.scene.effects
+        effects = self.scene.effects
         turning = effects.shear_damping / INERTIA_RATIO if effects.friction else 0.0
         dashpot = effects.viscosity * max(1.0, turning) + effects.rolling_viscosity / INERTIA_RATIO
         return 2 * self._most_touching * dashpot * self.scale.time / self.scale.mass / float(self.mass.min())

@@ -6,7 +6,7 @@ A record that a script makes remembers which values it was given, since a defaul
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, field, fields
 from functools import cache
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
@@ -19,13 +19,13 @@ class Remembering:
     """A record that remembers which of its values were given."""
 
     __slots__ = ("_given",)
+    __match_args__: ClassVar[tuple[str, ...]]  # fields in their order, as a dataclass has it
     _given: frozenset[str]
 
     def __new__(cls, *values: Any, **given: Any) -> Self:
         """Make the record, whose fields its class sets."""
         made = super().__new__(cls)
-        names = [item.name for item in fields(cls)][: len(values)]  # type: ignore[arg-type]  # a dataclass later
-        object.__setattr__(made, "_given", frozenset((*names, *given)))
+        object.__setattr__(made, "_given", frozenset((*cls.__match_args__[: len(values)], *given)))
         return made
 
     def __getstate__(self) -> dict[str, Any]:

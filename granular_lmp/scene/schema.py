@@ -177,7 +177,7 @@ class NameRule(Rule):
 class Rules(dict[str, Rule]):
     """Rules for a record of another room, whose fields carry none; hashed by identity, so that its keys are kept."""
 
-    def __hash__(self) -> int:  # type: ignore[override]  # none is changed
+    def __hash__(self) -> int:  # type: ignore[override]  # a dict has none; these are never changed
         return id(self)
 
 

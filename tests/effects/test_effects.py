@@ -226,7 +226,7 @@ def test_guards_look_eight_times_in_the_fastest_period_or_at_every_step(mode: st
     scene, steps = problem.scene, look_interval(problem.scene)
     assert steps == 1 or steps * step * LOOKS <= 2 * pi / fastest(scene)
     assert fastest(scene) >= max(2 * problem.wave.mode.frequency, 1)
-    assert hidden(scene) <= 1 - cos(pi / LOOKS) + 1e-12
+    assert hidden(problem.rest) <= 1 - cos(pi / LOOKS) + 1e-12
 
 
 # --- every combination ---

@@ -307,7 +307,7 @@ def _openings(info: dict[str, Any], real: Truth, deck: Deck) -> Comparison:
         "open_contacts",
         happened=first is not None,
         # A contact that touches by less than what may hide between two looks counts as open
-        happened_wide=bool((real.overlap_wide <= nearly_open(deck.scene, deck.problem.rest.frequency)).any()),
+        happened_wide=bool((real.overlap_wide <= nearly_open(deck.problem.rest)).any()),
         said=said is not None,
         late=said - first if said is not None and first is not None else 0.0,
         over=info["smallest_overlap"] - float(real.overlap.min()) if first is None and "crystal" not in info else 0.0,

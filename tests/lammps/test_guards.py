@@ -78,10 +78,10 @@ def test_the_study_sees_a_guard_that_is_wrong_on_either_side() -> None:
 
 def test_the_study_sees_a_guard_that_looks_too_rarely(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = STANDING.with_values({"effects.friction": 1.0, "effects.sliding": False, "time.sample": 2.5})
-    monkeypatch.setattr("granular_lmp.lammps.guards.longest", lambda scene, mode: 2.51)
-    monkeypatch.setattr("granular_lmp.rest.held.look_interval", lambda scene, mode: 50)
-    monkeypatch.setattr("granular_lmp.effects.guard.hidden", lambda scene, mode, every: 0.0)
-    monkeypatch.setattr("granular_lmp.effects.openings.nearly_open", lambda scene, mode: 0.0)
+    monkeypatch.setattr("granular_lmp.lammps.guards.longest", lambda scene, usual: 2.51)
+    monkeypatch.setattr("granular_lmp.rest.held.look_interval", lambda scene, usual: 50)
+    monkeypatch.setattr("granular_lmp.effects.guard.hidden", lambda rest, every: 0.0)
+    monkeypatch.setattr("granular_lmp.effects.openings.nearly_open", lambda rest: 0.0)
     openings, _ = compared(scene, tmp_path / "run")
     assert openings.missed or openings.late > 0.5
 
@@ -111,7 +111,7 @@ def test_a_standing_wave_that_opens_contacts_for_a_short_time_fails_its_run(tmp_
     )
     closed = run(STANDING.with_values({"wave.amplitude": 0.5}), tmp_path / "closed")
     # What the study finds is 0.0895; between two looks a contact swings on by a share of what it has swung
-    hides = hidden(STANDING) * (1 - 0.0895)
+    hides = hidden(prepare(STANDING).rest) * (1 - 0.0895)
     assert 0.0895 - 2e-3 <= closed.info["smallest_overlap"] <= 0.0895 + hides
 
 

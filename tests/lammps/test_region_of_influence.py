@@ -167,8 +167,8 @@ def test_a_run_that_began_with_other_guards_is_not_continued(stop: Callable[...,
 )
 def test_spheres_stay_that_are_recorded_counted_or_press_others(changes: dict[str, Any]) -> None:
     scene = STRIP.with_values(changes)
-    assert leave(STRIP)
-    assert not leave(prepare(scene).scene)
+    assert leave(prepare(STRIP))
+    assert not leave(prepare(scene))
     assert "evaporate" not in build(scene).input_text
 
 

@@ -56,7 +56,8 @@ def record_of(scene: Any = PAPER, *on: str, off: tuple[str, ...] = ()) -> Record
 
 def with_wave(**changes: Any) -> Any:
     """The paper's scene with a wave that no check of a scene has seen."""
-    return Changed(PAPER, wave=replace(PAPER.wave, **changes))
+    wave = replace(PAPER.wave, **changes)
+    return Changed(PAPER, wave=wave, require_wave=lambda: wave)
 
 
 def outcome(record: Record) -> tuple[bool, str]:

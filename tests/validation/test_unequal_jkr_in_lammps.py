@@ -21,6 +21,7 @@ from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.crystal.contacts import law_between
 from granular_lmp.effects import openings
+from granular_lmp.problem import prepare
 from granular_lmp.rest.at_rest import crystal_of
 from tests.manual import Measure, Mutant, verifies
 from tests.matrix.features import WAVES
@@ -235,7 +236,7 @@ def test_the_deck_counts_along_the_axes_that_the_crystal_needs(
     for axis, component in zip("xy", components, strict=True):
         counted = f"abs(f_along_{axis}[1][2]+f_along_{axis}[3][2]-{np.count_nonzero(component > 0.5)})"
         assert (counted in text) is (axis in axes)
-    assert ("diameter" in text) is openings.begins_wider(scene)
+    assert ("diameter" in text) is openings.begins_wider(prepare(scene))
 
 
 def test_the_start_state_of_the_network_knows_the_contacts_of_its_rest(stretched: Record) -> None:

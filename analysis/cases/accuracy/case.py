@@ -17,6 +17,7 @@ import json
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import groupby
 from math import inf
 from pathlib import Path
@@ -129,9 +130,9 @@ def models(study: Study, repeats: int = REPEATS) -> list[Setting]:
     theories: dict[tuple[str, str], Callable[[], Trajectory]] = {}
     for name in holding(wave):
         if name not in NOT_CLOSED:
-            theories[FORMULA, name] = lambda name=name: THEORIES[name](wave, tau)  # type: ignore[misc]
+            theories[FORMULA, name] = partial(THEORIES[name], wave, tau)
     for rtol in RTOL:
-        theories[LATTICE, f"rtol {rtol:.0e}"] = lambda rtol=rtol: lattice(wave, tau, rtol)  # type: ignore[misc]
+        theories[LATTICE, f"rtol {rtol:.0e}"] = partial(lattice, wave, tau, rtol)
     exact = lattice(wave, tau, FINEST)
     spent: dict[tuple[str, str], list[float]] = {key: [] for key in theories}
     found: dict[tuple[str, str], Trajectory] = {}

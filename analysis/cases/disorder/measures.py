@@ -20,10 +20,11 @@ from scipy.optimize import least_squares
 
 from granular_analysis.measure.coherent import decay
 from granular_analysis.measure.disordered import Value, coherent, even_parts, jackknife, mean_strength, strength
-from granular_analysis.second_harmonic import ModeName
+from granular_analysis.second_harmonic import MODES
 from granular_analysis.theory.bloch import branch_index, hexagonal, mode, wavevector_of
 from granular_analysis.theory.choice import contact_of
 from granular_analysis.theory.contact import Contact
+from granular_analysis.theory.errors import one_of
 from granular_analysis.theory.second_order import Mixed, branch_of
 from granular_analysis.theory.wave import resonance as perfect_resonance
 from granular_lmp.runs.record import Record, Scene
@@ -130,7 +131,7 @@ def _waves(record: Record, parts: Complexes) -> Waves:
 
 def _frequency(record: Record) -> float:
     """Return Ω of the perfect sheet as velocity Verlet has it, (2/h) arcsin(Ωh/2) with the step h of the run."""
-    name: ModeName = record.scene.require_wave().mode  # type: ignore[assignment]  # checked by the scene
+    name = one_of(MODES, record.scene.require_wave().mode, "wave.mode")
     frequency = mode(name, record.scene.wavenumber, record.scene.direction, contact_of(record)).frequency
     step = record.scene.time.step
     return float(2 / step * np.arcsin(frequency * step / 2))

@@ -15,6 +15,8 @@ from matplotlib.figure import Figure
 from cases.runner import POISSON_RATIO, script
 from granular_analysis.plotting import COLOURS
 from granular_analysis.second_harmonic import (
+    MODES,
+    ModeName,
     Ratios,
     antiresonance,
     dispersion,
@@ -33,7 +35,8 @@ def draw(constants: Ratios) -> Figure:
     figure = Figure(figsize=(11.0, 4.0), layout="constrained")
     branches, upper, lower = figure.subplots(1, 3)
     _dispersion(branches, constants)
-    for axes, name, letter in ((upper, "RT", "b"), (lower, "TR", "c")):
+    generated: tuple[tuple[Axes, ModeName, str], ...] = ((upper, "RT", "b"), (lower, "TR", "c"))
+    for axes, name, letter in generated:
         _amplitudes(axes, name, constants)
         axes.set_title(f"({letter})  second harmonic of {name}")
     for axes in (branches, upper, lower):
@@ -51,8 +54,10 @@ def table(constants: Ratios) -> str:
 
 
 def _dispersion(axes: Axes, constants: Ratios) -> None:
-    for name, at, offset in (("L", 600, (-12, 6)), ("TR", 600, (8, -14)), ("RT", 600, (4, 6))):
-        frequency = dispersion(WAVENUMBERS, name, constants)  # type: ignore[arg-type]
+    at = 600
+    offsets = {"L": (-12, 6), "TR": (8, -14), "RT": (4, 6)}
+    for name in MODES:
+        frequency, offset = dispersion(WAVENUMBERS, name, constants), offsets[name]
         axes.plot(WAVENUMBERS, frequency, color=COLOURS[name])
         axes.annotate(
             name, (WAVENUMBERS[at], frequency[at]), xytext=offset, textcoords="offset points", color=COLOURS[name]
@@ -80,8 +85,8 @@ def _dispersion(axes: Axes, constants: Ratios) -> None:
     axes.legend(fontsize="small", loc="upper right")
 
 
-def _amplitudes(axes: Axes, name: str, constants: Ratios) -> None:
-    waves = [mode(name, xi, constants) for xi in WAVENUMBERS]  # type: ignore[arg-type]
+def _amplitudes(axes: Axes, name: ModeName, constants: Ratios) -> None:
+    waves = [mode(name, xi, constants) for xi in WAVENUMBERS]
     generated = [abs(generated_amplitude(wave, constants)) / 2 for wave in waves]
     axes.semilogy(WAVENUMBERS, generated, color="black", label=r"$|\tilde P_1|/2$ per $\epsilon$")
     axes.semilogy(WAVENUMBERS, [wave.q for wave in waves], color="tab:blue", linestyle="--", label="$|Q|$")

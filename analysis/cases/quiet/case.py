@@ -124,9 +124,17 @@ def draw(runs: Sequence[Record], wavenumbers: Sequence[float] = WAVENUMBERS) -> 
             panel.plot(wavenumber, measured(run), ".", color="black", markersize=4)
         panel.set(title=f"{_TITLES[name]} ({name})", xlabel=r"$\xi$ (rad per row)", yscale="log", ylim=(1e-6, 1))
     panels[0].set_ylabel(r"reflection $|r|$")
-    of_runs = {"linestyle": "none", "color": "black"}
-    ring = Line2D([], [], marker="o", markersize=7, fillstyle="none", label="theory, layer that ran", **of_runs)  # type: ignore[arg-type]
-    dot = Line2D([], [], marker=".", markersize=4, label="LAMMPS", **of_runs)  # type: ignore[arg-type]
+    ring = Line2D(
+        [],
+        [],
+        marker="o",
+        markersize=7,
+        fillstyle="none",
+        label="theory, layer that ran",
+        linestyle="none",
+        color="black",
+    )
+    dot = Line2D([], [], marker=".", markersize=4, label="LAMMPS", linestyle="none", color="black")
     lines, _ = panels[0].get_legend_handles_labels()
     drawing.legend(handles=[*lines, ring, dot], loc="outside lower center", ncols=6, fontsize=8)
     return drawing

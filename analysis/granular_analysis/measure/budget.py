@@ -17,8 +17,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from granular_analysis.measure.norms import relative_error
+from granular_analysis.second_harmonic import MODES
 from granular_analysis.theory.bloch import mode
 from granular_analysis.theory.choice import Trajectory, holding, trajectory
+from granular_analysis.theory.errors import one_of
 from granular_analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
@@ -111,7 +113,7 @@ def _named(line: Mapping[str, Any]) -> str:
 def points_of_contact(wave: Wave) -> Wave:
     """Return the wave of the same name in the paper's geometry, Δ0/R → 0."""
     contact = replace(wave.contact, overlap_ratio=0.0)
-    pointlike = mode(wave.mode.name, wave.mode.wavenumber, wave.mode.direction, contact)
+    pointlike = mode(one_of(MODES, wave.mode.name, "mode"), wave.mode.wavenumber, wave.mode.direction, contact)
     return replace(wave, mode=pointlike, contact=contact)
 
 

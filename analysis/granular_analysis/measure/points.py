@@ -13,7 +13,7 @@ name (L, TR, RT) or a number from 1, the lowest; an empty one is that with the n
 is 0, an empty direction that of the scene. Every other cell that a row needs must be filled.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -163,5 +163,5 @@ def _error(line: int, kind: str, value: float, cells: list[tuple[Column, str]]) 
     return None
 
 
-def _or(names: object, tail: str = "") -> str:
-    return ", ".join(f"{name}{tail}" for name in sorted(map(str, names)))  # type: ignore[call-overload]
+def _or(names: Iterable[str], tail: str = "") -> str:
+    return ", ".join(f"{name}{tail}" for name in sorted(names))

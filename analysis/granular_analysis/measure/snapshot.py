@@ -24,9 +24,9 @@ from granular_analysis.measure.strikes import scale_of_strike
 from granular_analysis.second_harmonic import ALONG_Y
 from granular_analysis.theory.bloch import frame
 from granular_analysis.theory.choice import switched
-from granular_analysis.theory.errors import TheoryError
-from granular_analysis.theory.network import Law, Material, Network
-from granular_analysis.theory.network_laws import Adhesion
+from granular_analysis.theory.errors import TheoryError, one_of
+from granular_analysis.theory.network import LAWS, Law, Material, Network
+from granular_analysis.theory.network_laws import ADHESIONS, Adhesion
 from granular_analysis.theory.network_motion import Trajectory
 from granular_analysis.theory.network_state import State, loaded, start
 from granular_lmp.runs.record import Record
@@ -112,13 +112,13 @@ def first_snapshot(record: Record) -> FirstSnapshot:
         path,
         _materials(record, scales),
         density=scene.sphere.density / (scales.kilogram / scales.metre**3) if "mass" not in _columns(path) else None,
-        law=declared.shear_law,  # type: ignore[arg-type]  # `Network` refuses others by name
+        law=one_of(LAWS, declared.shear_law, "law"),
         friction=float(declared.friction) if on.get("sliding", False) else np.inf,
         shear=on.get("shear", True),
         rotation=on.get("rotation", True),
         viscosity=getattr(declared, "viscosity", 0.0) / (scales.kilogram / scales.second) if damped else 0.0,
         restitution=declared.restitution if damped and declared.restitution < 1 else None,
-        adhesion=scene.sphere.adhesion_law,  # type: ignore[arg-type]  # checked there
+        adhesion=one_of(ADHESIONS, scene.sphere.adhesion_law, "adhesion"),
         turned=scene.wave is not None and scene.wave.form != "none",
     )
     _refuse_replaced(record, network)

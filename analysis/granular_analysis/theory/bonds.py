@@ -45,6 +45,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Integers = NDArray[np.intp]
 ShearLaw = Literal["secant", "incremental", "potential"]
+SHEAR_LAWS: tuple[ShearLaw, ...] = ("secant", "incremental", "potential")
 
 
 class Law(NamedTuple):

@@ -27,11 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis import second_harmonic as closed
-from granular_analysis.second_harmonic import ALONG_Y, Mode, ModeName
+from granular_analysis.second_harmonic import ALONG_Y, MODES, Mode
 from granular_analysis.theory import catalogue
 from granular_analysis.theory.bloch import mode
 from granular_analysis.theory.contact import LAWS, Contact
 from granular_analysis.theory.errors import TheoryError as TheoryError
+from granular_analysis.theory.errors import one_of
 from granular_analysis.theory.hierarchy import hierarchy, hierarchy_orders
 from granular_analysis.theory.lattice import torus
 from granular_analysis.theory.resonance import three_mode
@@ -135,12 +136,13 @@ def wave_of(record: Record) -> Wave:
     if unknown:
         raise TheoryError(f"no theory here holds {', '.join(sorted(unknown))}")
     scene, contact = record.scene, contact_of(record)
-    name: ModeName = scene.require_wave().mode  # type: ignore[assignment]  # checked by the scene
+    declared = scene.require_wave()
+    name = declared.mode
     # A branch of several spheres a cell, which no theory of a plane wave holds, is known by its number alone
     other = catalogue.said("wave.mode", name) in catalogue.BRANCHES | catalogue.IN_SPACE
-    named: ModeName = "L" if other else name
+    named = "L" if other else one_of(MODES, name, "wave.mode")
     linear = replace(mode(named, scene.wavenumber, direction_of(record), contact), name=name)
-    return Wave(linear, scene.amplitude, contact, scene.require_wave().phase, others_of(record))
+    return Wave(linear, declared.amplitude, contact, declared.phase, others_of(record))
 
 
 def traits(wave: Wave) -> frozenset[str]:

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from granular_analysis.theory.bonds import AT_REST, Bonds, Measured, ShearLaw
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.mirror import Mirror, images, mirrored
-from granular_analysis.theory.network import Material, ShearMixing, mixed
+from granular_analysis.theory.network import Elastic, Material, ShearMixing, mixed
 from granular_analysis.theory.network_laws import Adhesion
 
 __all__ = ["Crystal"]
@@ -54,7 +54,7 @@ class Wall(NamedTuple):
 
     point: tuple[float, float, float]
     normal: tuple[float, float, float]
-    material: Material
+    material: Material | Elastic
 
 
 class Modes(NamedTuple):
@@ -268,7 +268,7 @@ class Crystal:
         position: ArrayLike,
         radius: ArrayLike,
         density: ArrayLike,
-        materials: Sequence[Material],
+        materials: Sequence[Material | Elastic],
         *,
         kind: ArrayLike = 0,
         walls: Sequence[Wall] = (),
@@ -399,7 +399,7 @@ def padded(vector: ArrayLike) -> Floats:
 
 
 def _touching(
-    wall: Wall, place: Floats, radius: Floats, kinds: NDArray[np.intp], materials: Sequence[Material]
+    wall: Wall, place: Floats, radius: Floats, kinds: NDArray[np.intp], materials: Sequence[Material | Elastic]
 ) -> tuple[NDArray[Any], ...]:
     """Return the contacts of a wall, in the order of `Crystal.of`."""
     normal = np.asarray(wall.normal, dtype=float) / np.linalg.norm(wall.normal)

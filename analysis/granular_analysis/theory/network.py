@@ -63,6 +63,7 @@ __all__ = ["Material", "Network"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 Law = Literal["secant", "incremental"]
+LAWS: tuple[Law, ...] = ("secant", "incremental")
 ShearMixing = Literal["mindlin", "lammps"]
 
 # Pairs are candidates up to this gap, in radii of the smallest sphere. A wave moves spheres far less, so that the
@@ -86,6 +87,14 @@ class Material:
             raise TheoryError(f"poisson_ratio = {self.poisson_ratio} is outside (-1, 0.5]")
         if not 0 <= self.work_of_adhesion < np.inf:
             raise TheoryError(f"work_of_adhesion = {self.work_of_adhesion} must be finite and not negative")
+
+
+class Elastic(NamedTuple):
+    """The same constants, which are not checked and may be complex: a theory is differentiated by them."""
+
+    youngs_modulus: complex
+    poisson_ratio: complex
+    work_of_adhesion: complex
 
 
 RIGID = Material(1e300, 0.0)  # 1/E is below the rounding of any other
@@ -274,7 +283,7 @@ class Network:
 
 
 def mixed(
-    materials: Sequence[Material],
+    materials: Sequence[Material | Elastic],
     kinds: tuple[Integers, Integers],
     radii: tuple[Floats, Floats],
     rule: ShearMixing = "mindlin",

@@ -24,6 +24,7 @@ from granular_analysis.theory.network_tangents import module_of, root_of
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Adhesion = Literal["dmt", "jkr"]
+ADHESIONS: tuple[Adhesion, ...] = ("dmt", "jkr")
 
 
 class Dmt:

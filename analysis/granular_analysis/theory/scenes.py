@@ -11,18 +11,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations_with_replacement
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.bloch import frame
-from granular_analysis.theory.bonds import Measured
+from granular_analysis.theory.bonds import SHEAR_LAWS, Measured
 from granular_analysis.theory.branches import named_branch
 from granular_analysis.theory.crystal import PLANE, Crystal, Wall
-from granular_analysis.theory.errors import TheoryError
+from granular_analysis.theory.errors import TheoryError, one_of
 from granular_analysis.theory.lattices import LATTICES, Lattice
-from granular_analysis.theory.network import mixed
+from granular_analysis.theory.network import Elastic, mixed
+from granular_analysis.theory.network_laws import ADHESIONS
 from granular_analysis.theory.second_order import Mixed, Wave, second_order, started, wave
 from granular_analysis.theory.validity import turned
 from granular_analysis.theory.variation import Spot
@@ -67,14 +68,6 @@ CONTACT = {f"sphere.{name}": None for name in ("radius", "youngs_modulus", "pois
     "packing.contact_force": None
 }
 VARIED = (*CONTACT, "sphere.density", "wave.direction")
-
-
-class Elastic(NamedTuple):
-    """Constants of spheres as `granular_analysis.theory.network.Material`, which may be complex."""
-
-    youngs_modulus: Any
-    poisson_ratio: Any
-    work_of_adhesion: Any
 
 
 def declared(key: str, value: Any) -> str:
@@ -155,12 +148,12 @@ class Setting:
             return []
         half_space = Elastic(substrate.youngs_modulus, substrate.poisson_ratio, substrate.work_of_adhesion)
         radius, ends = self.number("sphere.radius"), (np.array([0]), np.array([1]))
-        hertz, _, pull, _ = mixed([material, half_space], ends, (np.array([radius]), np.array([np.inf])))  # type: ignore[list-item]  # the same three numbers
+        hertz, _, pull, _ = mixed([material, half_space], ends, (np.array([radius]), np.array([np.inf])))
         # Without force: A δ^{3/2} = F by the DMT law, and by the JKR law A (3δ)^{3/2} = 3F
         overlap = (pull[0] / hertz[0]) ** (2 / 3) / (1 if self.scene.sphere.adhesion_law == "dmt" else 3 ** (1 / 3))
         away, floor, ceiling = radius - overlap, place[:, 2].min(), place[:, 2].max()
-        below = Wall((0.0, 0.0, floor - away), (0.0, 0.0, -1.0), half_space)  # type: ignore[arg-type]
-        above = Wall((0.0, 0.0, ceiling + away), (0.0, 0.0, 1.0), half_space)  # type: ignore[arg-type]
+        below = Wall((0.0, 0.0, floor - away), (0.0, 0.0, -1.0), half_space)
+        above = Wall((0.0, 0.0, ceiling + away), (0.0, 0.0, 1.0), half_space)
         return [below, above] if substrate.sides == "both" else [below]
 
     @property
@@ -262,11 +255,11 @@ class Setting:
             place[:, :components],
             self.number("sphere.radius"),
             density[row],
-            [material] * (max(kind) + 1),  # type: ignore[list-item]  # the same three numbers
+            [material] * (max(kind) + 1),
             kind=kind[row],
             walls=self.walls(place, material),
-            adhesion=sphere.adhesion_law,  # type: ignore[arg-type]  # checked by the scene
-            shear_law=effects.shear_law,  # type: ignore[arg-type]  # checked by the scene
+            adhesion=one_of(ADHESIONS, sphere.adhesion_law, "sphere.adhesion_law"),
+            shear_law=one_of(SHEAR_LAWS, effects.shear_law, "effects.shear_law"),
             shear=effects.shear is not False,
             rotation=effects.rotation is not False,
             true_geometry=true_geometry,
@@ -304,11 +297,10 @@ class Setting:
         names. In a cell of several spheres the squares of all amplitudes sum to 1.
         """
         plain, k = self.crystal(layers=False), self.wavevector()
-        counted = self.scene.require_wave().mode.isdecimal() and len(plain) == 1 and self.scene.space == 2
+        name = self.scene.require_wave().mode
+        counted = name.isdecimal() and len(plain) == 1 and self.scene.space == 2
         lattice = self.crystal() if counted else plain
-        return wave(lattice, k, named_branch(lattice, k, self.scene.require_wave().mode)).times(
-            1 / np.sqrt(len(lattice))
-        )
+        return wave(lattice, k, named_branch(lattice, k, name)).times(1 / np.sqrt(len(lattice)))
 
     def start(self) -> tuple[Crystal, tuple[Wave, ...]]:
         """Return the crystal, and the waves with which the scene starts, displacements in m.
@@ -316,12 +308,13 @@ class Setting:
         Raises ValueError for a scene that starts otherwise, or whose wave is also moved by something else.
         """
         self.refuse(CRYSTAL_KEYS - MOTION)
-        if self.scene.form.name not in FORMS:
-            raise TheoryError(f"wave.form = {self.scene.form.name!r}; allowed: {', '.join(FORMS)}")
+        own = self.scene.require_wave()
+        if own.form not in FORMS:
+            raise TheoryError(f"wave.form = {own.form!r}; allowed: {', '.join(FORMS)}")
         scene, crystal, mode = self.scene, self.crystal(), self.mode()
-        size = scene.displacement_amplitude * np.exp(1j * scene.require_wave().phase)
+        size = scene.displacement_amplitude * np.exp(1j * own.phase)
         field = np.tile(size * mode.shape, (len(crystal) // len(mode.shape), 1))
-        rate = np.zeros_like(field) if scene.form.name == "standing" else -1j * mode.frequency * field
+        rate = np.zeros_like(field) if own.form == "standing" else -1j * mode.frequency * field
         return crystal, started(crystal, mode.wavevector, field, rate)
 
     def signals(self, tau: ArrayLike) -> tuple[tuple[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]:

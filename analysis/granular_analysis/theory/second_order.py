@@ -290,9 +290,8 @@ class Mixed:
         moving, still = running + wound, left - wound
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = moving / ((natural - forcing) * (natural + forcing))
-            return tuple(  # type: ignore[return-value]
-                -0.5 * (gain * (1 + sign * forcing / natural) + still / natural**2) for sign in (1, -1)
-            )
+            forward, backward = (gain * (1 + sign * forcing / natural) + still / natural**2 for sign in (1, -1))
+        return -0.5 * forward, -0.5 * backward
 
     def signal(self, time: ArrayLike) -> Complexes:
         """Return X(t) (..., B, 6) of the field Re[X e^{iK·r}], in a crystal without any at K at t = 0.

@@ -28,6 +28,7 @@ from granular_lmp.runs.record import Scene
 from granular_lmp.scene.spreadsheets import ERROR, Column
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _STRONG = 0.99  # correlation that is told
@@ -179,7 +180,7 @@ def figure(fitted: Fitted) -> "Figure":
     return drawing
 
 
-def _branches(fitted: Fitted, axes: "object") -> None:
+def _branches(fitted: Fitted, axes: "Axes") -> None:
     """Draw measured frequencies over the wave number, on the fitted branches along the direction of the scene.
 
     Guided surface waves are dashed, if there is a point of them.
@@ -190,14 +191,14 @@ def _branches(fitted: Fitted, axes: "object") -> None:
     line = np.linspace(0, max(xi.max() * 1.1, 0.5), _LINES)
     hertz = setting.crystal().modes(setting.wavevector(line)).frequencies / (2 * np.pi)
     unit, size = _unit("frequency", max(each.value for each in fit.points))
-    axes.plot(line, hertz / size, color="0.5", lw=1)  # type: ignore[attr-defined]
+    axes.plot(line, hertz / size, color="0.5", lw=1)
     if any(map(is_surface_wave, fit.points)):
         guided = Film.of(setting).coupled.guided(setting.wavevector(line[1:])) / (2 * np.pi * size)
-        axes.plot(line[1:], guided, "--", color="tab:orange", lw=1)  # type: ignore[attr-defined]
+        axes.plot(line[1:], guided, "--", color="tab:orange", lw=1)
     values = [each.value / size for each in fit.points]
     errors = None if fitted.found.error is not None else [(each.error or 0.0) / size for each in fit.points]
-    axes.errorbar(xi, values, yerr=errors, fmt="o", ms=4)  # type: ignore[attr-defined]
-    axes.set(xlabel="wave number, rad per row", ylabel=f"frequency, {unit}")  # type: ignore[attr-defined]
+    axes.errorbar(xi, values, yerr=errors, fmt="o", ms=4)
+    axes.set(xlabel="wave number, rad per row", ylabel=f"frequency, {unit}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
