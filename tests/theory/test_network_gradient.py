@@ -106,6 +106,17 @@ def test_a_contact_that_opens_or_slides_is_named_and_refused_unless_asked_for() 
     assert 0 < gradients.events(run, ones).nearest < 1
 
 
+def test_a_pair_that_never_touches_is_not_the_nearest_to_open() -> None:
+    """Of four spheres in a row the two in the middle have a gap that is a candidate for a contact."""
+    gap, overlap = 1e-3, OVERLAP
+    along = np.cumsum([0.0, 2 - overlap, 2 + gap, 2 - overlap])
+    material = (Material(1.0, 0.2),)
+    network = Network(np.stack([along, 0 * along], axis=1), np.ones(4), np.ones(4), material, held=np.ones(4, bool))
+    assert np.sum(start(network, 0.0, 0.0).pairs.overlap < 0) == 1
+    run = gradients.Run(network, start(network, 0.0, 0.0), 0.1, 1, 1, np.array([0]))
+    assert gradients.events(run, {}).nearest == pytest.approx(1, rel=1e-12)
+
+
 def test_an_unknown_factor_is_refused_by_name() -> None:
     with pytest.raises(TheoryError, match="'mass': is no factor of a run; density, radius"):
         of_kind("sheet").ones("mass")

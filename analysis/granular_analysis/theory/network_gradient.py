@@ -208,7 +208,7 @@ class Events(NamedTuple):
     ----------
     parted, met : pairs (K,) that touched at the begin and did not later, and the other way round.
     slid : pairs that slid.
-    nearest : smallest overlap of pairs that touch, over the mean one at the begin.
+    nearest : smallest overlap of pairs that touch, over the mean one of those at the begin.
     hardest : largest share of the limit of friction; 0 without friction.
     farthest : largest displacement over that at which pairs are searched again.
     """
@@ -253,8 +253,10 @@ def _extremes(run: Run, factors: Factors) -> tuple[Any, ...]:
         looks = least, always & closed, ever | closed, jnp.maximum(hardest, share), jnp.maximum(farthest, far)
         return (now, looks), None
 
-    looks = lax.scan(one, (begin, seen(begin)), values[1:])[0][1]
-    return (begin.begun, jnp.mean(seen(begin)[0]), *looks)
+    overlap, closed, *others = seen(begin)
+    mean = jnp.sum(overlap * closed) / jnp.maximum(jnp.sum(closed), 1)
+    looks = lax.scan(one, (begin, (jnp.where(closed, overlap, jnp.inf), closed, *others)), values[1:])[0][1]
+    return (begin.begun, mean, *looks)
 
 
 def events(run: Run, factors: Factors) -> Events:
