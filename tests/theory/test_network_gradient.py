@@ -98,11 +98,16 @@ def test_a_contact_that_opens_or_slides_is_named_and_refused_unless_asked_for() 
         gradients.gradient(wide, read_off, ones)
     assert np.isfinite(gradients.gradient(wide, read_off, ones, kinks=True)[1]["density"]).all()
     far = replace(run, state=start(run.network, 1e3 * run.state.motion[:2].T, 0.0))
-    with pytest.raises(TheoryError, match="spheres move so far that others may touch"):
-        gradients.gradient(far, read_off, ones, kinks=True)
+    for moving in (
+        lambda: gradients.gradient(far, read_off, ones, kinks=True),
+        lambda: gradients.derivative(far, read_off, ones, ones, kinks=True),
+        lambda: gradients.record(far, ones),
+    ):
+        with pytest.raises(TheoryError, match="spheres move so far that others may touch"):
+            moving()
     slippery = replace(run, network=replace(run.network, friction=1e-2))
     with pytest.raises(TheoryError, match=r"\d+ contacts slid"):
-        gradients.gradient(slippery, read_off, ones)
+        gradients.derivative(slippery, read_off, ones, ones)
     assert 0 < gradients.events(run, ones).nearest < 1
 
 

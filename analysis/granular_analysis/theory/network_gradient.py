@@ -10,8 +10,9 @@ A run of `granular_analysis.theory.network_traced` from a state is a function of
     amplitude        ()   of the displacements, turns, velocities and spins at the begin
     drives           (D,) of the signal of each drive
 
-Reverse mode (`gradient`) costs about ten runs for any number of factors, with the memory of 2 √steps states: each of
-√steps parts is run again on the way back. Forward mode (`derivative`) costs two runs for one direction.
+Reverse mode (`gradient`) costs about eight runs for any number of factors, with the memory of 2 √steps states: each of
+√steps parts is run again on the way back, and so is each of its steps. Forward mode (`derivative`) costs two runs for
+one direction.
 
 Good values: a number of samples with a divisor near √(samples/every), as the parts are whole samples of equal number.
 
@@ -36,7 +37,7 @@ from numpy.typing import NDArray
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_state import Pairs, State, acting, meetings, resultants
-from granular_analysis.theory.network_tangents import combined, dot, scaled, times
+from granular_analysis.theory.network_tangents import combined, dot, length, scaled, times
 from granular_analysis.theory.network_traced import Arrays, arrays_of, on_device, pairs_of
 from granular_analysis.theory.network_verlet import Bodies, Carried, moved, pushed, signals, stepped
 
@@ -122,33 +123,73 @@ def started(network: Network, pairs: Pairs, bodies: Bodies, motion: Any, values:
     return Carried(tuple(motion), slips, met.closed, times(loads, bodies.mobility))
 
 
-@partial(jax.jit, static_argnums=0)
-def record(run: Run, factors: Factors) -> Any:
-    """Return the motions (T + 1, 2f, n) of the recorded spheres, at the begin and after each sample."""
+class _Looks(NamedTuple):
+    """What contacts and spheres have done so far, of `Events`; (M,) but for the last.
+
+    `least` is the smallest overlap while a pair touched, inf if it has not; `always` and `ever` say whether it has
+    touched since the begin, or at all; `hardest` is the largest share of the limit of friction.
+    """
+
+    least: Any
+    always: Any
+    ever: Any
+    hardest: Any
+    farthest: Any
+
+    def with_more(self, other: "_Looks") -> "_Looks":
+        """Return these after what has come to pass since."""
+        return _Looks(
+            jnp.minimum(self.least, other.least),
+            self.always & other.always,
+            self.ever | other.ever,
+            jnp.maximum(self.hardest, other.hardest),
+            jnp.maximum(self.farthest, other.farthest),
+        )
+
+
+def _look(network: Network, pairs: Pairs, now: Carried) -> _Looks:
+    """Return what contacts and spheres do at one moment; nothing has a slope by it."""
+    now = lax.stop_gradient(now)
+    met = meetings(network, now.motion, pairs, now.begun)
+    far = [jnp.max(jnp.abs(way - begin)) for way, begin in zip(now.motion, pairs.place, strict=False)]
+    least = jnp.where(met.closed, met.overlap, jnp.inf)
+    share: Any = jnp.zeros(len(pairs.first))
+    if network.friction < np.inf:
+        acts = acting(network, pairs, met, [dot(now.memory, each) for each in met.tangents.along])
+        limit = network.friction * (acts.repulsion + 2 * pairs.normal.pull * pairs.F)
+        share = met.closed * length(acts.shear) / jnp.where(limit > 0, limit, jnp.inf)
+    return lax.stop_gradient(_Looks(least, met.closed, met.closed, share, jnp.max(jnp.stack(far))))
+
+
+def _marched(run: Run, factors: Factors) -> tuple[Any, tuple[_Looks, _Looks]]:
+    """Return the record of a run, and what was seen at its begin and until its end."""
     network = run.network
     arrays, bodies = varied(network, arrays_of(run.state.pairs), on_device(Bodies.of(network, run.step)), factors)
     pairs, drives = pairs_of(network, arrays), factors.get("drives", jnp.ones(len(network.drives)))
     count = run.samples * run.every
     values = jnp.asarray(signals(network, run.step, 0, count + 1)) * drives[:, None]
     begin = started(network, pairs, bodies, jnp.asarray(run.state.motion) * factors.get("amplitude", 1.0), values[0])
-    spheres = jnp.asarray(run.spheres)
+    spheres, again = jnp.asarray(run.spheres), partial(jax.checkpoint, prevent_cse=False)  # which is for no scan
 
-    def one(now: Carried, at: Any) -> tuple[Carried, None]:
-        return stepped(network, pairs, bodies, now, at), None
+    def one(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], None]:
+        now, looks = carry
+        now = stepped(network, pairs, bodies, now, at)
+        return (now, looks.with_more(_look(network, pairs, now))), None
 
-    def sample(now: Carried, at: Any) -> tuple[Carried, Any]:
-        now = lax.scan(one, now, at)[0]
-        return now, jnp.stack([row[spheres] for row in now.motion])
+    def sample(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], Any]:
+        carry = lax.scan(again(one), carry, at)[0]
+        return carry, jnp.stack([row[spheres] for row in carry[0].motion])
 
-    def part(now: Carried, at: Any) -> tuple[Carried, Any]:
-        return lax.scan(sample, now, at)
+    def part(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], Any]:
+        return lax.scan(sample, carry, at)
 
-    # The way back holds the begin of each part, and the steps of the part that it runs again
-    length = _part(run.samples, run.every)
-    shape = run.samples // length, length, run.every, *values.shape[1:]
-    found = lax.scan(jax.checkpoint(part), begin, values[1:].reshape(shape))[1]
-    first = jnp.stack([row[spheres] for row in begin.motion])[None]
-    return jnp.concatenate([first, found.reshape(run.samples, *first.shape[1:])])
+    # The way back holds the begin of each part, and of each step of the part that it runs again
+    many = _part(run.samples, run.every)
+    shape = run.samples // many, many, run.every, *values.shape[1:]
+    first = _look(network, pairs, begin)
+    (_, last), found = lax.scan(again(part), (begin, first), values[1:].reshape(shape))
+    rows = jnp.stack([row[spheres] for row in begin.motion])[None]
+    return jnp.concatenate([rows, found.reshape(run.samples, *rows.shape[1:])]), (first, last)
 
 
 def _part(samples: int, every: int) -> int:
@@ -157,14 +198,40 @@ def _part(samples: int, every: int) -> int:
     return min(divisors, key=lambda each: abs(log(each**2 * every / samples)))
 
 
-@partial(jax.jit, static_argnums=(0, 1))
-def _value_and_slope(run: Run, objective: Objective, factors: Factors) -> tuple[Any, Any]:
-    return jax.value_and_grad(lambda factors: objective(record(run, factors)))(factors)
+_recorded = partial(jax.jit, static_argnums=0)(_marched)
+
+
+def _number(run: Run, objective: Objective) -> Callable[[Factors], tuple[Any, tuple[_Looks, _Looks]]]:
+    """Return what reads a number off the record of factors, beside what was seen."""
+
+    def number(factors: Factors) -> tuple[Any, tuple[_Looks, _Looks]]:
+        motions, looks = _marched(run, factors)
+        return objective(motions), looks
+
+    return number
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _along(run: Run, objective: Objective, factors: Factors, direction: Factors) -> tuple[Any, Any]:
-    return jax.jvp(lambda factors: objective(record(run, factors)), (factors,), (direction,))
+def _value_and_slope(run: Run, objective: Objective, factors: Factors) -> Any:
+    return jax.value_and_grad(_number(run, objective), has_aux=True)(factors)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _along(run: Run, objective: Objective, factors: Factors, direction: Factors) -> Any:
+    return jax.jvp(_number(run, objective), (factors,), (direction,), has_aux=True)
+
+
+def record(run: Run, factors: Factors) -> Floats:
+    """Return the motions (T + 1, 2f, n) of the recorded spheres, at the begin and after each sample.
+
+    Raises
+    ------
+    TheoryError
+        For spheres that move so far that others may touch.
+    """
+    motions, looks = _recorded(run, on_device(dict(factors)))
+    _refuse(_events(run, *looks), kinks=True)
+    return np.asarray(motions)
 
 
 def gradient(
@@ -187,18 +254,29 @@ def gradient(
     TheoryError
         For such a run without `kinks`, and for spheres that move so far that others may touch.
     """
-    known = events(run, factors)
+    (value, looks), slope = _value_and_slope(run, objective, on_device(dict(factors)))
+    _refuse(_events(run, *looks), kinks)
+    return float(value), {name: np.asarray(each) for name, each in slope.items()}
+
+
+def derivative(
+    run: Run, objective: Objective, factors: Factors, direction: Factors, *, kinks: bool = False
+) -> tuple[Any, Any]:
+    """Return what is read off the record, of any shape, and its derivative along a direction of the factors.
+
+    Other parameters, and what is refused, as of `gradient`.
+    """
+    value, slope, looks = _along(run, objective, on_device(dict(factors)), on_device(dict(direction)))
+    _refuse(_events(run, *looks), kinks)
+    return value, slope
+
+
+def _refuse(known: "Events", kinks: bool) -> None:
+    """Raise TheoryError for a run with kinks that were not asked for, or in which spheres move too far."""
     if known.farthest > 1:
         raise TheoryError("spheres move so far that others may touch, which a gradient does not search")
     if known.trouble and not kinks:
         raise TheoryError(f"{known.trouble}; the gradient is that of one side: kinks = True takes it")
-    value, slope = _value_and_slope(run, objective, on_device(dict(factors)))
-    return float(value), {name: np.asarray(each) for name, each in slope.items()}
-
-
-def derivative(run: Run, objective: Objective, factors: Factors, direction: Factors) -> tuple[float, Any]:
-    """Return what is read off the record, of any shape, and its derivative along a direction of the factors."""
-    return _along(run, objective, on_device(dict(factors)), on_device(dict(direction)))
 
 
 class Events(NamedTuple):
@@ -228,48 +306,20 @@ class Events(NamedTuple):
         return "; ".join(found)
 
 
-@partial(jax.jit, static_argnums=0)
-def _extremes(run: Run, factors: Factors) -> tuple[Any, ...]:
-    network = run.network
-    arrays, bodies = varied(network, arrays_of(run.state.pairs), on_device(Bodies.of(network, run.step)), factors)
-    pairs, drives = pairs_of(network, arrays), factors.get("drives", jnp.ones(len(network.drives)))
-    values = jnp.asarray(signals(network, run.step, 0, run.samples * run.every + 1)) * drives[:, None]
-    begin = started(network, pairs, bodies, jnp.asarray(run.state.motion) * factors.get("amplitude", 1.0), values[0])
-
-    def seen(now: Carried) -> tuple[Any, ...]:
-        met = meetings(network, now.motion, pairs, now.begun)
-        parts = tuple(dot(now.memory, each) for each in met.tangents.along)
-        acts = acting(network, pairs, met, parts)
-        limit = network.friction * (acts.repulsion + 2 * pairs.normal.pull * pairs.F)
-        share = jnp.sqrt(dot(acts.shear, acts.shear)) / jnp.where(limit > 0, limit, jnp.inf)
-        far = jnp.max(jnp.stack([jnp.max(jnp.abs(a - b)) for a, b in zip(now.motion, pairs.place, strict=False)]))
-        return met.overlap, met.closed, met.closed, share * met.closed, far
-
-    def one(carry: Any, at: Any) -> tuple[Any, None]:
-        now, (least, always, ever, hardest, farthest) = carry
-        now = stepped(network, pairs, bodies, now, at)
-        overlap, closed, _, share, far = seen(now)
-        least = jnp.minimum(least, jnp.where(closed, overlap, jnp.inf))
-        looks = least, always & closed, ever | closed, jnp.maximum(hardest, share), jnp.maximum(farthest, far)
-        return (now, looks), None
-
-    overlap, closed, *others = seen(begin)
-    mean = jnp.sum(overlap * closed) / jnp.maximum(jnp.sum(closed), 1)
-    looks = lax.scan(one, (begin, (jnp.where(closed, overlap, jnp.inf), closed, *others)), values[1:])[0][1]
-    return (begin.begun, mean, *looks)
-
-
 def events(run: Run, factors: Factors) -> Events:
     """Return which contacts opened, closed or slid in a run, and how near others were."""
-    begun, mean, least, always, ever, hardest, farthest = map(np.asarray, _extremes(run, on_device(dict(factors))))
-    network = run.network
-    slid = np.flatnonzero(hardest >= 1 - 1e-9) if network.friction < np.inf else np.empty(0, np.intp)
-    nearest = float(least[np.isfinite(least)].min(initial=np.inf) / mean) if mean else np.inf
+    return _events(run, *_recorded(run, on_device(dict(factors)))[1])
+
+
+def _events(run: Run, first: _Looks, last: _Looks) -> Events:
+    """Return the events between two looks."""
+    least, begun, hardest = (np.asarray(each) for each in (first.least, first.always, last.hardest))
+    mean = float(least[begun].mean()) if begun.any() else np.inf
     return Events(
-        np.flatnonzero(begun & ~always),
-        np.flatnonzero(~begun & ever),
-        slid,
-        nearest,
-        float(hardest.max(initial=0.0)) if network.friction < np.inf else 0.0,
-        float(farthest / (network.margin / 2)),
+        np.flatnonzero(begun & ~np.asarray(last.always)),
+        np.flatnonzero(~begun & np.asarray(last.ever)),
+        np.flatnonzero(hardest >= 1 - 1e-9),
+        float(np.min(last.least)) / mean if 0 < mean < np.inf else np.inf,
+        float(hardest.max(initial=0.0)),
+        float(last.farthest) / (run.network.margin / 2),
     )
