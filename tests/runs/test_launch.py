@@ -599,7 +599,7 @@ def test_a_log_gives_the_last_thermo_table_and_the_loop_time(small: Scene, tmp_p
     run(small, tmp_path / "run")
     log = read_log(tmp_path / "run" / "log.lammps")
     table = log.table
-    assert set(table) == {"Step", "v_tau", "v_slip", "v_open", "v_spread", "v_overlap", "v_mu"}
+    assert set(table) == {"Step", "v_tau", "v_slip", "v_open", "v_spread", "v_overlap"}
     assert table["Step"][-1] == 40
     assert log.loop > 0
 

@@ -7,7 +7,7 @@ A run of `granular_analysis.theory.network_traced` from a state is a function of
     normal_stiffness (M,) of the normal force of each pair at a given overlap, and of its pull
     shear_stiffness  (M,) of the shear force of each pair at a given overlap
     damping          ()   of the dashpots
-    amplitude        ()   of the displacements, turns, velocities and spins at the begin
+    amplitude        ()   of the displacements, turns, velocities and spins at the start
     drives           (D,) of the signal of each drive
 
 Reverse mode (`gradient`) costs about ten runs for any number of factors, with the memory of 2 √steps states: each of
@@ -124,7 +124,7 @@ def started(network: Network, pairs: Pairs, bodies: Bodies, motion: Any, values:
 
 @partial(jax.jit, static_argnums=0)
 def record(run: Run, factors: Factors) -> Any:
-    """Return the motions (T + 1, 2f, n) of the recorded spheres, at the begin and after each sample."""
+    """Return the motions (T + 1, 2f, n) of the recorded spheres, at the start and after each sample."""
     network = run.network
     arrays, bodies = varied(network, arrays_of(run.state.pairs), on_device(Bodies.of(network, run.step)), factors)
     pairs, drives = pairs_of(network, arrays), factors.get("drives", jnp.ones(len(network.drives)))
@@ -206,9 +206,9 @@ class Events(NamedTuple):
 
     Attributes
     ----------
-    parted, met : pairs (K,) that touched at the begin and did not later, and the other way round.
+    parted, met : pairs (K,) that touched at the start and did not later, and the other way round.
     slid : pairs that slid.
-    nearest : smallest overlap of pairs that touch, over the mean one at the begin.
+    nearest : smallest overlap of pairs that touch, over the mean one at the start.
     hardest : largest share of the limit of friction; 0 without friction.
     farthest : largest displacement over that at which pairs are searched again.
     """

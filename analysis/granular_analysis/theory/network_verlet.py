@@ -177,7 +177,7 @@ def _turned(vector: Vector, met: Meetings) -> Vector:
 
 
 def march(network: Network, state: State, step: float, count: int, every: int) -> Iterator[Floats]:
-    """Yield the motions (2f, N) at the begin and after each `every` of some steps."""
+    """Yield the motions (2f, N) at the start and after each `every` of some steps."""
     bodies = Bodies.of(network, step)
     values = signals(network, step, 1, count)
     now = begun(network, state, bodies)
