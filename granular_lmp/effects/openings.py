@@ -92,9 +92,9 @@ def changed_lines(problem: Prepared) -> list[str]:
     A contact that hardly touches counts as one, as it may open between two looks.
     """
     scene = problem.scene
-    near = "" if judged_singly(scene) else f"+({nearly_open(problem.rest):.4f}>v_overlap)"
+    near = "" if judged_singly(scene) else f"({nearly_open(problem.rest):.4f}>v_overlap)"
     if not by_pairs(scene):
-        missed = f"abs(f_at_rest-c_touching){on_walls.missed(problem)}{near}"
+        missed = f"abs(f_at_rest-c_touching){on_walls.missed(problem)}{near and '+' + near}"
         return [
             f"variable     missed atom {missed}  # contacts of a sphere that opened or formed{_MAY * bool(near)}",
             "compute      open inside reduce max v_missed",
@@ -106,6 +106,7 @@ def changed_lines(problem: Prepared) -> list[str]:
         for axis, count in axes.items()
     ]
     most = reduce(lambda one, other: f"ternary({one}>{other},{one},{other})", (f"v_off_{axis}" for axis in axes))
+    may = "" if _lingers(problem) or not near else f"+(v_changed==0)*{near}"
     left, sums = on_walls.missed(problem)[1:], "compute      missing all reduce sum v_missed"
     return [
         "# contacts that were there at rest and are not now, or new",
@@ -113,7 +114,7 @@ def changed_lines(problem: Prepared) -> list[str]:
         *([f"compute      pairs all pair/local{mark} cutoff {law.cutoff}"] if watches_part(scene) else []),
         *off,
         f"variable     changed equal {most}{'+c_missing' if left else ''}",
-        f"variable     open equal v_changed{'' if _lingers(problem) else near}",
+        f"variable     open equal v_changed{may}",
     ]
 
 

@@ -119,7 +119,8 @@ class Record(HasCard):
         refuse_changed(folder, info, lazily=scene.wave is not None)
         if scene.wave is None:
             return cls.from_dump(folder, scene, info=info)
-        columns = tables.read_trajectory(folder / TRAJECTORY, header_of(scene))
+        samples = None if unfinished else info.get("samples", 0)
+        columns = tables.read_trajectory(folder / TRAJECTORY, header_of(scene), samples)
         return cls(columns.pop("tau"), columns, scene, info, folder)
 
     @classmethod

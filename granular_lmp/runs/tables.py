@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import PackageMissingError, RunFolderError, one_line
 from granular_lmp.frozen import dataclass
-from granular_lmp.lammps.outputs import csv_text, replace_text
+from granular_lmp.lammps.outputs import STATUS, csv_text, replace_text
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import MOTION
 from granular_lmp.runs.scales import force_of, length_of
@@ -175,20 +175,27 @@ def write_csv(named: Columns, path: Path) -> None:
     replace_text(path, csv_text(named, zip(*(values.tolist() for values in named.values()), strict=True)))
 
 
-def read_trajectory(path: Path, header: list[str]) -> dict[str, NDArray[np.float64]]:
-    """Return the columns of a table over tau.
+def read_trajectory(path: Path, header: list[str], samples: int | None = None) -> dict[str, NDArray[np.float64]]:
+    """Return the columns of a table over tau; `samples` is the number of its records, if that is known.
 
     Raises
     ------
     RunFolderError
-        If it is missing or malformed.
+        If it is missing or malformed, or has another number of records.
     """
     try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            names, *lines = csv.reader(stream)
+        text = path.read_text(encoding="utf-8")
+        if not text.endswith("\n"):
+            raise ValueError("its last line is cut off")
+        names, *lines = csv.reader(text.splitlines())
         if names != header:
             raise ValueError(f"header {names}, expected {header}")
         columns = np.array(lines, dtype=float).reshape(-1, len(header)).T
+        tau = columns[0]
+        if not (np.isfinite(tau).all() and (tau >= 0).all() and (np.diff(tau) > 0).all()):
+            raise ValueError("tau must be finite, not negative, and ascend")
+        if samples not in (None, len(tau)):
+            raise ValueError(f"{len(tau)} records, and {STATUS} says {samples}")
     except (OSError, ValueError, csv.Error) as error:
         raise RunFolderError(f"{path}: cannot be read: {one_line(error)}") from error
     return dict(zip(header, columns, strict=True))
