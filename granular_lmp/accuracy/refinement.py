@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from math import inf, isfinite
 from pathlib import Path
-from shlex import quote
 from typing import Any
 
 from granular_lmp.accuracy.estimates import FINEST, Estimate, combined_record
@@ -29,7 +28,8 @@ from granular_lmp.lammps.outputs import PER_SAMPLE, SCENE, STATUS, replace_text,
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import launch
-from granular_lmp.runs.continuation import read_unfinished, whole_checkpoints
+from granular_lmp.runs.continuation import read_unfinished, resuming, whole_checkpoints
+from granular_lmp.runs.engine import Engine
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import FORMAT, scene_of
 from granular_lmp.runs.manifest import wall_seconds
@@ -54,17 +54,19 @@ def to_tolerance(scene: Scene, folder: Path, options: Options) -> Record:
     plan(problem)  # raises before anything is written
     if scene.wave is not None:
         check_floor(problem.scene, linear_signals(problem.scene))
-    options = replace(options, kernel=library.chosen(options.kernel, "\n".join(contacts(problem))))
-    kernel = {"kernel": library.description()} if options.kernel else {}
+    kernel = options.engine is None and library.chosen(options.kernel, "\n".join(contacts(problem)))
+    options = replace(options, kernel=kernel)
+    said: dict[str, Any] = {"kernel": library.description()} if options.kernel else {}
+    said |= {"device": options.engine.device} if options.engine else {}
     with begun(problem.scene, folder, options) as info:
-        return refine(problem, folder, one_of(options, problem), options.progress, info | kernel)
+        return refine(problem, folder, one_of(options, problem), options.progress, info | said)
 
 
-def resumed(folder: Path, info: dict[str, Any], progress: Progress | None) -> Record:
+def resumed(folder: Path, info: dict[str, Any], progress: Progress | None, engine: Engine | None = None) -> Record:
     """Continue the runs of a scene with a tolerance, of whose folder `info` is ``run.json``."""
     problem = prepare(scene_of(folder))
-    begins = one_of(options_of(folder, info), problem)
-    one = continued(begins, lambda place, part: launch.resume(place, progress=part))
+    begins = one_of(options_of(folder, info, engine), problem)
+    one = continued(begins, lambda place, part: launch.resume(place, progress=part, engine=engine))
     with locked(folder):
         return refine(problem, folder, one, progress, info)
 
@@ -102,7 +104,7 @@ def begun(scene: Scene, folder: Path, options: Options) -> Iterator[dict[str, An
             "name": scene.name,
             "scene_sha256": scene_digest(text),
             "tolerance": scene.time.tolerance,
-            "launcher": "lmp" if options.program else "module",
+            "launcher": options.launched,
             "ranks": options.ranks,
         }
 
@@ -256,7 +258,7 @@ def halved(
                 refinements.append(f"steps down to {shortest!r} tau: {_worst(judgement.errors)}; one run more")
     except BaseException as error:  # also from the progress callback: run.json must hold the end of every run
         if isinstance(error, RunInterrupted | KeyboardInterrupt):
-            resumed_by = f"granular-lmp resume {quote(str(folder))}"
+            resumed_by = resuming(folder, info["launcher"])
             error = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; continue with: {resumed_by}")
         message = str(error) if isinstance(error, GranularError) else type(error).__name__
         status = "interrupted" if isinstance(error, RunInterrupted) else "failed"

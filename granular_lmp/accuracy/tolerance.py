@@ -14,6 +14,7 @@ from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import launch
 from granular_lmp.runs.continuation import read_unfinished
 from granular_lmp.runs.directory import absolute
+from granular_lmp.runs.engine import Engine
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.record import Record
@@ -31,6 +32,7 @@ def run(
     force: bool = False,
     progress: Progress | None = None,
     kernel: bool | None = None,
+    engine: Engine | None = None,
 ) -> Record:
     """Run a scene, or a deck whose text may have been edited, and return the record of the centre sphere.
 
@@ -57,6 +59,8 @@ def run(
         Compute contacts with the library that `granular_lmp.lammps.kernel.library.build` made: the same numbers in less
         time (docs/how-long.md). By default it is taken if it was built and knows the contacts. True demands it, False
         turns it off, and ``info["kernel"]`` says that it was taken.
+    engine : Engine, optional
+        What takes the steps in place of LAMMPS (`granular_lmp.runs.engine`).
 
     Returns
     -------
@@ -97,7 +101,7 @@ def run(
     ('finished', (21,))
     """
     folder = absolute(folder)
-    options = Options(launcher, ranks, force, progress, kernel)
+    options = Options(launcher, ranks, force, progress, kernel, engine)
     if isinstance(what, Deck) or isinstance(what.time.clock, Step):
         return launch.launch(what, folder, options, _budget)
     from granular_lmp.accuracy.refinement import to_tolerance  # kept out of start-up
@@ -116,15 +120,15 @@ def _budget(record: Record) -> dict[str, Any]:
     return {} if record.scene.wave is None else {"error_budget": error_budget(record.scene, record.signals)}
 
 
-def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
+def resume(folder: str | Path, *, progress: Progress | None = None, engine: Engine | None = None) -> Record:
     """Continue an interrupted run, or the runs of an interrupted scene with a tolerance.
 
     Parameters
     ----------
     folder : path
         Run folder.
-    progress : callable, optional
-        As in `run`.
+    progress, engine : optional
+        As in `run`; a run is continued by what began it.
 
     Returns
     -------
@@ -150,7 +154,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
         raise RunFolderError(f"{folder}: holds a sweep; the same sweep command again does what is missing")
     info = read_unfinished(folder)
     if isinstance(scene_of(folder).time.clock, Step):
-        return launch.resume(folder, progress=progress, judge=_budget)
+        return launch.resume(folder, progress=progress, judge=_budget, engine=engine)
     from granular_lmp.accuracy.refinement import resumed  # kept out of start-up
 
-    return resumed(folder, info, progress)
+    return resumed(folder, info, progress, engine)

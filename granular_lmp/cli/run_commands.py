@@ -77,7 +77,7 @@ def _run_scene(options: Options, wanted: Callable[[Options], "Scene"], **how: An
     folder = options.output or f"runs/{scene.name}"
     with interruptible() as progress:
         record = run(scene, folder, force=options.force, progress=progress, kernel=options.kernel, **how)
-    return _say_how_it_went(folder, record)
+    return say_how_it_went(folder, record)
 
 
 def _seed(text: str) -> int:
@@ -92,7 +92,7 @@ def _resume(options: Options) -> int:
 
     with interruptible() as progress:
         record = resume(options.folder, progress=progress)
-    return _say_how_it_went(options.folder, record)
+    return say_how_it_went(options.folder, record)
 
 
 def _adopt(options: Options) -> int:
@@ -106,7 +106,7 @@ def _adopt(options: Options) -> int:
         remark(f"note: {name} = {value}, as the log says")
     if "edited" in record.info:
         remark(f"note: the deck is not as granular-lmp writes it; lines that differ: {len(record.info['edited'])}")
-    return _say_how_it_went(str(record.folder), record)
+    return say_how_it_went(str(record.folder), record)
 
 
 def _accept(options: Options) -> int:
@@ -119,13 +119,15 @@ def _accept(options: Options) -> int:
     return 0
 
 
-def _say_how_it_went(folder: str, record: "Record") -> int:
+def say_how_it_went(folder: str, record: "Record") -> int:
+    """Say the size of a run that finished, its time, and what there is to know of it; returns the exit status."""
     info = record.info
     seconds, loop = info["wall_seconds"]["total"], info["wall_seconds"]["loop"]
+    where = "the loop of the network" if "device" in info else "LAMMPS's loop"
     of = f" of {info['recorded']} spheres" if "recorded" in info else ""
     say(
         f"{folder}: {info['particles']} spheres, {info['steps']} steps, {len(record.tau)} records{of} "
-        f"in {seconds:.2f} s ({loop:.2f} s in LAMMPS's loop)"
+        f"in {seconds:.2f} s ({loop:.2f} s in {where})"
     )
     for sentence in info.get("refinements", []):
         remark(f"note: {sentence}")

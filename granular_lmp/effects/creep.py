@@ -61,11 +61,16 @@ def called_for(case: Case) -> Finding:
     )
 
 
+def creeping(problem: Prepared) -> NDArray[np.int64]:
+    """Return the indices of the spheres that creep most: those at one place of all cells."""
+    speeds = np.linalg.norm(_velocities(problem.scene), axis=1)
+    return np.flatnonzero(places(problem.rest.atoms) % len(speeds) == int(np.argmax(speeds)))
+
+
 def measured(problem: Prepared) -> list[str]:
     """Return the lines of the mean displacement along x and y of the spheres that creep most."""
-    speeds, group, lines = np.linalg.norm(_velocities(problem.scene), axis=1), "all", []
-    if len(speeds) > 1:
-        own = np.flatnonzero(places(problem.rest.atoms) == int(np.argmax(speeds)))
+    own, group, lines = creeping(problem), "all", []
+    if len(own) < len(problem.rest.atoms):
         group, lines = "creeping", [f"group        creeping id {identifiers(own + 1)}"]
     return [
         *lines,

@@ -11,7 +11,7 @@ that adhere beyond (`AdhesionLaw.beyond`) it begins at an overlap of 0, and has 
   or along all, as the crystal needs it, are counted in a histogram of three bins, which has LAMMPS compute the
   contacts once more at a look. All spheres are counted, also those that cannot affect the record. A contact that forms
   in the look in which another opens makes up for it. One that opens comes back to overlap 0 before it forms again:
-  where that takes more than a look (`_lingers`), no opening is missed, and no contact is suspected of one because it is
+  where that takes more than a look (`lingers`), no opening is missed, and no contact is suspected of one because it is
   pulled as hard as the weakest can bear.
 """
 
@@ -39,7 +39,7 @@ def by_pairs(scene: Scene) -> bool:
     return not scene.perfect and scene.sphere.pull_off_distance > 0 and not alike(scene)
 
 
-def _lingers(problem: Prepared) -> bool:
+def lingers(problem: Prepared) -> bool:
     """Return whether a contact that oscillates, and is just pulled off, is open for longer than a look.
 
     About the overlap δ at rest it comes from the pull-off distance h back to 0 in the phase arccos(δ/(δ + h)).
@@ -106,7 +106,7 @@ def changed_lines(problem: Prepared) -> list[str]:
         for axis, count in axes.items()
     ]
     most = reduce(lambda one, other: f"ternary({one}>{other},{one},{other})", (f"v_off_{axis}" for axis in axes))
-    may = "" if _lingers(problem) or not near else f"+(v_changed==0)*{near}"
+    may = "" if lingers(problem) or not near else f"+(v_changed==0)*{near}"
     left, sums = on_walls.missed(problem)[1:], "compute      missing all reduce sum v_missed"
     return [
         "# contacts that were there at rest and are not now, or new",

@@ -12,21 +12,25 @@ from granular_lmp.rest.scene import Scene
 
 
 def spread(problem: Prepared) -> list[str]:
-    """Return the line of the distance by which spheres of the centre row have moved apart.
-
-    Of several spheres a cell they are those at the place of the centre sphere, of layers that are shifted along y those
-    at its height.
-    """
-    crystal, (_, along_y) = problem.rest.atoms, offsets(problem.rest.atoms)
-    alike = (crystal.arrays["row"] == problem.scene.shape.centre_row) & (places(crystal) == 0)
-    alike &= np.isclose(along_y, along_y[centre(crystal)])
-    first, *others = 1 + np.flatnonzero(alike)
+    """Return the line of the distance by which spheres of the centre row have moved apart."""
+    first, *others = 1 + centre_row(problem)
     apart = "+".join(
         f"abs(C_u[{other}][{part}]-C_u[{first}][{part}])"
         for other in others
         for part in range(1, problem.scene.space + 1)
     )
     return [f"variable     spread equal ({apart})/$(v_D0:%.17g)  # in the centre row"]
+
+
+def centre_row(problem: Prepared) -> NDArray[np.int64]:
+    """Return the indices of the spheres of the centre row.
+
+    Of several spheres a cell they are those at the place of the centre sphere, of layers that are shifted along y those
+    at its height.
+    """
+    crystal, (_, along_y) = problem.rest.atoms, offsets(problem.rest.atoms)
+    alike = (crystal.arrays["row"] == problem.scene.shape.centre_row) & (places(crystal) == 0)
+    return np.flatnonzero(alike & np.isclose(along_y, along_y[centre(crystal)]))
 
 
 def identifiers(row: NDArray[np.int64]) -> str:

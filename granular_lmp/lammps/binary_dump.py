@@ -10,7 +10,7 @@ https://docs.lammps.org/dump.html, tools/binary2txt.cpp of LAMMPS. OVITO and ASE
 """
 
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from shutil import copyfileobj
@@ -119,6 +119,14 @@ def write_binary(path: Path, like: Path, snapshots: Iterable[tuple[BinarySnapsho
             source.seek(snapshot.begin)
             target.write(source.read(snapshot.head_end - snapshot.begin))
             target.write(_INT.pack(1) + _INT.pack(table.size) + np.ascontiguousarray(table, dtype=np.float64).tobytes())
+
+
+def binary_head(step: int, names: Sequence[str], spheres: int, faces: Sequence[int], box: NDArray[np.float64]) -> bytes:
+    """Return what stands in a dump before the doubles of a snapshot; `faces` are 0 where periodic, along x, y and z."""
+    both, titles = [each for face in faces for each in (face, face)], " ".join(names).encode()
+    head = _HEAD.pack(-len(_MAGIC), _MAGIC, 1, 2, step, spheres, 0, *both, *box.ravel().tolist(), len(names))
+    none = _INT.pack(0) + b"\0"  # neither units nor a time
+    return head + none + _INT.pack(len(titles)) + titles + _INT.pack(1) + _INT.pack(spheres * len(names))
 
 
 def continuation(path: Path) -> Path:

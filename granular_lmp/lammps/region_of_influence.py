@@ -15,7 +15,10 @@ of a row move alike whole rows leave, so that the wave stays plane, as guards of
 rows leave too, and d is the distance from the outermost recorded spheres: those between two monitors stay to the end.
 """
 
+from math import inf
+
 import numpy as np
+from numpy.typing import NDArray
 
 from granular_lmp.effects.guard import watches_part
 from granular_lmp.effects.openings import by_pairs
@@ -59,9 +62,38 @@ def leaving_lines(problem: Problem) -> list[str]:
 
 def _reach(problem: Problem) -> str:
     """Return the line of v_reach, the radius of the cone at a step."""
-    least, lost = 1.5 * _row(problem), (_farthest_row(problem) - 2.5) * _row(problem)
+    least, lost = _cone(problem)
     shrinks = f"$({lost!r}*v_step/(v_t0*(v_duration+(v_duration==0))):%.17g)*step"
     return f"variable     reach equal {least + lost!r}-{shrinks}"
+
+
+def _cone(problem: Problem) -> tuple[float, float]:
+    """Return the radius of the cone at the end of a run, and how much larger it is at the start."""
+    return 1.5 * _row(problem), (_farthest_row(problem) - 2.5) * _row(problem)
+
+
+def reach(problem: Problem, step: int) -> float:
+    """Return the radius of the cone that the guards judge at a step, in units of the deck; infinite without one."""
+    scene = problem.scene
+    if not watches_part(scene):
+        return inf
+    least, lost = _cone(problem)
+    renewed = step - step % _interval(problem)
+    return least + lost * (1 - renewed * scene.time.step / scene.time.duration)
+
+
+def distances(problem: Problem) -> NDArray[np.float64]:
+    """Return how far spheres at rest are from what is recorded, in units of the deck, (N,), as `inside_lines`."""
+    scene, row = problem.scene, _row(problem)
+    x, y = problem.rest.atoms.positions.T[:2] * problem.units.number(scene.sphere.radius, length=1)
+    least, half = np.hypot(x, y), scene.shape.rows * row / 2
+    for monitor in scene.monitor:
+        low, high = ((each - scene.shape.centre_row) * row for each in monitor.span)
+        apart = np.abs(y - (low + high) / 2)
+        if scene.shape.along_y:
+            apart = half - np.abs(half - apart)
+        least = np.minimum(least, apart - (high - low) / 2)
+    return np.asarray(least)
 
 
 def leave(problem: Problem) -> bool:

@@ -12,7 +12,8 @@ from granular_lmp.runs.manifest import triggered
 from granular_lmp.runs.seal import refuse_changed, refuse_other_scene
 from granular_lmp.runs.status import read_status
 
-_MARK = b"LammpS RestartT\0"  # LAMMPS writes it at the beginning and the end of a restart file (lmprestart.h)
+NETWORK = "network"  # the launcher of a run by another engine (`granular_lmp.runs.engine`)
+END = b"LammpS RestartT\0"  # the end of a checkpoint: LAMMPS's own of a restart file (lmprestart.h)
 
 
 def read_unfinished(folder: Path) -> dict[str, Any]:
@@ -65,10 +66,16 @@ def last_checkpoint(folder: Path, dump: str) -> Path:
     return max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
 
 
-def how_to_continue(folder: Path) -> str:
+def resuming(folder: Path, launcher: str) -> str:
+    """Return the command that continues a run."""
+    command = "granular-analysis network --resume" if launcher == NETWORK else "granular-lmp resume"
+    return f"{command} {quote(str(folder))}"
+
+
+def how_to_continue(folder: Path, launcher: str) -> str:
     """Return the command that continues a stopped run, or that starts it again if there is no checkpoint."""
     if whole_checkpoints(folder):
-        return f"continue with: granular-lmp resume {quote(str(folder))}"
+        return f"continue with: {resuming(folder, launcher)}"
     return "it has no checkpoint yet, run it again with force=True"
 
 
@@ -79,5 +86,5 @@ def whole_checkpoints(folder: Path) -> list[Path]:
 
 def _is_whole(checkpoint: Path) -> bool:
     with checkpoint.open("rb") as stream:
-        stream.seek(max(0, checkpoint.stat().st_size - len(_MARK)))
-        return stream.read() == _MARK
+        stream.seek(max(0, checkpoint.stat().st_size - len(END)))
+        return stream.read() == END

@@ -12,6 +12,7 @@ from granular_lmp.lammps.kernel import library
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
+from granular_lmp.runs.engine import Engine
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.loop import begin, proceed
 from granular_lmp.runs.options import Options, Progress
@@ -36,14 +37,20 @@ def launch(what: Scene | Problem | Deck, folder: str | Path, options: Options, j
         with phase("build"):
             problem = prepare(what) if isinstance(what, Scene) else what
             deck, edits = (problem, problem.all_edits()) if isinstance(problem, Deck) else (deck_of(problem), [])
-        kernel = library.chosen(options.kernel, deck.input_text)
+        kernel = options.engine is None and library.chosen(options.kernel, deck.input_text)
         return begin(Simulation(deck, edits, judge, kernel), folder, replace(options, kernel=kernel), seconds)
 
 
-def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge = nothing_more) -> Record:
+def resume(
+    folder: str | Path,
+    *,
+    progress: Progress | None = None,
+    judge: Judge = nothing_more,
+    engine: Engine | None = None,
+) -> Record:
     """Continue an interrupted or killed run from its last checkpoint on the same route and ranks.
 
-    `judge` is that of `launch`.
+    `judge` is that of `launch`, and `engine` that of its options.
 
     Raises
     ------
@@ -63,4 +70,4 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
         looked = read_status(place).get("looks") != {}
         return Simulation(deck_of(problem if looked else problem.without_looks()), judge=judge, kernel=kernel)
 
-    return proceed(of, absolute(folder), progress)
+    return proceed(of, absolute(folder), progress, engine)

@@ -25,6 +25,7 @@ from granular_lmp.lammps.outputs import (
     write_files,
 )
 from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, read_start
+from granular_lmp.runs.engine import Engine
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.manifest import triggered, wall_seconds
 from granular_lmp.runs.options import Options, Progress, options_of
@@ -54,10 +55,10 @@ def begin(simulation: Simulation, folder: Path, options: Options, seconds: Secon
         As in `granular_lmp.run`.
     """
     with phase("build"):
-        info = simulation.description("lmp" if options.program else "module", options.ranks)
+        info = simulation.description(options.launched, options.ranks)
         info |= {"kernel": library.description()} if options.kernel else {}
-    # Missing programs and libraries are reported before a file is written
-    route = route_of(options)
+    # Missing programs and libraries, and what an engine does not hold, are reported before a file is written
+    route = _route(simulation, options, info)
     with locked(folder, make=True, force=options.force) as lock:
         with phase("write"):
             clear(folder)
@@ -66,7 +67,19 @@ def begin(simulation: Simulation, folder: Path, options: Options, seconds: Secon
         return execute(simulation, job, route, info, seconds)
 
 
-def proceed(of: Callable[[Path, bool], Simulation], folder: Path, progress: Progress | None) -> Record:
+def _route(simulation: Simulation, options: Options, info: dict[str, Any]) -> Route:
+    """Return what runs a simulation; an engine is said in ``run.json``."""
+    if options.engine is None:
+        return route_of(options)
+    from granular_lmp.runs.stepping import route_by  # kept out of start-up
+
+    info |= {"device": options.engine.device, "versions": info["versions"] | dict(options.engine.versions)}
+    return route_by(options.engine, simulation.deck.problem, info)
+
+
+def proceed(
+    of: Callable[[Path, bool], Simulation], folder: Path, progress: Progress | None, engine: Engine | None = None
+) -> Record:
     """Continue a stopped or killed run from its last checkpoint, on the same route and ranks.
 
     Parameters
@@ -76,6 +89,8 @@ def proceed(of: Callable[[Path, bool], Simulation], folder: Path, progress: Prog
     folder : Path
         Absolute.
     progress : callable, optional
+    engine : Engine, optional
+        What took the steps, if LAMMPS did not.
 
     Raises
     ------
@@ -91,13 +106,14 @@ def proceed(of: Callable[[Path, bool], Simulation], folder: Path, progress: Prog
             simulation = of(folder, "kernel" in info)
         _refuse_other_columns(folder, simulation)
         last = last_checkpoint(folder, simulation.dump)
-        options = replace(options_of(folder, info), progress=progress)
-        route = route_of(options)
+        options = replace(options_of(folder, info, engine), progress=progress)
+        route = _route(simulation, options, info)
         name = f"{simulation.input_name}.resume"
         info.pop("files", None)  # they change from here on
         with writable(folder):
             write_status(folder, info | {"status": "running", "message": "continued"})
-            (folder / name).write_text(simulation.resume_text(last.name), encoding="utf-8")
+            if engine is None:
+                (folder / name).write_text(simulation.resume_text(last.name), encoding="utf-8")
             simulation.mend(folder)
             mend_log(folder / LOG)
         # The log is "none" because the input itself opens it for appending
@@ -142,7 +158,9 @@ def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any]
         with phase("deck"):  # the route times the start of LAMMPS, and the log the loop
             route(job)
     except KeyboardInterrupt:
-        failure = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; {how_to_continue(folder)}")
+        failure = RunInterrupted(
+            f"{folder}: interrupted; what was recorded is kept; {how_to_continue(folder, info['launcher'])}"
+        )
     except BaseException as error:  # also from the progress callback: run.json must hold the end of every run
         failure = error
     try:

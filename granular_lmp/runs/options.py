@@ -8,6 +8,8 @@ from typing import Any
 from granular_lmp.errors import LaunchError
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.outputs import STATUS
+from granular_lmp.runs.continuation import NETWORK, resuming
+from granular_lmp.runs.engine import Engine
 from granular_lmp.scene.schema import plain_value
 
 Progress = Callable[[int, int], None]
@@ -30,6 +32,7 @@ class Options:
     force: bool = False
     progress: Progress | None = None
     kernel: bool | None = None
+    engine: Engine | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranks", plain_value(self.ranks))
@@ -40,13 +43,32 @@ class Options:
             raise LaunchError(f"ranks = {self.ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
 
     @property
+    def launched(self) -> str:
+        """What takes the steps, as ``run.json`` says it."""
+        return NETWORK if self.engine else "lmp" if self.program else "module"
+
+    @property
     def program(self) -> bool:
         """True if the program ``lmp`` runs the deck instead of this process."""
         return self.launcher == "lmp" or self.ranks > 1
 
 
-def options_of(folder: Path, info: dict[str, Any]) -> Options:
-    """Return the options with which a run was started, from its ``run.json``; raises LaunchError as `Options`."""
+def options_of(folder: Path, info: dict[str, Any], engine: Engine | None = None) -> Options:
+    """Return the options with which a run was started, from its ``run.json``.
+
+    Raises
+    ------
+    LaunchError
+        As `Options`, and if the run was started by LAMMPS and an engine is given, or by another engine.
+    """
+    if (engine is not None) != (info["launcher"] == NETWORK):
+        raise LaunchError(f"{folder}: was started otherwise; continue with: {resuming(folder, info['launcher'])}")
+    if engine is not None:
+        if info.get("device") != engine.device:
+            raise LaunchError(
+                f"{folder}: ran on {info.get('device')}, and is continued there only, not on {engine.device}"
+            )
+        return Options(engine=engine)
     try:
         return Options(info["launcher"], info["ranks"], kernel="kernel" in info)
     except LaunchError as error:

@@ -12,13 +12,19 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = {"granular_lmp": ROOT / "granular_lmp", "granular_analysis": ROOT / "analysis/granular_analysis"}
-COMMANDS = {  # how both programs begin and end and read --set, which is no physics
+COMMANDS = {  # how both programs begin, end, are stopped and read --set and -o, which is no physics
     "granular_lmp.cli.entry",
     "granular_lmp.cli.arguments.changes_argument",
     "granular_lmp.cli.arguments.changes_of",
+    "granular_lmp.cli.arguments.folder_arguments",
+    "granular_lmp.cli.output.interruptible",
+    "granular_lmp.cli.run_commands.say_how_it_went",
 }
+# The network in place of LAMMPS's loop: what an engine is given and gives, and the run that takes it. What is given are
+# the spheres of the data file and the scene, as in the first snapshot of a record
+ENGINE = {"granular_lmp.runs.engine", "granular_lmp.accuracy.tolerance"}
 READERS = {"granular_lmp.runs.record", "granular_lmp.scene.spreadsheets"}  # of records and of tables
-FROM_PACKAGE = {*READERS, *COMMANDS, "granular_lmp.crystal.sphere", "granular_lmp.compiled"}
+FROM_PACKAGE = {*READERS, *COMMANDS, *ENGINE, "granular_lmp.crystal.sphere", "granular_lmp.compiled"}
 
 
 @cache
@@ -93,6 +99,15 @@ def of_analysis(find: Callable[[str], set[str]]) -> dict[Path, set[str]]:
 def test_analysis_imports_record_and_sphere_at_most():
     """The case *quiet* shows what the package expects of the layers that it chooses."""
     assert {path.parent.name for path in of_analysis(forbidden_in_analysis)} == {"quiet"}
+
+
+def test_only_the_network_runs_in_place_of_lammps() -> None:
+    found = of_analysis(lambda source: {each.rpartition(".")[0] for each in imports(source)} & ENGINE)
+    library = {path: used for path, used in found.items() if "granular_analysis" in path.parts}
+    assert {(path.parent.name, path.name): used for path, used in library.items()} == {
+        ("measure", "stepping.py"): {"granular_lmp.runs.engine"},
+        ("tools", "network.py"): {"granular_lmp.accuracy.tolerance"},
+    }
 
 
 def decks_named(source: str) -> set[str]:

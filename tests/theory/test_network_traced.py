@@ -49,7 +49,8 @@ def test_motions_are_those_of_numpy_also_where_pairs_are_searched_again() -> Non
     swing = Drive(np.array([3, 4]), 0, lambda time: 0.3 * np.sin(time), moves=True, longest=1.0, size=0.3)
     push = Drive(np.array([10]), 1, lambda time: 1e-3 * np.cos(time), longest=1.0, size=1e-3)
     network = replace(network, drives=(swing, push), drag=np.linspace(0, 0.1, 60))
-    one, other = (np.array([*way(network, state, 0.02, 120, 40)]) for way in (march, traced.march))
+    one, other = (np.array([*way(network, state, 0.02, 130, 40)]) for way in (march, traced.march))
+    assert len(one) == 4  # 130 steps hold three times 40
     assert np.abs(one[-1, :2] - one[0, :2]).max() > network.margin / 4  # so that they were
     np.testing.assert_allclose(other, one, rtol=0, atol=1e-11)
 

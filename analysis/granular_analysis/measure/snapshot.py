@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TextIO
+from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,8 @@ from granular_analysis.second_harmonic import ALONG_Y
 from granular_analysis.theory.bloch import frame
 from granular_analysis.theory.choice import switched
 from granular_analysis.theory.errors import TheoryError, one_of
-from granular_analysis.theory.network import LAWS, Law, Material, Network
-from granular_analysis.theory.network_laws import ADHESIONS, Adhesion
+from granular_analysis.theory.network import LAWS, Material, Network
+from granular_analysis.theory.network_laws import ADHESIONS
 from granular_analysis.theory.network_motion import Trajectory
 from granular_analysis.theory.network_state import State, loaded, start
 from granular_lmp.runs.record import Record
@@ -42,6 +42,30 @@ SNAPSHOTS = "dump.particles"
 CENTRE = "dump.centre"  # beside the snapshots; it names the recorded sphere
 # Largest radius (m) of the spheres of a LAMMPS unit style, and the style's units of mass, length and time in SI
 UNITS = ((1e-5, (1e-21, 1e-9, 1e-9)), (1e-3, (1e-15, 1e-6, 1e-6)), (np.inf, (1.0, 1.0, 1.0)))
+
+
+class Spheres(NamedTuple):
+    """N spheres with which a run begins, in the units of its deck.
+
+    Attributes
+    ----------
+    types : (N,) as of `read_network`.
+    place : (N, d) at rest.
+    radius, density : (N,).
+    displacement, velocity : (N, d).
+    rotation, spin : (N, 1), in space (N, 3); as of `granular_analysis.theory.network_state.start`.
+    cell : periods, inf for other edges.
+    """
+
+    types: NDArray[np.intp]
+    place: Floats
+    radius: Floats
+    density: Floats
+    displacement: Floats
+    velocity: Floats
+    rotation: Floats
+    spin: Floats
+    cell: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,24 +118,40 @@ class FirstSnapshot:
 def first_snapshot(record: Record) -> FirstSnapshot:
     """Return the network of a run, with the contact law, the friction and the materials of its scene.
 
+    Raises RunFolderError for a run without snapshots (``output.particles``), OSError for a folder without `CENTRE`, and
+    TheoryError for a first snapshot that is none of step 0, lacks a column, as without ``effects.tracking``, or a
+    sphere, or is no dump, and as `network_of` does.
+    """
+    scene, path = record.scene, _snapshots(record)
+    scales = scales_of(record)
+    density = scene.sphere.density / (scales.kilogram / scales.metre**3) if "mass" not in _columns(path) else None
+    turned = scene.wave is not None and scene.wave.form != "none"
+    spheres = _read(path, density, rotation=switched(record).get("rotation", True), turned=turned)
+    recorded = -1
+    if scene.wave is not None:
+        with _opened(_centre_of(path.parent)) as stream:
+            _head(stream)
+            recorded = int(stream.readline().partition(" ")[0]) - 1
+    return network_of(record, spheres, recorded)
+
+
+def network_of(record: Record, spheres: Spheres, recorded: int) -> FirstSnapshot:
+    """Return the network of the spheres with which a run begins.
+
     Friction is infinite unless contacts may slide (``effects.sliding``): a deck without sliding has a coefficient at
     which nothing slides.
 
-    Raises RunFolderError for a run without snapshots (``output.particles``), OSError for a folder without `CENTRE`, and
-    TheoryError for a first snapshot that is none of step 0, lacks a column, as without ``effects.tracking``, or a
-    sphere, or is no dump, for a declared material that no sphere has, for what acts from outside and is not known
+    Raises TheoryError for a declared material that no sphere has, for what acts from outside and is not known
     (`granular_analysis.measure.outside`), and for contacts that resist rolling or twisting.
     """
-    scene, path = record.scene, _snapshots(record)
-    on, declared = switched(record), record.scene.effects
+    scene, on, declared = record.scene, switched(record), record.scene.effects
     if lacks := [f"effects.{name}" for name in ("rolling", "twisting") if on.get(name, False)]:
         raise TheoryError(f"the network leaves out {', '.join(lacks)}")
     scales = scales_of(record)
     damped = on.get("damping", True)
-    network, state = read_network(
-        path,
+    network, state = _placed(
+        spheres,
         _materials(record, scales),
-        density=scene.sphere.density / (scales.kilogram / scales.metre**3) if "mass" not in _columns(path) else None,
         law=one_of(LAWS, declared.shear_law, "law"),
         friction=float(declared.friction) if on.get("sliding", False) else np.inf,
         shear=on.get("shear", True),
@@ -119,17 +159,11 @@ def first_snapshot(record: Record) -> FirstSnapshot:
         viscosity=getattr(declared, "viscosity", 0.0) / (scales.kilogram / scales.second) if damped else 0.0,
         restitution=declared.restitution if damped and declared.restitution < 1 else None,
         adhesion=one_of(ADHESIONS, scene.sphere.adhesion_law, "adhesion"),
-        turned=scene.wave is not None and scene.wave.form != "none",
     )
     _refuse_replaced(record, network)
     network = replace(network, **outside(record, network, scales))
-    state = loaded(network, state.motion)
-    if scene.wave is None:
-        return FirstSnapshot(network, state, -1, scales, ALONG_Y)
-    with _opened(_centre_of(path.parent)) as stream:
-        _head(stream)
-        recorded = int(stream.readline().partition(" ")[0])
-    return FirstSnapshot(network, state, recorded - 1, scales, scene.direction)
+    direction = ALONG_Y if scene.wave is None else scene.direction
+    return FirstSnapshot(network, loaded(network, state.motion), recorded, scales, direction)
 
 
 def scales_of(record: Record) -> Scales:
@@ -210,14 +244,8 @@ def read_network(
     materials: Sequence[Material],
     *,
     density: float | None = None,
-    law: Law = "secant",
-    friction: float = np.inf,
-    shear: bool = True,
-    rotation: bool = True,
-    viscosity: float = 0.0,
-    restitution: float | None = None,
-    adhesion: Adhesion = "dmt",
     turned: bool = True,
+    **laws: Any,
 ) -> tuple[Network, State]:
     """Return the network of the spheres at rest, in the order of their numbers, and the state they start from.
 
@@ -226,13 +254,18 @@ def read_network(
     path : the dump.
     materials : of the spheres: those of material m, counted from 0, have the types 2m + 1 (free) and 2m + 2 (held).
     density : of all spheres, for a dump without the column mass.
-    law, friction, shear, rotation, viscosity, restitution, adhesion : as of `granular_analysis.theory.network.Network`.
     turned : whether spheres are turned at the start, so that a dump must hold their angles.
+    laws : as of `granular_analysis.theory.network.Network`.
 
     Raises TheoryError for a file that is no dump of step 0, lacks a column or is cut off, for a type without a
     material, and where not exactly one of the column mass and `density` is given.
     """
-    with _opened(Path(path)) as stream:
+    return _placed(_read(Path(path), density, rotation=laws.get("rotation", True), turned=turned), materials, **laws)
+
+
+def _read(path: Path, density: float | None, *, rotation: bool, turned: bool) -> Spheres:
+    """Return the spheres of a dump; raises TheoryError as `read_network`."""
+    with _opened(path) as stream:
         head = _head(stream)
         if head[1] != ["0"]:
             raise TheoryError(
@@ -260,36 +293,39 @@ def read_network(
     def columns(named: Sequence[str]) -> Floats:
         return np.stack([table[name][order] for name in named], axis=1)
 
-    radius, types, displacement = table["radius"][order], table["type"][order].astype(np.intp), columns(ways)
-    last = types.max()
-    if last > 2 * len(materials):
-        raise TheoryError(
-            f"{path}: has type {last}, which is of material {(last + 1) // 2}; materials has {len(materials)}"
-        )
-    volume = 4 / 3 * np.pi * radius**3
-    network = Network(
+    radius, displacement = table["radius"][order], columns(ways)
+    return Spheres(
+        table["type"][order].astype(np.intp),
         columns(places) - displacement,
         radius,
-        np.full(count, density) if density is not None else table["mass"][order] / volume,
-        tuple(materials),
-        kind=(types - 1) // 2,
-        held=types % 2 == 0,
-        cell=cell,
-        law=law,
-        friction=friction,
-        shear=shear,
-        rotation=rotation,
-        viscosity=viscosity,
-        restitution=restitution,
-        adhesion=adhesion,
+        np.full(count, density) if density is not None else table["mass"][order] / (4 / 3 * np.pi * radius**3),
+        displacement,
+        columns(rates),
+        _rotation(columns(turns)),
+        columns(spins),
+        cell,
     )
-    return network, start(network, displacement, columns(rates), _rotation(columns(turns)), columns(spins).squeeze())
+
+
+def _placed(spheres: Spheres, materials: Sequence[Material], **laws: Any) -> tuple[Network, State]:
+    """Return the network of spheres with these materials and laws, and the state they start from."""
+    last = spheres.types.max()
+    if last > 2 * len(materials):
+        raise TheoryError(
+            f"a sphere has type {last}, which is of material {(last + 1) // 2}; materials has {len(materials)}"
+        )
+    kind, held = (spheres.types - 1) // 2, spheres.types % 2 == 0
+    network = Network(
+        spheres.place, spheres.radius, spheres.density, tuple(materials), kind, held, spheres.cell, **laws
+    )
+    turns, spins = (each[:, 0] if each.shape[1] == 1 else each for each in (spheres.rotation, spheres.spin))
+    return network, start(network, spheres.displacement, spheres.velocity, turns, spins)
 
 
 def _rotation(columns: Floats) -> Floats:
-    """Return rotations (N,) from angles (N, 1), or (N, 3) from quaternions (N, 4): twice the vector over the scalar."""
+    """Return angles (N, 1) as they are; of quaternions (N, 4) twice the vector over the scalar, (N, 3)."""
     if columns.shape[1] == 1:
-        return columns[:, 0]
+        return columns
     scalar = columns[:, :1]
     return np.divide(2 * columns[:, 1:], scalar, out=np.zeros_like(columns[:, 1:]), where=scalar != 0)
 

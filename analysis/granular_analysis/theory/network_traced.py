@@ -6,7 +6,7 @@ last bit: each sphere gathers the forces of its contacts, in one order.
 The extra ``jax`` of this package installs it: ``pip install 'granular-lmp[jax]'``.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from functools import partial
 from typing import Any
@@ -17,17 +17,27 @@ from jax import lax
 from jax import numpy as jnp
 from numpy.typing import NDArray
 
+from granular_analysis.theory import network_verlet as verlet
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_laws import LAWS
-from granular_analysis.theory.network_outside import imposed
 from granular_analysis.theory.network_state import Pairs, State
-from granular_analysis.theory.network_verlet import Bodies, Carried, begun, renewed, signals, stepped
+from granular_analysis.theory.network_verlet import (
+    Bodies,
+    Carried,
+    Moment,
+    begun,
+    motions,
+    renewed,
+    signals,
+    stepped,
+)
 
 __all__ = ["march"]
 
 jax.config.update("jax_enable_x64", True)
 Floats = NDArray[np.float64]
 Arrays = dict[str, Any]
+AT_ONCE = 100  # steps of one call of the device
 
 
 def arrays_of(pairs: Pairs) -> Arrays:
@@ -41,40 +51,57 @@ def pairs_of(network: Network, arrays: Arrays) -> Pairs:
 
 
 @partial(jax.jit, static_argnums=0)
-def advanced(network: Network, arrays: Arrays, bodies: Bodies, now: Carried, values: Any) -> tuple[Carried, Any]:
-    """Return the motion after as many steps as there are values, and how far spheres were at most from their search."""
+def advanced(
+    network: Network, arrays: Arrays, bodies: Bodies, now: Carried, values: Any, count: int
+) -> tuple[Carried, Any]:
+    """Return the motion after so many steps, and how far spheres were at most from their search.
+
+    There are `AT_ONCE` values, of which the first count. The number is traced, so that this is compiled once.
+    """
     pairs = pairs_of(network, arrays)
 
-    def one(carry: tuple[Carried, Any], at: Any) -> tuple[tuple[Carried, Any], None]:
+    def one(number: Any, carry: tuple[Carried, Any]) -> tuple[Carried, Any]:
         now, farthest = carry
-        now = stepped(network, pairs, bodies, now, at)
+        now = stepped(network, pairs, bodies, now, values[number])
         far = [jnp.max(jnp.abs(way - from_)) for way, from_ in zip(now.motion, pairs.place, strict=False)]
-        return (now, jnp.maximum(farthest, jnp.max(jnp.stack(far)))), None
+        return now, jnp.maximum(farthest, jnp.max(jnp.stack(far)))
 
-    return lax.scan(one, (now, 0.0), values)[0]
+    return lax.fori_loop(0, count, one, (now, 0.0))
+
+
+@partial(jax.jit, static_argnums=0)
+def extremes(network: Network, arrays: Arrays, now: Carried, rested: Any, near: Any) -> tuple[Any, ...]:
+    """Return what `granular_analysis.theory.network_verlet.extremes` does."""
+    return verlet.extremes(network, pairs_of(network, arrays), now, rested, near)
+
+
+def moments(
+    network: Network, state: State, step: float, stops: Iterable[int], begin: Moment | None = None
+) -> Iterator[Moment]:
+    """Yield the motion as `granular_analysis.theory.network_verlet.moments` does, what is carried on the device."""
+    bodies = Bodies.of(network, step)
+    done, state, now = begin or Moment(0, state, begun(network, state, bodies))
+    arrays, bodies, now = arrays_of(state.pairs), on_device(bodies), on_device(now)
+    for stop in stops:
+        most = AT_ONCE
+        while done < stop:
+            count = min(most, stop - done)
+            values = np.zeros((AT_ONCE, len(network.drives), 2))
+            values[:count] = signals(network, step, done + 1, count)
+            after, farthest = advanced(network, arrays, bodies, now, values, count)
+            if farthest > network.margin / 2 and count > 1:
+                most = count // 2  # contacts may have been missed: back, to fewer steps
+            else:
+                now, done = after, done + count
+            if farthest > network.margin / 4:
+                state, now = renewed(network, state, jax.tree.map(np.asarray, now))
+                arrays, now = arrays_of(state.pairs), on_device(now)
+        yield Moment(stop, state, now)
 
 
 def march(network: Network, state: State, step: float, count: int, every: int) -> Iterator[Floats]:
     """Yield the motions (2f, N) as `granular_analysis.theory.network_verlet.march` does."""
-    bodies = Bodies.of(network, step)
-    now = begun(network, state, bodies)
-    yield imposed(network.drives, 0.0, np.array(now.motion))
-    arrays, bodies, now = arrays_of(state.pairs), on_device(bodies), on_device(now)
-    for first in range(0, count, every):
-        left, length = every, every
-        while left:
-            done = first + every - left
-            values = signals(network, step, done + 1, length)
-            after, farthest = advanced(network, arrays, bodies, now, jnp.asarray(values))
-            if farthest > network.margin / 2 and length > 1:
-                length = max(1, length // 2)  # contacts may have been missed: back, to fewer steps
-            else:
-                now, left = after, left - length
-                length = min(length, left)
-            if farthest > network.margin / 4:
-                state, now = renewed(network, state, jax.tree.map(np.asarray, now))
-                arrays, now = arrays_of(state.pairs), on_device(now)
-        yield imposed(network.drives, step * (first + every), np.array(now.motion))
+    yield from motions(network, step, moments(network, state, step, range(0, count + 1, every)))
 
 
 def on_device(tree: Any) -> Any:

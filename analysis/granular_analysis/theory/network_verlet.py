@@ -11,7 +11,8 @@ that is open forgets its slip; one that slides keeps the slip of its limit. With
 spring is carried in the place of s. At the end of a step quiet ends leave (1 − ½h c)/(1 + ½h c) of each velocity and
 spin. Of a sphere that is moved, contacts see the way over the last step, of one that is turned that over the next.
 
-Turns in the plane are those of LAMMPS's dipoles, which turn by arctan(hω) in a step.
+Turns in the plane are those of LAMMPS's dipoles, which turn by arctan(hω) in a step; in space each step's rotation is
+put to that before, as of LAMMPS's quaternions.
 
 The lines are those of NumPy, or of JAX where its arrays come in (`granular_analysis.theory.network_traced`).
 
@@ -20,9 +21,9 @@ Good values: h from 0.05 to 0.2 t0; the error is of second order. When it breaks
 Source: LAMMPS, fix nve/sphere and pair granular (https://docs.lammps.org/pair_granular.html).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ from numpy.typing import NDArray
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_outside import imposed
 from granular_analysis.theory.network_state import (
+    Contacts,
     Meetings,
     Pairs,
     State,
@@ -72,6 +74,21 @@ class Carried(NamedTuple):
     memory: Vector
     begun: NDArray[np.bool_]
     rates: Vector
+
+
+class Moment(NamedTuple):
+    """The motion after a number of steps.
+
+    Attributes
+    ----------
+    number : of steps.
+    state : whose pairs the motion has.
+    now : what the next step takes.
+    """
+
+    number: int
+    state: State
+    now: Carried
 
 
 class Bodies(NamedTuple):
@@ -152,9 +169,10 @@ def stepped(network: Network, pairs: Pairs, bodies: Bodies, before: Carried, val
     xp = module_of(before.begun)
     velocity = plus(before.motion[freedoms:], scaled(step / 2, before.rates))
     way = scaled(step, velocity)
-    turn = [xp.arctan(each) for each in way[dimension:]] if dimension == 2 else way[dimension:]
-    place = plus(before.motion[:freedoms], [*way[:dimension], *turn])
-    half = moved(network, bodies, values, [*place, *velocity])
+    turns = before.motion[dimension:freedoms]
+    turns = plus(turns, [xp.arctan(way[2])]) if dimension == 2 else _composed(turns, way[3:])
+    place = plus(before.motion[:dimension], way[:dimension])
+    half = moved(network, bodies, values, [*place, *turns, *velocity])
     met = meetings(network, half, pairs, before.begun)
     rate = scaled(met.stiffness, met.slip_rate) if network.law == "incremental" else met.slip_rate
     memory = scaled(met.closed, plus(_turned(before.memory, met), scaled(step, rate)))
@@ -169,6 +187,13 @@ def stepped(network: Network, pairs: Pairs, bodies: Bodies, before: Carried, val
     return Carried((*half[:freedoms], *speed), combined(memory, met.tangents.along), met.closed, rates)
 
 
+def _composed(turn: Vector, way: Vector) -> Vector:
+    """Return turns, 2 tan(ϑ/2) times an axis, after a small one more by a rotation vector."""
+    more = scaled(1 + dot(way, way) / 12, way)
+    across = [more[k - 2] * turn[k - 1] - more[k - 1] * turn[k - 2] for k in range(3)]
+    return scaled(1 / (1 - dot(more, turn) / 4), plus(plus(turn, more), scaled(0.5, across)))
+
+
 def _turned(vector: Vector, met: Meetings) -> Vector:
     """Return the parts of vectors along the tangents, with the lengths that the vectors had."""
     parts = tuple(dot(vector, each) for each in met.tangents.along)
@@ -176,18 +201,68 @@ def _turned(vector: Vector, met: Meetings) -> Vector:
     return scaled(quotient(length(vector), left, left > 0, 0.0), parts)
 
 
-def march(network: Network, state: State, step: float, count: int, every: int) -> Iterator[Floats]:
-    """Yield the motions (2f, N) at the start and after each `every` of some steps."""
+def seen(network: Network, pairs: Pairs, now: Carried) -> Contacts:
+    """Return the contacts at the end of a step, with its velocities."""
+    met = meetings(network, now.motion, pairs, now.begun)
+    return acting(network, pairs, met, [dot(now.memory, each) for each in met.tangents.along])
+
+
+def extremes(network: Network, pairs: Pairs, now: Carried, rested: Any, near: Any) -> tuple[Any, ...]:
+    """Return what guards ask of the contacts of some spheres, by the names of `granular_lmp.runs.engine.Look`.
+
+    Parameters
+    ----------
+    rested : (M,) whether the pairs touched at rest.
+    near : (N,) which spheres are judged.
+    """
+    xp, there = module_of(now.begun), seen(network, pairs, now)
+    wall = pairs.second >= len(network.position)
+    ends = xp.concatenate([near, xp.ones(len(network.walls), dtype=bool)])
+    here, other = near[pairs.first], ends[pairs.second]
+    closed = there.closed & here & other
+    changed = xp.sum((there.closed != rested) * (here * 1.0 + (other & ~wall))) / 2
+    damped = network.viscosity or network.restitution is not None
+    limit = xp.abs(there.repulsion)
+    if network.adheres or not damped:
+        limit = pairs.normal.repulsion(there.overlap, there.radius, there.closed) + 2 * pairs.normal.pull * pairs.F
+    slip = quotient(length(there.shear), limit, closed & (limit > 0), 0.0)
+    turning = [xp.max(xp.where(near, xp.abs(row), 0.0)) for row in resultants(pairs, there)[network.dimension :]]
+    on_wall = quotient(there.overlap, pairs.overlap, closed & wall & (pairs.overlap > 0), xp.inf)
+    return (
+        xp.min(xp.where(closed & ~wall, there.overlap, xp.inf), initial=xp.inf),
+        xp.min(on_wall, initial=xp.inf),
+        xp.max(xp.where(closed, there.overlap, 0.0), initial=0.0),
+        changed,
+        xp.max(slip, initial=0.0),
+        xp.sqrt(sum(each * each for each in turning)),
+    )
+
+
+def moments(
+    network: Network, state: State, step: float, stops: Iterable[int], begin: Moment | None = None
+) -> Iterator[Moment]:
+    """Yield the motion after each of some ascending numbers of steps, from a state or from a later moment of it on."""
     bodies = Bodies.of(network, step)
-    values = signals(network, step, 1, count)
-    now = begun(network, state, bodies)
-    yield imposed(network.drives, 0.0, np.array(now.motion))
-    for number in range(1, count + 1):
-        now = stepped(network, state.pairs, bodies, now, values[number - 1])
-        if number % every == 0:
-            yield imposed(network.drives, number * step, np.array(now.motion))
-        if np.abs(now.motion[: network.dimension] - state.pairs.place).max() > network.margin / 4:
-            state, now = renewed(network, state, now)
+    last = begin or Moment(0, state, begun(network, state, bodies))
+    for stop in stops:
+        _, state, now = last
+        for values in signals(network, step, last.number + 1, stop - last.number):
+            now = stepped(network, state.pairs, bodies, now, values)
+            if np.abs(now.motion[: network.dimension] - state.pairs.place).max() > network.margin / 4:
+                state, now = renewed(network, state, now)
+        last = Moment(stop, state, now)
+        yield last
+
+
+def march(network: Network, state: State, step: float, count: int, every: int) -> Iterator[Floats]:
+    """Yield the motions (2f, N) at the begin and after each `every` of at most `count` steps."""
+    yield from motions(network, step, moments(network, state, step, range(0, count + 1, every)))
+
+
+def motions(network: Network, step: float, found: Iterable[Moment]) -> Iterator[Floats]:
+    """Yield the motion (2f, N) of each moment, with what drives prescribe then."""
+    for each in found:
+        yield imposed(network.drives, each.number * step, np.array(each.now.motion))
 
 
 def renewed(network: Network, state: State, now: Carried) -> tuple[State, Carried]:

@@ -211,6 +211,8 @@ def notes(record: Record, wave: Wave | None, reference: Reference) -> list[str]:
         loud.append(f"its deck was edited, which no theory knows of; lines that differ: {len(edited)}, {edited[0]!r}")
     if accepted := record.info.get("accepted"):
         loud.append(f"files were changed after the run, and accepted: {', '.join(accepted)}")
+    if by_network(record) and reference.name == NETWORK:
+        loud.append("the network took the steps of the run too: this judges the steps, not the laws of contacts")
     material = record.scene.material
     if record.scene.sphere.work_of_adhesion and material.nearer_law != material.adhesion_law:
         loud.append(material.law_words)
@@ -314,6 +316,11 @@ def difference_lines(records: Sequence[Record], comparisons: Sequence[Comparison
     return lines
 
 
+def by_network(record: Record) -> bool:
+    """Return whether the network took the steps of a run, in place of LAMMPS."""
+    return record.info.get("launcher") == NETWORK
+
+
 def names_of(comparison: Comparison) -> tuple[str, ...]:
     """Return the names of the signals of a comparison."""
     return signals_of(comparison.record)
@@ -350,7 +357,7 @@ def figure(record: Record, comparison: Comparison) -> "Figure":
         axes.xaxis.set_visible(False)
     for (signal, difference), (name, values) in zip(panels.reshape(-1, 2), drawn.items(), strict=True):
         run, theory = _liveliest(runs.get(name, np.full_like(values, np.nan)), values)
-        signal.plot(record.tau, run, color="black", label="LAMMPS")
+        signal.plot(record.tau, run, color="black", label="network" if by_network(record) else "LAMMPS")
         signal.plot(record.tau, theory, color="tab:red", linestyle="--", label=c.theory)
         signal.set_ylabel(labels[name])
         signal.set_title(_title(c.error, name), fontsize="small", pad=2, y=1.0)

@@ -1,0 +1,119 @@
+"""Another engine in place of LAMMPS's time loop: what it is given, and what it has to give.
+
+The engine steps the spheres of a deck with LAMMPS's own scheme. `granular_lmp.runs.stepping` writes what it gives into
+the files that LAMMPS would write, and all else, from the lock of the folder to its seal, is as in any run. This package
+has no engine: `granular-analysis network` gives one.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import SceneError as SceneError
+from granular_lmp.frozen import dataclass
+from granular_lmp.lammps.beginning import Beginning
+from granular_lmp.rest.scene import Scene
+
+__all__ = ["Engine", "Look", "Moment", "Motion", "Setting"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Look(NamedTuple):
+    """What the guards of a deck see of all contacts at a moment, of those within the reach.
+
+    Attributes
+    ----------
+    smallest : smallest overlap of two spheres that touch, infinite without any.
+    on_wall : the same of spheres on walls, over that at rest.
+    deepest : largest overlap of any contact, 0 without any.
+    changed : contacts that have opened or formed since rest.
+    slip : largest shear force over the force at which the contact would slide with a friction of 1.
+    torque : largest torque on a sphere; in space of the largest components.
+    """
+
+    smallest: float
+    on_wall: float
+    deepest: float
+    changed: float
+    slip: float
+    torque: float
+
+
+class Moment(Protocol):
+    """The spheres after a number of steps, in the units of the deck."""
+
+    @property
+    def number(self) -> int:
+        """Number of steps."""
+
+    def fields(self, spheres: Integers) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return displacement, velocity, rotation and spin of n spheres, (n, d); (n, 1) of turns in the plane."""
+
+    def forces(self, spheres: Integers) -> Floats:
+        """Return the forces on n spheres that nothing holds or moves, (n, d)."""
+
+    def contacts(self, spheres: Integers) -> tuple[Integers, Floats]:
+        """Return the closed contacts among some spheres: both ends (2, C), and the columns of a monitor, (C, 1 + 2d).
+
+        These are the normal force, repulsive above 0; the tangential force on the first; the vector from the second to
+        the first.
+        """
+
+    def look(self, reach: float) -> Look:
+        """Return what guards see of the spheres whose `Setting.distances` are below a reach."""
+
+    def kept(self) -> Mapping[str, NDArray[Any]]:
+        """Return all that the next step follows from, for a checkpoint."""
+
+
+class Motion(Protocol):
+    """The spheres of a run on their way."""
+
+    def moments(self, stops: Iterable[int], kept: Mapping[str, NDArray[Any]] | None) -> Iterator[Moment]:
+        """Yield the spheres after each of some ascending numbers of steps, from the begin or from a checkpoint on."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What an engine is given.
+
+    Attributes
+    ----------
+    scene : Scene
+        With every "auto" decided.
+    info : dict
+        ``run.json`` as far as it is known before a run: effects, the drag of quiet ends.
+    spheres : Beginning
+    step : float
+        In units of the deck.
+    recorded : int
+        Index of the centre sphere; −1 without a wave.
+    distances : (N,) array
+        How far each sphere is from what is recorded.
+    """
+
+    scene: Scene
+    info: Mapping[str, Any]
+    spheres: Beginning
+    step: float
+    recorded: int
+    distances: Floats
+
+
+class Engine(Protocol):
+    """What steps the spheres of a deck."""
+
+    @property
+    def device(self) -> str:
+        """Where it runs, in ``run.json``; a run is continued on the same."""
+
+    @property
+    def versions(self) -> Mapping[str, str]:
+        """Versions of its software, for ``run.json``."""
+
+    def begin(self, setting: Setting) -> Motion:
+        """Return the motion of a setting; raises `GranularError` that names what is not held."""
