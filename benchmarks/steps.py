@@ -24,7 +24,8 @@ from benchmarks.network import processor_seconds, sized
 from benchmarks.timing import both_ratios, interleave, machine, ratio, spread, table
 from granular_analysis.measure.snapshot import FirstSnapshot, first_snapshot
 from granular_analysis.theory import network_traced, network_verlet
-from granular_analysis.theory.network_gradient import Run, gradient, record
+from granular_analysis.theory.network_factors import Run
+from granular_analysis.theory.network_gradient import Record, gradient, record
 from granular_lmp import Scene, run
 from granular_lmp.lammps.outputs import LOG
 
@@ -73,7 +74,7 @@ def slope(repeats: int, folder: Path) -> str:
     """Return what a gradient costs of 600 spheres and 2000 steps: over a run, and in memory."""
     first = first_snapshot(run(perfect(600)[0], folder / "run", kernel=False))
     whole = Run(first.network, first.state, STEP * first.time, 200, 10, np.array([0]))
-    ones = whole.ones("density")
+    ones = whole.neutral("density")
     forward = partial(_recorded, whole, ones)
     back = partial(gradient, whole, _size, ones)
     peaks = []
@@ -89,11 +90,11 @@ def slope(repeats: int, folder: Path) -> str:
 
 
 def _recorded(whole: Run, factors: dict[str, Any]) -> Any:
-    return np.asarray(record(whole, factors))
+    return record(whole, factors)
 
 
-def _size(motions: Any) -> Any:
-    return jnp.sum(motions[:, 0] ** 2)
+def _size(found: Record) -> Any:
+    return jnp.sum(found.motion[:, 0] ** 2)
 
 
 def line(spheres: int, rounds: Sequence[Nanoseconds]) -> list[str]:

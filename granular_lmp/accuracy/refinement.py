@@ -266,10 +266,13 @@ def halved(
 
 
 def _look(records: list[Record], again: Callable[[Scene, str], Record]) -> None:
-    """Make the finest run of a ladder once more if it has not looked."""
+    """Make the finest run of a ladder once more if it has not looked; its steps and seconds are those of both."""
     place, finest = max(enumerate(records), key=lambda each: each[1].scene.time.steps_per_sample)
     if finest.info.get("looks") == {}:
-        records[place] = again(finest.scene, f"{finest.scene.time.steps_per_sample}{PER_SAMPLE}")
+        looked = again(finest.scene, f"{finest.scene.time.steps_per_sample}{PER_SAMPLE}")
+        runs = [finest.info, looked.info]
+        both = {"steps": sum(run["steps"] for run in runs), "wall_seconds": _all_seconds(runs)}
+        records[place] = replace(looked, info=looked.info | both)
 
 
 def _worst(found: dict[str, float]) -> str:

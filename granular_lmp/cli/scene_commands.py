@@ -190,10 +190,11 @@ def _defaults(scene: "Scene") -> dict[str, object]:
     other_kind = keys(WAVE if scene.wave is None else NOT_HELD)
     others = {f"{each.section}.{each.name}": each.default for each in other_kind}
     own = {f"{table}.{each.name}": each.default for table in scene.layout.sections for each in scene.keys_of(table)}
+    unused = {f"packing.{end}" for end in ("first", "last") if end not in scene.shape.faces}  # of periodic ends
     return {
         key: default
         for key, default in own.items()
-        if default != others.get(key, default) and scene.value(key) == default
+        if default != others.get(key, default) and scene.value(key) == default and key not in unused
     }
 
 

@@ -42,7 +42,7 @@ _SAME_PLACE = 1e-6  # in radii
 
 @dataclass(frozen=True)
 class Disorder:
-    """How the spheres of a crystal differ at random.
+    """Random differences of the spheres of a crystal.
 
     Attributes
     ----------

@@ -194,6 +194,11 @@ class Lattice:
         return 3 + -3 % self.column_period if self.sheet else 1
 
     @property
+    def fewest_rows(self) -> int:
+        """Fewest rows of a sheet that is periodic along y, for the same reason."""
+        return 3 + -3 % self.row_period
+
+    @property
     def fewest_layers(self) -> int:
         """Fewest layers of a crystal that is periodic along z, for the same reason."""
         return 3 + -3 % self.layer_period

@@ -1,4 +1,4 @@
-"""Time scale and highest frequency of any crystal from its contacts, which limit the time step.
+"""Bounds of the highest frequency of any crystal from its contacts, which limit the time step.
 
 The spectrum of the whole crystal is bounded from above without a matrix (`granular_lmp.crystal.lanczos`). Velocity
 Verlet is stable below Δt = 2/Ω_max.
@@ -20,32 +20,6 @@ from granular_lmp.frozen import dataclass
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _Components = Sequence[Floats | float]
-
-
-def time_scale(contacts: Contacts, row_spacing: float) -> float:
-    """Return the time t0 in which long waves of the mode L along y run half a row, s.
-
-        t0 = s/(2c),    c² = Σ_contacts (k n_y² + g t_y²) d_y² / Σ m
-
-    with d_y the component of a contact's vector along y. It equals `Sphere.time_scale`, √(m/(2(g+3k))), for a hexagonal
-    lattice, and √(m/4k) for a chain along y and for a square lattice.
-
-    Parameters
-    ----------
-    contacts : Contacts
-        Contacts of the crystal.
-    row_spacing : float
-        Distance s of the rows, m.
-
-    Notes
-    -----
-    Compression is left out. In crystals with several spheres per cell c is an upper bound of the speed, because their
-    relative motion lowers it; t0 is then a unit of time and not exactly the time for half a row.
-    """
-    n, t = contacts.normals[:, 1], contacts.tangents[:, :, 1]
-    stiffness = contacts.normal_stiffness * n**2 + contacts.shear_stiffness * np.sum(t**2, axis=1)
-    squares = np.sum(stiffness * contacts.vector[:, 1] ** 2)
-    return float(row_spacing / 2 * np.sqrt(contacts.mass.sum() / squares))
 
 
 @lru_cache(maxsize=2)  # a run to a tolerance asks four times

@@ -16,8 +16,10 @@ from granular_lmp.crystal.bloch import bloch_modes
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattice import Lattice
 from granular_lmp.crystal.lattices import lattice_constant
-from granular_lmp.crystal.mode import FX, UX, UZ, F, Physics
+from granular_lmp.crystal.mode import FULL, FX, UX, UZ, F, Physics
+from granular_lmp.crystal.modes import MODES, branch_names
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
+from granular_lmp.crystal.wavevector import ROW_SPACING, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 
@@ -25,6 +27,8 @@ Floats = NDArray[np.float64]
 CHARACTERS = ("along", "across", "vertical", "rocking", "torsion")  # shares of the kinetic energy of a mode
 _STEP = 1e-4  # 1/R, of central differences: 1e-8 of a frequency of rounding, 1e-8 of curvature
 _POINTS = 60  # of a path, from corner to corner
+_DIRECTIONS = 360  # of k, all around, even
+_LENGTHS = 160  # of |k| between Γ and the edge of the zone; a crossing is interpolated linearly between two
 _BINS = 200  # of a density of states
 _SAMPLES = 1_000_000  # of it: 5000 in each of its bins, whose scatter no figure shows
 _HEXAGON = {"M": (0.0, 2 * pi / sqrt(3)), "K": (4 * pi / 3, 0.0)}
@@ -143,13 +147,62 @@ def characters(shapes: NDArray[Any], wavevector: Floats, mass: Floats) -> Floats
 
 
 def group_velocities(crystal: Contacts, sphere: Sphere, wavevector: Floats, physics: Physics) -> Floats:
-    """Return ∂Ω/∂k of each branch at a wave vector (2 or 3), (B, 2 or 3), R/t0, by central differences.
+    """Return ∂Ω/∂k of each branch at wave vectors (..., 2 or 3), (..., B, 2 or 3), R/t0, by central differences.
 
     Where two branches cross within 1e-4/R each keeps its place in the order of frequencies, not its shape.
     """
-    steps = _STEP * np.eye(len(wavevector))
-    ahead, behind = (bloch_modes(crystal, sphere, wavevector + way * steps, physics)[0] for way in (1, -1))
-    return np.asarray((ahead - behind).T / (2 * _STEP))
+    steps = _STEP * np.eye(wavevector.shape[-1])
+    nearby = wavevector[..., None, :]
+    ahead, behind = (bloch_modes(crystal, sphere, nearby + way * steps, physics)[0] for way in (1, -1))
+    return np.asarray((ahead - behind).swapaxes(-1, -2) / (2 * _STEP))
+
+
+def fronts(lattice: Contacts, sphere: Sphere, frequency: float, physics: Physics = FULL) -> dict[str, Floats]:
+    """Return the group velocities of the waves of a frequency in the hexagonal lattice, by name of their mode.
+
+    A signal of frequency Ω that starts in a point is, far from it, where energy of that frequency runs:
+
+        r(τ) = v_g(k) τ,    v_g = ∂Ω_j/∂k    for every k with Ω_j(k) = Ω
+
+    The curve of v_g over all these k is the group-velocity surface of branch j; at long waves it is a circle. Where the
+    contour Ω_j(k) = Ω is flat or turns, energy gathers and the curve has corners. Velocities of RT point against k.
+
+    Parameters
+    ----------
+    lattice, sphere : Contacts, Sphere
+        Contacts of the hexagonal lattice of one sphere a cell, and its sphere.
+    frequency : float
+        Ω, rad/t0.
+    physics : Physics
+        Degrees of freedom.
+
+    Returns
+    -------
+    dict of str to (n, 2) array
+        v_g in R/t0, in the order of the directions of k, for each mode that has the frequency in some: L moves most
+        along k, TR is the lower and RT the upper of the others. A direction in which the mode has the frequency at
+        several k gives several rows. To about 1e-3: |k| is interpolated.
+    """
+    # Half of them, as −k has the frequency of k and the opposite velocity; none is along a mirror line
+    degrees = np.linspace(-180, 0, _DIRECTIONS // 2, endpoint=False) + 180 / _DIRECTIONS
+    along = np.column_stack([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+    edge = np.array([zone_edge(each) for each in degrees]) / ROW_SPACING / lattice_constant(sphere)
+    share = np.linspace(0.01, 1.0, _LENGTHS)
+    size = edge[:, None] * share
+    found, shapes = bloch_modes(lattice, sphere, size[..., None] * along[:, None], physics)
+    crossed = np.diff(np.sign(found - frequency), axis=1) != 0  # (directions, samples - 1, branches)
+    if not crossed.any():
+        return {}
+    place, at, branch = np.argwhere(crossed).T
+    below, above = (found[place, each, branch] - frequency for each in (at, at + 1))
+    length = size[place, at] + (size[place, at + 1] - size[place, at]) * below / (below - above)
+    k = length[:, None] * along[place]
+    velocities = group_velocities(lattice, sphere, k, physics)[np.arange(len(k)), branch]
+    result: dict[str, list[Floats]] = {}
+    for direction, sample, each, velocity in zip(place, at, branch, velocities, strict=True):
+        name = branch_names(shapes[direction, sample], along[direction])[each]
+        result.setdefault(name, []).append(velocity)
+    return {name: np.concatenate([result[name], np.negative(result[name])]) for name in MODES if name in result}
 
 
 def density_of_states(

@@ -85,7 +85,7 @@ CONTACT_OPENING = Effect(
     cost="1.00",
     loss=loss,
     order=order,
-    guard=GUARD,
+    guards=(GUARD,),
     always=True,
     recorded=True,
 )

@@ -91,7 +91,7 @@ CREEP = Effect(
     called_for,
     cost="1.00",
     loss=loss,
-    guard=GUARD,
+    guards=(GUARD,),
     always=True,
     switch="time.duration",
     declared=expected,

@@ -101,7 +101,7 @@ def loss(case: Case) -> str:
 DEEP_OVERLAP = Effect(
     "deep_overlap",
     None,
-    meeting=AmongMeeting(small_overlaps, guard=TOO_DEEP),
+    meeting=AmongMeeting(small_overlaps, guards=(TOO_DEEP,)),
     cost="1.00",
     loss=loss,
     switch="striker",
@@ -111,7 +111,7 @@ DEEP_OVERLAP = Effect(
 LONG_STEP = Effect(
     "long_step",
     None,
-    meeting=AmongMeeting(chosen_step, guard=TOO_LONG),
+    meeting=AmongMeeting(chosen_step, guards=(TOO_LONG,)),
     cost="1.00",
     loss=loss,
     switch="time.timestep",

@@ -65,13 +65,13 @@ class AmongMeeting:
         Rule, Case → Finding.
     order : callable
         Scene → order of LAMMPS's error in the time step: 2, or 1.
-    guard : Guard, optional
+    guards : tuple of Guard
         Guard that is always in the deck.
     """
 
     called_for: Callable[[Case], Finding]
     order: Callable[[Scene], int] = _second_order
-    guard: Guard | None = None
+    guards: tuple[Guard, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -106,10 +106,8 @@ class Effect:
         Scene → order of LAMMPS's error in the time step while the effect is on: 2, 1, or 0 if the error is no series.
     concerns : callable
         Scene → True if the effect is one of such scenes.
-    guard : Guard, optional
-        Guard that looks whether the effect occurs.
-    instead : (callable, Guard), optional
-        Scene → True if another guard looks there, and that guard.
+    guards : tuple of Guard
+        Guards that look whether the effect occurs, of which the first that is of a scene looks there.
     always : bool
         True if the guard also measures, without judging, while the effect is on.
     recorded : bool
@@ -138,8 +136,7 @@ class Effect:
     refuse: Callable[[Case], str] = _nothing_refused
     order: Callable[[Scene], int] = _second_order
     concerns: Callable[[Scene], bool] = _every
-    guard: Guard | None = None
-    instead: tuple[Callable[[Scene], bool], Guard] | None = None
+    guards: tuple[Guard, ...] = ()
     always: bool = False
     recorded: bool = False
     in_all: bool = True
@@ -158,12 +155,11 @@ class Effect:
             self,
             called_for=self.meeting.called_for,
             order=self.meeting.order,
-            guard=self.meeting.guard,
+            guards=self.meeting.guards,
             loss=_nothing_lost,
             refuse=_nothing_refused,
             required=_not_required,
             concerns=_every,
-            instead=None,
             always=True,
             forces=False,
         )
@@ -175,17 +171,10 @@ class Effect:
         wanted: bool | Auto = getattr(scene.effects, self.name)
         return AUTO if wanted is True and not self.forces else wanted
 
-    @property
-    def guards(self) -> tuple[Guard, ...]:
-        """All guards of the effect."""
-        of_meeting = self.meeting.guard if self.meeting else None
-        return tuple(each for each in (self.guard, *(self.instead or ())[1:], of_meeting) if isinstance(each, Guard))
-
     def guard_name(self, scene: Scene, on: Mapping[str, bool]) -> str:
         """Return the title of the guard in the deck of a scene with these effects on, or "" if no guard is needed."""
-        guard = self.instead[1] if self.instead and self.instead[0](scene) else self.guard
         watched = on.get(self.needs, True) and (self.always or not on[self.name])
-        return guard.title if guard and watched else ""
+        return next((each.title for each in self.guards if watched and each.where(scene)), "")
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,8 @@ class Guard:
         True if the lines read `granular_lmp.effects.reading.contact_lines` or `overlap_lines`.
     per_contact : callable
         Scene → True if what LAMMPS measures does not always decide, and contacts are dumped while it does not.
+    where : callable
+        Scene → True if the guard is one of such scenes.
     heading : str
         Words behind the column in the last lines of a deck, with ``{limit}`` for the limit; "" for those of `meaning`.
     """
@@ -85,6 +87,7 @@ class Guard:
     hides: bool = False
     of_contacts: bool = False
     per_contact: Callable[[Scene], bool] = lambda scene: False
+    where: Callable[[Scene], bool] = lambda scene: True
     heading: str = ""
 
     @property

@@ -92,12 +92,12 @@ class OnWall:
         share = f"(({least}>0)*({least})/{self.holding_force!r})"
         return self.sphere.contact_law.overlap_of_share(share, self.sphere.contact_force)
 
-    def slip(self) -> str:
+    def slip(self, friction: str) -> str:
         """Return the largest shear force over the sliding force of the contact that touches least."""
         drag = "+".join(f"c_drag_{self.name}[{part}]^2" for part in (1, 2))
         left, load = f"v_left_{self.name}", self.sphere.contact_force
         rest = self.sphere.contact_law.above_pull_off(left, load, self.holding_force)
-        return f"sqrt({drag})/(v_mu*({self.adhesive_force!r}+{rest}))"
+        return f"sqrt({drag})/({friction}*({self.adhesive_force!r}+{rest}))"
 
 
 def fixes(problem: Prepared) -> dict[str, list[str]]:

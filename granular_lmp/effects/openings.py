@@ -31,7 +31,7 @@ from granular_lmp.rest.scene import Scene
 PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is counted, against rounding
 WIDER = 1.2  # times the largest pull-off distance, so that no rounding leaves a contact out
 _NEAR = 0.2  # R: pairs with a larger gap at rest do not meet
-_MAY = "  # one that hardly touches may open between looks"
+_MAY = ", or may between looks"
 
 
 def by_pairs(scene: Scene) -> bool:
@@ -87,15 +87,17 @@ def at_rest_lines(problem: Prepared) -> list[str]:
 
 
 def changed_lines(problem: Prepared) -> list[str]:
-    """Return the lines of v_open, the contacts that have opened or formed."""
+    """Return the lines of the contacts that have opened or formed: the most of one sphere, or of all by pairs.
+
+    A contact that hardly touches counts as one, as it may open between two looks.
+    """
     scene = problem.scene
-    near = "" if judged_singly(scene) else f"+({{}}==0)*({nearly_open(problem.rest):.4f}>v_overlap){_MAY}"
+    near = "" if judged_singly(scene) else f"({nearly_open(problem.rest):.4f}>v_overlap)"
     if not by_pairs(scene):
-        missed = f"variable     missed atom abs(f_at_rest-c_touching){on_walls.missed(problem)}"
+        missed = f"abs(f_at_rest-c_touching){on_walls.missed(problem)}{near and '+' + near}"
         return [
-            f"{missed}  # contacts that a sphere had at rest and has not now, or new",
-            "compute      missing inside reduce sum v_missed",
-            f"variable     open equal ceil(c_missing/2){near.format('c_missing')}",
+            f"variable     missed atom {missed}  # contacts of a sphere that opened or formed{_MAY * bool(near)}",
+            "compute      open inside reduce max v_missed",
         ]
     law, axes = scene.sphere.contact_law, _axes(problem)
     mark = law.mark(scene.space)
@@ -104,6 +106,7 @@ def changed_lines(problem: Prepared) -> list[str]:
         for axis, count in axes.items()
     ]
     most = reduce(lambda one, other: f"ternary({one}>{other},{one},{other})", (f"v_off_{axis}" for axis in axes))
+    may = "" if _lingers(problem) or not near else f"+(v_changed==0)*{near}"
     left, sums = on_walls.missed(problem)[1:], "compute      missing all reduce sum v_missed"
     return [
         "# contacts that were there at rest and are not now, or new",
@@ -111,7 +114,7 @@ def changed_lines(problem: Prepared) -> list[str]:
         *([f"compute      pairs all pair/local{mark} cutoff {law.cutoff}"] if watches_part(scene) else []),
         *off,
         f"variable     changed equal {most}{'+c_missing' if left else ''}",
-        f"variable     open equal v_changed{'' if _lingers(problem) else near.format('v_changed')}",
+        f"variable     open equal v_changed{may}",
     ]
 
 

@@ -102,6 +102,6 @@ ROTATION = Effect(
     meeting=AmongMeeting(of_meeting),
     needs="shear",
     lines={"preload": preload, "wave": wave},
-    guard=GUARD,
+    guards=(GUARD,),
     recorded=True,
 )

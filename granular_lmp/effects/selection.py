@@ -46,7 +46,9 @@ def of(scene: Scene) -> tuple[Effect, ...]:
 
 def guards() -> dict[str, Guard]:
     """Return the guards of all effects and limits by their titles."""
-    return {guard.title: guard for effect in (*EFFECTS, *LIMITS) for guard in effect.guards}
+    every = (*EFFECTS, *LIMITS)
+    of_meeting = (each.meeting.guards for each in every if each.meeting)
+    return {guard.title: guard for each in (*(effect.guards for effect in every), *of_meeting) for guard in each}
 
 
 def select(scene: Scene) -> list[Chosen]:

@@ -34,27 +34,22 @@ def variables_off(problem: Prepared) -> list[str]:
 
 
 def measured(problem: Prepared) -> list[str]:
-    """Return the lines of the largest slip."""
-    return [mu_line(problem), *slip_lines(Reading.of(problem))]
-
-
-def mu_line(problem: Prepared) -> str:
-    """Return the line of the friction by which slips are judged: that of the spheres, if the scene gives one."""
-    friction = problem.scene.effects.friction
-    return f"variable     mu equal {'$(v_friction:%.17g)' if friction == AUTO else repr(friction)}"
-
-
-def slip_lines(how: Reading) -> list[str]:
     """Return the lines of the variable ``slip``, the largest share of a shear force in the sliding force."""
-    pairs = f"c_extreme[2]/{sliding_force(how)}"
+    how, friction = Reading.of(problem), judged_friction(problem.scene)
+    pairs = f"c_extreme[2]/({friction}*{sliding_force(how)})"
     if not how.walls:
         return [f"variable     slip equal {pairs}  # the hardest sheared over the one that touches least: a bound"]
     lines, largest = [f"variable     rub equal {pairs}"], "v_rub"
     for each in how.walls:
         name = f"rub_{each.name}"
-        lines.append(f"variable     {name} equal {each.slip()}")
+        lines.append(f"variable     {name} equal {each.slip(friction)}")
         largest = f"ternary(v_{name}>{largest},v_{name},{largest})"
     return [*lines, f"variable     slip equal {largest}"]
+
+
+def judged_friction(scene: Scene) -> str:
+    """Return the friction by which slips are judged, in a deck: that of the spheres, if the scene gives one."""
+    return "${friction}" if scene.effects.friction == AUTO else repr(scene.effects.friction)
 
 
 GUARD = Guard(
@@ -72,14 +67,14 @@ GUARD = Guard(
 
 
 def sliding_force(how: Reading) -> str:
-    """Return a lower bound of the sliding force of two spheres in LAMMPS's syntax, exact in the DMT law.
+    """Return a lower bound of the sliding force of two spheres over μ in LAMMPS's syntax, exact in the DMT law.
 
     It is that of the smallest overlap, or of the smallest normal force if the limit is that of the `whole` force.
     """
     if how.whole:
-        return f"($(v_mu:%.17g)*(1e-9*{how.holding_force!r}+(c_weakest>0)*c_weakest))"
+        return f"(1e-9*{how.holding_force!r}+(c_weakest>0)*c_weakest)"
     above = how.law.above_pull_off(between(how), how.sphere.contact_force, how.holding_force)
-    return f"($(v_mu:%.17g)*({how.adhesive_force!r}+{above}))"
+    return f"({how.adhesive_force!r}+{above})"
 
 
 def called_for(case: Case) -> Finding:
@@ -144,7 +139,7 @@ SLIDING = Effect(
     lines_off={"variables": variables_off},
     refuse=refuse,
     order=order,
-    guard=GUARD,
+    guards=(GUARD,),
     always=True,
     in_all=False,
     recorded=True,

@@ -12,8 +12,11 @@ from granular_lmp.rest.scene import Scene
 
 
 def of_meeting(case: Case) -> Finding:
-    closed = [name for name, face in case.scene.shape.faces.items() if face in (HELD, WALL)]
-    return Finding(bool(closed), inf, f"held or rigid: {', '.join(closed)}" if closed else "all ends are free")
+    faces = case.scene.shape.faces
+    closed = [name for name, face in faces.items() if face in (HELD, WALL)]
+    if closed:
+        return Finding(True, inf, f"held or rigid: {', '.join(closed)}")
+    return Finding(False, inf, "all ends are free" if faces else "the packing is periodic and has no ends")
 
 
 def called_for(case: Case) -> Finding:

@@ -12,7 +12,7 @@ from granular_lmp.rest.scene import Scene
 
 
 def spread(problem: Prepared) -> list[str]:
-    """Return the lines of the distance by which spheres of the centre row have moved apart.
+    """Return the line of the distance by which spheres of the centre row have moved apart.
 
     Of several spheres a cell they are those at the place of the centre sphere, of layers that are shifted along y those
     at its height.
@@ -20,14 +20,13 @@ def spread(problem: Prepared) -> list[str]:
     crystal, (_, along_y) = problem.rest.atoms, offsets(problem.rest.atoms)
     alike = (crystal.arrays["row"] == problem.scene.shape.centre_row) & (places(crystal) == 0)
     alike &= np.isclose(along_y, along_y[centre(crystal)])
-    row, parts = 1 + np.flatnonzero(alike), range(1, problem.scene.space + 1)
-    apart = "+".join(f"c_most[{part}]-c_least[{part}]" for part in parts)
-    return [
-        f"group        row id {identifiers(row)}",
-        f"compute      most  row reduce max {' '.join(f'c_u[{part}]' for part in parts)}",
-        f"compute      least row reduce min {' '.join(f'c_u[{part}]' for part in parts)}",
-        f"variable     spread equal ({apart})/$(v_D0:%.17g)  # in the centre row",
-    ]
+    first, *others = 1 + np.flatnonzero(alike)
+    apart = "+".join(
+        f"abs(C_u[{other}][{part}]-C_u[{first}][{part}])"
+        for other in others
+        for part in range(1, problem.scene.space + 1)
+    )
+    return [f"variable     spread equal ({apart})/$(v_D0:%.17g)  # in the centre row"]
 
 
 def identifiers(row: NDArray[np.int64]) -> str:
@@ -46,6 +45,14 @@ def sideways(problem: Prepared) -> list[str]:
     ]
 
 
+def _is_sheet(scene: Scene) -> bool:
+    return scene.lattice.sheet
+
+
+def _is_pressed_chain(scene: Scene) -> bool:
+    return not scene.lattice.sheet and scene.packing.contact_force > 0
+
+
 GUARD = Guard(
     title="row_spread",
     name="spread",
@@ -54,6 +61,7 @@ GUARD = Guard(
     roundings=ROUNDINGS,
     meaning="in D0, the distance by which spheres of the centre row have moved apart: the wave is no longer plane",
     cure="set packing.columns to more",
+    where=_is_sheet,
 )
 
 SIDEWAYS = Guard(
@@ -64,11 +72,8 @@ SIDEWAYS = Guard(
     roundings=ROUNDINGS,
     meaning="in D0, the distance by which a sphere has left the line of the chain: pressed together, it buckles",
     cure="set a shorter time.duration, and push along y only",
+    where=_is_pressed_chain,
 )
-
-
-def _is_pressed_chain(scene: Scene) -> bool:
-    return not scene.lattice.sheet and scene.packing.contact_force > 0
 
 
 def called_for(case: Case) -> Finding:
@@ -101,8 +106,7 @@ WIDTH = Effect(
     called_for,
     cost="columns",
     loss=loss,
-    guard=GUARD,
-    instead=(_is_pressed_chain, SIDEWAYS),
+    guards=(GUARD, SIDEWAYS),
     switch="packing.columns",
     declared=declared,
     recorded=True,

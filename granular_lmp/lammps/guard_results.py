@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import law_between
 from granular_lmp.effects.between_looks import nearly_open
+from granular_lmp.effects.case import Case
 from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.guard import NEVER, Guard
 from granular_lmp.effects.reading import Reading
@@ -78,7 +79,7 @@ def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Pr
         smallest = float(np.min(table.get("v_overlap", np.empty(0)), initial=np.inf))
         near = guard is OPEN and bound == 1 and smallest < nearly_open(problem.rest, every)
         return Measured(bound, first, bound, smallest if near else None)
-    looks = judged_contacts(contacts, problem, float(table.get("v_mu", [np.nan])[0]))
+    looks = judged_contacts(contacts, problem, Case(scene, problem.on).friction)
     if guard is SLIP:
         ratios = [(step, look.slip) for step, look in looks] if first is not None else []
         worst = max((ratio for _, ratio in ratios), default=bound if first is None else 0.0)

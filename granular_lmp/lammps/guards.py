@@ -44,19 +44,20 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
     """
     if not problem.looks:
         return _none(problem)
-    names, how = problem.guards, Reading.of(problem)
-    text: list[str] = []
-    for guard in (GUARDS[name] for name in names):
+    how, text = Reading.of(problem), list[str]()
+    for guard in (GUARDS[name] for name in problem.guards):
         of_contacts = [*contact_lines(how), *overlap_lines(how)] if guard.of_contacts else []
         text += [line for line in (*of_contacts, *guard.lines(problem)) if line not in text]
-    seen = {name: f"f_looks[{place}]" for place, name in enumerate(_measured(problem), 1)}
+    names = _measured(problem)
+    seen = {name: f"f_looks[{place}]" for place, name in enumerate(names, 1)}
+    sources = " ".join(_sources(names, text))
     return [
         f"# --- guards: looks whether the effects occur that this deck leaves out{_judges(problem)}",
         *inside_lines(problem),
         *look_lines(problem),
         *text,
         *counted_lines(problem),
-        f"fix          looks all ave/time ${{look}} 1 ${{look}} {' '.join(seen)}  # LAMMPS computes them once a look",
+        f"fix          looks all ave/time ${{look}} 1 ${{look}} {sources}  # LAMMPS computes them once a look",
         *judged_lines(problem, seen=seen),
         *_written_out(problem, how, seen, checkpoint),
         *thermo_lines(columns(problem), seen),
@@ -129,13 +130,19 @@ def guards_of_meeting(problem: Problem, checkpoint: str = "") -> list[str]:
 
 
 def columns(problem: Problem) -> list[str]:
-    """Return the names of the thermo columns behind the step; those of slip need shear."""
-    return ["v_tau", *_measured(problem), *(["v_mu"] if SLIP.title in problem.guards else [])]
+    """Return the names of the thermo columns behind the step."""
+    return ["v_tau", *_measured(problem)]
 
 
 def _measured(problem: Problem) -> list[str]:
     """Return the columns that a look measures."""
     return [*(GUARDS[name].column for name in problem.guards), "v_overlap"]
+
+
+def _sources(names: list[str], lines: list[str]) -> list[str]:
+    """Return what LAMMPS has the numbers of columns from, c_NAME of a compute or v_NAME of a variable."""
+    by_computes = {line.split()[1] for line in lines if line.startswith("compute ")}
+    return [f"c_{own}" if (own := name.removeprefix("v_")) in by_computes else name for name in names]
 
 
 def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkpoint: str) -> list[str]:

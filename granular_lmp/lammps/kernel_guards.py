@@ -11,13 +11,11 @@ import re
 from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import GUARD as SLIP
-from granular_lmp.effects.sliding import mu_line
 from granular_lmp.lammps.guards import GUARDS, guards, has_looks, judged_lines, look_lines, thermo_lines
 from granular_lmp.lammps.region_of_influence import inside_lines
 from granular_lmp.problem import Problem
 
-# Elements of the kernel's fix: the extreme of a guard, and the step at which it triggered first
-_SEEN = {"overlap": "f_seen[1]/v_Delta0", SLIP.name: "f_seen[2]*v_friction/v_mu", OPEN.name: "f_seen[3]"}
+# Elements of the kernel's fix: the step at which a guard triggered first
 _STEP = {SLIP.name: 4, OPEN.name: 5}
 
 
@@ -58,8 +56,7 @@ def _guards(problem: Problem) -> list[str]:
         *inside_lines(problem),
         *look_lines(problem),
         *dict.fromkeys(line for guard in own if guard.name not in _STEP for line in guard.lines(problem)),
-        *([mu_line(problem)] if SLIP in own else []),
-        *_extremes(SLIP in own),
+        *_extremes(problem.scene.effects.friction if SLIP in own else None),
         *(
             f"variable     {guard.name}_at equal f_seen[{_STEP[guard.name]}]*v_step/v_t0"
             for guard in own
@@ -70,10 +67,17 @@ def _guards(problem: Problem) -> list[str]:
     ]
 
 
-def _extremes(slides: bool) -> list[str]:
-    """Return the lines of what is seen; shares of the friction of the deck become those of mu."""
-    seen = _SEEN if slides else {name: element for name, element in _SEEN.items() if name != SLIP.name}
+def _extremes(friction: float | str | None) -> list[str]:
+    """Return the lines of what is seen; shares of the friction of the deck become those of the scene's, if it has one.
+
+    Without a friction nothing is sheared.
+    """
+    limit, slip = repr(SLIP.limit), "f_seen[2]"
+    if isinstance(friction, float):
+        limit, slip = f"$({limit}*{friction!r}/v_friction:%.17g)", f"{slip}*v_friction/{friction!r}"
     return [
-        f"fix          seen inside granular/kernel {f'$({SLIP.limit!r}*v_mu/v_friction:%.17g)' if slides else 1}",
-        *(f"variable     {name} equal {element}" for name, element in seen.items()),
+        f"fix          seen inside granular/kernel {1 if friction is None else limit}",
+        "variable     overlap equal f_seen[1]/v_Delta0",
+        *([] if friction is None else [f"variable     {SLIP.name} equal {slip}"]),
+        f"variable     {OPEN.name} equal f_seen[3]",
     ]

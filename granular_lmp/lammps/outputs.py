@@ -35,15 +35,7 @@ SWEEP = "sweep.json"
 COST = "cost.json"
 SCATTER = "scatter.csv"
 CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is complete at any moment
-# Columns of decks whose spheres turn and are tracked, turn untracked, and do not turn: in the plane, and in space
-DUMP_COLUMNS = (
-    ["id", "ux", "uy", "theta", "vx", "vy", "omegaz"],
-    ["id", "ux", "uy", "vx", "vy", "omegaz"],
-    ["id", "ux", "uy", "vx", "vy"],
-    ["id", "ux", "uy", "uz", "thetax", "thetay", "thetaz", "vx", "vy", "vz", "omegax", "omegay", "omegaz"],
-    ["id", "ux", "uy", "uz", "vx", "vy", "vz", "omegax", "omegay", "omegaz"],
-    ["id", "ux", "uy", "uz", "vx", "vy", "vz"],
-)
+CENTRE_COLUMNS = ("id", "ux", "uy")  # and rates, and where spheres turn and are tracked their spins and angles
 FOR_VIEWERS = ("type", "x", "y", "z", "radius", "mass")  # columns of spheres that a reader has from the scene
 _LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump; _SNAPSHOT is the first
 _LINES_AT_ONCE = 10_000  # of a dump that is read: a megabyte or two
@@ -212,31 +204,34 @@ def read_snapshots(path: str | Path, but: Collection[str] = ()) -> Iterator[Snap
 
 
 def read_dump(
-    path: str | Path, spheres: int | None, *allowed: Sequence[str], but: Collection[str] = ()
+    path: str | Path, spheres: int | None, needed: Sequence[str], but: Collection[str] = ()
 ) -> dict[str, NDArray[np.float64]]:
-    """Return ``step`` (T,) and the columns by name, (T, spheres) each, of a dump whose columns are one of `allowed`.
+    """Return ``step`` (T,) and the columns by name, (T, spheres) each, of a dump that has those that are `needed`.
 
     Columns named in `but` are left out. Without a number of spheres it is that of the first snapshot.
 
     Raises
     ------
     RunFolderError
-        If the file cannot be read, or holds other columns or another number of spheres.
+        If the file cannot be read, lacks a column, or holds other ones or another number of spheres later on.
     """
-    steps, tables = [], []
+    steps: list[int] = []
+    tables: list[NDArray[np.float64]] = []
+    held = list(needed)
     for step, names, table in read_snapshots(path, but):
         spheres = len(table) if spheres is None else spheres
-        if names not in map(list, allowed) or len(table) != spheres:
+        fits = names == held if tables else {*needed} <= {*names}
+        if not fits or len(table) != spheres:
             raise RunFolderError(
                 f"{path}: holds {cut(' '.join(names))} of {len(table)} spheres at step {step}, "
-                f"expected {' or '.join(map(' '.join, allowed))} of {spheres}"
+                f"expected {' '.join(held)} of {spheres}"
             )
-        allowed = (names,)  # the same in all snapshots
+        held = names
         steps.append(step)
         tables.append(table)
-    names = [name for name in allowed[0] if name not in but]
-    values = np.array(tables).reshape(-1, spheres or 0, len(names))
-    return {"step": np.array(steps, dtype=float)} | dict(zip(names, np.moveaxis(values, 2, 0), strict=True))
+    columns = [name for name in held if name not in but]
+    values = np.array(tables).reshape(-1, spheres or 0, len(columns))
+    return {"step": np.array(steps, dtype=float)} | dict(zip(columns, np.moveaxis(values, 2, 0), strict=True))
 
 
 def read_centre(path: str | Path) -> dict[str, NDArray[np.float64]]:
@@ -252,7 +247,7 @@ def read_centre(path: str | Path) -> dict[str, NDArray[np.float64]]:
     except (OSError, ValueError) as error:
         raise RunFolderError(f"{path}: not a LAMMPS dump: {one_line(error)}") from error
     even = _even_table(text)
-    return even or {name: values.reshape(-1) for name, values in read_dump(path, 1, *DUMP_COLUMNS).items()}
+    return even or {name: values.reshape(-1) for name, values in read_dump(path, 1, CENTRE_COLUMNS).items()}
 
 
 def _even_table(dump: str) -> dict[str, NDArray[np.float64]] | None:
@@ -263,7 +258,7 @@ def _even_table(dump: str) -> dict[str, NDArray[np.float64]] | None:
     if end or len(lines) % length or heads[:2] != [{_SNAPSHOT.decode().strip()}, {"1"}] or len(heads[2]) != 1:
         return None
     names, rows = heads[2].pop().split()[2:], [line.split() for line in lines[length - 1 :: length]]
-    if names not in DUMP_COLUMNS or {*map(len, rows)} != {len(names)}:
+    if not {*CENTRE_COLUMNS} <= {*names} or {*map(len, rows)} != {len(names)}:
         return None
     try:
         values = np.fromiter(map(float, chain.from_iterable(rows)), dtype=float).reshape(-1, len(names))

@@ -24,8 +24,6 @@ from granular_lmp.rest.at_rest import swiftness
 from granular_lmp.rest.linear import uniform_rows
 from granular_lmp.rest.shape import quiet_rows
 
-MARGIN = 3  # rows that stay around the cone if -var made the run shorter
-
 _ALL = 2**31 - 1  # spheres that may leave at once
 
 # Widths of the front within which spheres stay: the record then changes by less than 1e-9 of its largest value
@@ -99,10 +97,9 @@ def _leaving(problem: Problem) -> list[str]:
     if not leave(problem):
         return []
     way = f"{_speed(problem)!r}*(v_duration-v_tau)"
-    beyond = repr(MARGIN * row)  # farther only if -var made the run shorter
     return [
-        f"variable     front equal {row!r}*({way}+{WIDTHS}*({way}+{WIDTHS**1.5:.3f})^(1/3))",
-        f"variable     lives equal ternary(v_front>v_reach+{beyond},v_front,v_reach+{beyond})",
+        f"variable     front equal {row!r}*({way}+{WIDTHS}*({way}+{WIDTHS**1.5:.3f})^(1/3))"
+        f"+({problem.scene.time.duration!r}>v_duration)*v_reach  # farther if -var made the run shorter",
         *_far(problem),
         f"fix          gone all evaporate {LOST * _interval(problem)} {_ALL} far 1"
         "  # what can no longer affect the record leaves; to keep it: unfix gone",
@@ -112,13 +109,15 @@ def _leaving(problem: Problem) -> list[str]:
 def _far(problem: Problem) -> list[str]:
     """Return the lines of the region in which spheres leave."""
     if not _by_rows(problem):
-        return ["region       far cylinder z 0 0 v_lives INF INF side out units box"]
+        return ["region       far cylinder z 0 0 v_front INF INF side out units box"]
     to_deck = problem.units.number(problem.scene.sphere.radius, length=1)
     low, high = (each * to_deck for each in _recorded(problem))
+    if low == high and problem.scene.space == 2:  # y alone is the distance from the axis x
+        return ["region       far cylinder x 0 0 v_front INF INF side out units box"]
     return [
-        f"variable     low equal {low!r}-v_lives",
-        *([f"variable     high equal {high!r}+v_lives"] if high else []),
-        f"region       far block INF INF v_low {'v_high' if high else 'v_lives'} INF INF side out units box",
+        f"variable     low equal {low!r}-v_front",
+        f"variable     high equal {high!r}+v_front",
+        "region       far block INF INF v_low v_high INF INF side out units box",
     ]
 
 

@@ -1,12 +1,12 @@
-"""Fronts of bursts over the picture of a crystal, from group velocities (`granular_lmp.crystal.group_velocity`)."""
+"""Fronts of bursts over the picture of a crystal, from group velocities (`granular_lmp.crystal.zone`)."""
 
 from math import pi
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from granular_lmp.crystal.group_velocity import fronts
 from granular_lmp.crystal.lattices import HEXAGONAL
+from granular_lmp.crystal.zone import fronts
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.signals import BRANCH_STYLES, LEGEND
 from granular_lmp.rest.linear import physics_of, unit_contacts, usual_frequency

@@ -37,15 +37,11 @@ def html(thing: Any) -> str:
     raise TypeError(f"{type(thing).__name__}: a notebook has no picture of it")
 
 
-@html.register(Scene)
+@html.register
 def _(scene: Scene) -> str:
-    scale, time = scene.scale, {"time": f"tau 0..{scene.time.duration:g}"}
-    if scene.wave is None:
-        units = f"t0 = {scale.time:.4g} s, l = {scale.length:.4g} m, v = {scale.velocity:.4g} m/s"
-        return _card(repr(scene), {"spheres": scene.words} | time | {"units": units}, None)
-    facts = {"spheres": f"{scene.shape.words}, {scene.shape.cut}", "wave": scene.words} | time
-    units = f"t0 = {scale.time:.4g} s, Delta0 = {scale.length:.4g} m"
-    return _card(repr(scene), facts | {"units": units}, dispersion_figure(scene))
+    scale = scene.scale
+    units = f"t0 = {scale.time:.4g} s, {scale.name} = {scale.length:.4g} m"
+    return _card(repr(scene), {"units": units}, None if scene.wave is None else dispersion_figure(scene))
 
 
 @html.register

@@ -1,1 +1,1 @@
-"""What follows from a declaration: spheres at rest, units, shape, frequencies, and what does not go together."""
+"""Derived values of a scene: spheres at rest, units, shape, frequencies, and the table of refusals."""

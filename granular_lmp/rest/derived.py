@@ -5,12 +5,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattices import ENDS_OF_Y, FREE, QUIET, WALL, Lattice, Shape
 from granular_lmp.crystal.mode import Physics
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.stiffnesses import Pair, measured_factors
+from granular_lmp.crystal.stiffnesses import measured_factors
 from granular_lmp.crystal.walls import Wall
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
@@ -21,14 +20,9 @@ from granular_lmp.rest.frequency import hertz_of, wavenumbers_at
 from granular_lmp.rest.pattern import patterned
 from granular_lmp.rest.shape import Room, decide, declared_shape
 from granular_lmp.rest.space import lattice_of, remarks_on_space, space_of, wall_of
-from granular_lmp.scene.bodies import Contact
 from granular_lmp.scene.declaration import Declaration
 from granular_lmp.scene.forms import NO_WAVE, Form
-from granular_lmp.scene.sections import (
-    Effects,
-    Packing,
-    Wave,
-)
+from granular_lmp.scene.sections import Wave
 from granular_lmp.scene.sources import Source
 from granular_lmp.scene.strikers import scale_of, stretch
 from granular_lmp.scene.without_wave import holds
@@ -42,9 +36,13 @@ class Derived(Declaration):
 
     @cached_property
     def sphere(self) -> Sphere:
-        """The spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
+        """The spheres of the lattice at rest: pressed together, adhesive or not, with stiffnesses as measured."""
         material = self.material.unloaded if self.start.touching and self.wave is None else self.material
-        return at_rest(material, self.packing, self.effects, self.contact)
+        adhesion = 0.0 if self.effects.adhesion is False else material.work_of_adhesion
+        sphere = replace(material, work_of_adhesion=adhesion, contact_force=self.packing.contact_force)
+        if not sphere.static_overlap:  # the check of the sphere says what presses no contact
+            return sphere
+        return replace(sphere, factors=measured_factors(self.contact, sphere.contact_law, sphere.contact_force))
 
     @cached_property
     def scale(self) -> Scale:
@@ -67,8 +65,9 @@ class Derived(Declaration):
         return Wall.rigid(self.sphere) if WALL in self.shape.faces.values() and self.held_at_rest else None
 
     @property
-    def _physics(self) -> Physics:
-        return physics_of(self.effects, self.space)
+    def physics(self) -> Physics:
+        """Degrees of freedom of the lattice; those that are still "auto" are there."""
+        return replace(self.effects.physics, space=self.space == 3)
 
     @property
     def quiet(self) -> tuple[str, ...]:
@@ -128,9 +127,9 @@ class Derived(Declaration):
             raise SceneError(f"wave: missing table; this scene has sources, strikers or a [start] alone, {why}")
         return self.wave
 
-    @property
+    @cached_property
     def form(self) -> Form:
-        """How the wave begins; that of a crystal at rest without a wave too."""
+        """Form of the wave; "none" without a wave too."""
         return NO_WAVE if self.wave is None else self.wave.known
 
     @cached_property
@@ -146,11 +145,26 @@ class Derived(Declaration):
 
     @cached_property
     def wave_lattice(self) -> Lattice:
-        """Lattice in whose mode the wave starts: rows differ in a pattern where a branch of them has the number."""
-        density, kinds = self.material.density, (self.inclusion, self.pair)
-        return wave_lattice_of(self.wave, self.lattice, self.packing, self.space, density, *kinds)
+        """Lattice in whose mode the wave starts.
 
-    @property
+        It is that without inclusions, but for the number of a branch in a lattice whose waves are L, TR and RT: rows
+        then differ in a pattern.
+        """
+        wave, lattice = self.wave, self.lattice
+        if wave is None or not (wave.mode.isdecimal() and self.inclusion) or lattice.cell_size > 1 or self.space == 3:
+            return lattice
+        return patterned(lattice, self.packing, self.material.density, self.inclusion, self.pair, wave.mode)
+
+    @cached_property
+    def wavenumbers(self) -> tuple[float, ...]:
+        """Wave numbers at which the mode has the declared frequency, ascending, rad per row; () without one."""
+        wave = self.wave
+        if wave is None or wave.frequency is None:
+            return ()
+        wanted = wave.frequency, self.sphere, self.physics, wave.mode, wave.degrees
+        return wavenumbers_at(*wanted, self.wave_lattice, self.wall)
+
+    @cached_property
     def declared_vector(self) -> WaveVector:
         """Wave vector as declared."""
         return self.require_wave().vector(self.lattice)
@@ -222,7 +236,7 @@ class Derived(Declaration):
             hertz_of,
             self.vector,
             self.sphere,
-            self._physics,
+            self.physics,
             self.wave.mode,
             self.wave_lattice,
             self.wall,
@@ -270,7 +284,7 @@ class Derived(Declaration):
         along = "" if self.along == "y" else f" along {self.along}"
         return f"{self._shaken}{self.wave.words} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
 
-    @property
+    @cached_property
     def struck(self) -> bool:
         """True if strikers or a state move spheres at the beginning, beside the wave."""
         return bool(self.striker or self.start.moves)
@@ -311,9 +325,8 @@ class Derived(Declaration):
         if self.wave is None:
             return physics + remarks.on_step(self.time)
         said = remarks.on_packing(self.packing, self.shape) + remarks.on_vector(self.wave, self.shape, self.vector)
-        if self.wave.frequency is not None:
-            found = wavenumbers_of(self.wave, self.sphere, self._physics, self.wave_lattice, self.wall)
-            said = remarks.on_frequency(self.wave, found) + said
+        if self.wavenumbers:
+            said = remarks.on_frequency(self.wave, self.wavenumbers) + said
         said += physics + remarks_on_space(self.lattice, self.substrate, self.space)
         return said + remarks.on_step(self.time)
 
@@ -330,43 +343,3 @@ class Derived(Declaration):
         """
         pushed = (*self.source, *self.striker, *self.start.at())
         return echo_at((rows, columns), pushed, self.shape, form=self.form, quiet=self.quiet)
-
-
-def at_rest(material: Sphere, packing: Packing, effects: Effects, contact: Contact) -> Sphere:
-    """Return the spheres of the lattice at rest: pressed together, adhesive or not, with stiffnesses as measured."""
-    adhesion = 0.0 if effects.adhesion is False else material.work_of_adhesion
-    sphere = replace(material, work_of_adhesion=adhesion, contact_force=packing.contact_force)
-    if not sphere.static_overlap:  # the check of the sphere says what presses no contact
-        return sphere
-    return replace(sphere, factors=measured_factors(contact, sphere.contact_law, sphere.contact_force))
-
-
-def physics_of(effects: Effects, space: int) -> Physics:
-    """Return the degrees of freedom of a crystal with these effects."""
-    return replace(effects.physics, space=space == 3)
-
-
-def wave_lattice_of(
-    wave: Wave | None,
-    lattice: Lattice,
-    packing: Packing,
-    space: int,
-    density: float,
-    inclusions: Sequence[Inclusion],
-    pairs: Sequence[Pair],
-) -> Lattice:
-    """Return the lattice in whose mode a wave starts.
-
-    It is that without inclusions, but for the number of a branch in a lattice whose waves are L, TR and RT.
-    """
-    if wave is None or not (wave.mode.isdecimal() and inclusions) or lattice.cell_size > 1 or space == 3:
-        return lattice
-    return patterned(lattice, packing, density, inclusions, pairs, wave.mode)
-
-
-def wavenumbers_of(
-    wave: Wave, sphere: Sphere, physics: Physics, lattice: Lattice, wall: Wall | None
-) -> tuple[float, ...]:
-    """Return where the declared frequency is that of the mode, ascending, rad per row."""
-    assert wave.frequency is not None
-    return wavenumbers_at(wave.frequency, sphere, physics, wave.mode, wave.degrees, lattice, wall)

@@ -1,4 +1,4 @@
-"""What follows from the spheres of a scene at rest: one face for crystals held there and for spheres that meet.
+"""Derived values of the spheres at rest: the common interface of crystals held there and of spheres that meet.
 
 A scene is asked once which of both it is (`granular_lmp.rest.kinds.rest_of`). Whatever comes later takes a value from
 here: all are in the units of the scene, m, its length and t0 (`granular_lmp.crystal.scale`).
@@ -89,7 +89,7 @@ class Rest(ABC):
     @property
     @abstractmethod
     def closed(self) -> NDArray[np.bool_]:
-        """Which of the contacts are closed, (C,)."""
+        """True for the contacts that are closed, (C,)."""
 
     @property
     @abstractmethod

@@ -8,7 +8,7 @@ result, where it is monotonic, a sign change of Ω(ξ) − Ω is enclosed.
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from itertools import pairwise
-from math import pi, ulp
+from math import pi
 from typing import Any
 
 from granular_lmp.crystal.lattice import LATTICES, orientations_of
@@ -26,9 +26,8 @@ from granular_lmp.scene.sources import Source
 
 _POINTS = 60  # points on a branch: its extrema lie much farther apart than a sixtieth of the zone
 _LOWEST = 1e-9  # rad per row, the smallest wave number of a scene
-_HALVINGS = 60  # more than a double has digits
-_GOLDEN = (5**0.5 - 1) / 2
-_SECTIONS = 40  # to 1e-8 of a peak's width, where its height is rounding
+_HALVINGS = 54  # as many as a double has digits
+_THIRDS = 45  # to 1e-8 of a peak's width, where its height is rounding
 _SAME = 1e-9  # relative: a zero found is closer by far, and a jump between branches is far larger
 
 
@@ -131,7 +130,7 @@ def hertz_of(
 
 
 def _extrema(function: Callable[[float], float], grid: list[float]) -> list[float]:
-    """Return where a function has its extrema between the points of a grid, by golden-section search."""
+    """Return where a function has its extrema between the points of a grid."""
     heights = [function(x) for x in grid]
     found = []
     for k in range(1, len(grid) - 1):
@@ -142,41 +141,26 @@ def _extrema(function: Callable[[float], float], grid: list[float]) -> list[floa
 
 
 def _highest(function: Callable[[float], float], sign: int, low: float, high: float) -> float:
-    """Return where the sign times a function of one peak is largest."""
-    a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-    at_a, at_b = sign * function(a), sign * function(b)
-    for _ in range(_SECTIONS):
-        if at_a > at_b:
-            high, b, at_b = b, a, at_a
-            a = high - _GOLDEN * (high - low)
-            at_a = sign * function(a)
+    """Return where the sign times a function of one peak is largest: each turn leaves out a third beside it."""
+    for _ in range(_THIRDS):
+        third = (high - low) / 3
+        if sign * function(low + third) > sign * function(high - third):
+            high -= third
         else:
-            low, a, at_a = a, b, at_b
-            b = low + _GOLDEN * (high - low)
-            at_b = sign * function(b)
+            low += third
     return (low + high) / 2
 
 
 def _zero(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a function that changes its sign between two points is 0, or jumps over it.
-
-    The zero of the chord is taken, with half the height at an end that stays (the Illinois rule), and each third time
-    the middle, which a jump needs.
-    """
-    ends, heights, moved = [low, high], [function(low), function(high)], None
-    for turn in range(3 * _HALVINGS):
-        width = ends[1] - ends[0]
-        if width <= 4 * ulp(ends[1]):
-            break
-        at = ends[0] + width * (0.5 if turn % 3 == 2 else heights[0] / (heights[0] - heights[1]))
-        height = function(at)
-        if height == 0:
-            return at
-        side = int((height > 0) == (heights[1] > 0))
-        if side == moved:
-            heights[1 - side] /= 2
-        ends[side], heights[side], moved = at, height, side
-    return (ends[0] + ends[1]) / 2
+    """Return where a function that changes its sign between two points is 0, or jumps over it, by bisection."""
+    rises = function(low) < 0
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        if (function(middle) < 0) == rises:
+            low = middle
+        else:
+            high = middle
+    return (low + high) / 2
 
 
 def with_placeholder(tables: Mapping[str, Any]) -> Mapping[str, Any]:

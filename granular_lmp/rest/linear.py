@@ -7,7 +7,6 @@ from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.mode import Mode, Physics
 from granular_lmp.crystal.modes import bloch_mode
 from granular_lmp.frozen import dataclass
-from granular_lmp.rest import derived
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.sections import Wave
 
@@ -29,7 +28,7 @@ class BlochWave:
 
 def physics_of(scene: Scene) -> Physics:
     """Return the degrees of freedom of a scene's lattice; those that are still "auto" are there."""
-    return derived.physics_of(scene.effects, scene.space)
+    return scene.physics
 
 
 def viscosity_of(scene: Scene) -> float:

@@ -231,7 +231,7 @@ class Meeting(Rest):
 
     @property
     def closed(self) -> NDArray[np.bool_]:
-        """Which contacts of neighbours have a gap of at most 1e-3 ℓ, (C,)."""
+        """True for contacts of neighbours with a gap of at most 1e-3 ℓ, (C,)."""
         contacts, radius = self.contacts, self.atoms.arrays["radius"]
         reach = (radius[contacts.i] + radius[contacts.j]) * self.scene.sphere.radius + 1e-3 * self.scale.length
         return np.asarray(np.linalg.norm(contacts.vector, axis=1) <= reach)

@@ -16,8 +16,8 @@ from granular_lmp.rest.derived import Derived
 
 REFUSALS = (
     *refusals_of_values.LINES,
-    *refusals_without_wave.LINES,
     *refusals_of_members.LINES,
+    *refusals_without_wave.LINES,
     *refusals_at_rest.LINES,
     *refusals_of_waves.LINES,
 )

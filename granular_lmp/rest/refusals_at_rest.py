@@ -30,7 +30,6 @@ from granular_lmp.scene.forms import DRIVEN, STILL
 from granular_lmp.scene.schema import AUTO, either, shown
 from granular_lmp.scene.without_wave import HELD
 
-MOST_SPHERES = 10_000_000
 EPSILON = sys.float_info.epsilon
 FEWEST_ROUNDINGS = 100.0  # roundings of a position in D0; with fewer the record would be noise or zero without warning
 FEWEST_BETWEEN_SIDES = 3  # columns: a centre column, and one on each side
@@ -164,11 +163,11 @@ def faces(scene: Derived) -> str:
     return ""
 
 
-@line("physics")
+@line("physics", of=ALL)
 def rows_and_columns(scene: Derived) -> str:
-    """Check that rows and columns are those of the lattice, and that it does not buckle."""
-    packing, effects, shape = scene.packing, scene.effects, scene.shape
-    lattice, columns = shape.lattice, shape.columns
+    """Check that rows and columns are those of the lattice, and that no sphere touches two images of another one."""
+    shape, or_auto = scene.shape, "" if scene.wave is None else ', or "auto"'
+    lattice, rows, columns = shape.lattice, shape.rows, shape.columns
     if columns > 1 and not lattice.sheet:
         allowed = "1" if scene.wave is None else '1 or "auto"'
         default = (
@@ -179,19 +178,30 @@ def rows_and_columns(scene: Derived) -> str:
         return f'packing.columns = {columns}: must be {allowed} with packing.lattice = "{lattice.name}"{default}'
     if shape.along_x and columns < lattice.fewest_columns:
         return (
-            f"packing.columns = {columns}: must be at least {lattice.fewest_columns}, or "
-            '"auto" (with 2 columns a sphere touches two images of the same neighbour, which share one shear '
-            "history in LAMMPS)"
+            f"packing.columns = {columns}: must be at least {lattice.fewest_columns} between periodic sides{or_auto} "
+            "(with 2 columns a sphere touches two images of the same neighbour, which share one shear history in "
+            "LAMMPS)"
         )
-    if columns % lattice.column_period:
+    if columns % lattice.column_period and (scene.held_at_rest or shape.along_x):
         return (
             f"packing.columns = {columns}: must be a multiple of {lattice.column_period}, the spheres of a cell, with "
             f'packing.lattice = "{lattice.name}"'
         )
-    if shape.along_y and shape.rows % lattice.row_period:
+    if shape.along_y and rows % lattice.row_period:
         multiple = "even" if lattice.row_period == 2 else f"a multiple of {lattice.row_period}"
-        return f"packing.rows = {shape.rows}: must be {multiple} in a periodic cell, where rows alternate"
-    shear = effects.physics.shear
+        return f"packing.rows = {rows}: must be {multiple} in a periodic cell, where rows alternate"
+    if shape.along_y and lattice.sheet and rows < lattice.fewest_rows:
+        return (
+            f"packing.rows = {rows}: must be at least {lattice.fewest_rows} in a periodic cell, where a sphere would "
+            "touch two images of the same neighbour"
+        )
+    return ""
+
+
+@line("physics")
+def lattice_that_buckles(scene: Derived) -> str:
+    packing, lattice = scene.packing, scene.lattice
+    shear = scene.effects.physics.shear
     straight = lattice == CHAIN and shear  # along its line: `chain_that_buckles`
     stays = straight or bears_compression(unit_lattice(scene.sphere, lattice), shear=shear)
     if packing.contact_force and not stays:

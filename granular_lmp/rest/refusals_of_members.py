@@ -26,7 +26,7 @@ def touching_beside_a_wave(scene: Derived) -> str:
     return "start.touching = true: must be false beside [wave], whose crystal is at rest"
 
 
-@line("physics")
+@line("physics", of=ALL)
 def places_of_strikers(scene: Derived) -> str:
     """Strikers and states have places that the packing counts."""
     at, packing = scene.start.at(), scene.packing

@@ -1,19 +1,16 @@
-"""Refusals of single values that not every kind of scene can have, and of the spheres and their law."""
-
-from collections.abc import Sequence
+"""Refusals of single values that not every kind of scene can have, of the spheres and their law, and of sizes."""
 
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
-from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattices import PLANE_LATTICES
 from granular_lmp.crystal.scale import LARGEST_OVERLAP_RATIO
-from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.rest.derived import Derived
 from granular_lmp.rest.refusal import ALL, AT_REST, WITHOUT_WAVE, Refusal, joining
 from granular_lmp.scene.schema import AUTO, shown
-from granular_lmp.scene.sections import DISTANCE, RESCALED, SHEAR_LAWS, Effects
+from granular_lmp.scene.sections import DISTANCE, RESCALED, SHEAR_LAWS
 from granular_lmp.scene.without_wave import NOT_HELD, WAVE
 
 FEWEST_ROWS = 4  # of the crystal of a wave
+MOST_SPHERES = 10_000_000
 LINES: list[Refusal] = []
 line = joining(LINES, of=ALL)
 
@@ -71,11 +68,8 @@ def rescaled_shear(scene: Derived) -> str:
 
 @line("physics")
 def adhesion_law(scene: Derived) -> str:
-    return adhesion_law_trouble(scene.material, scene.effects, scene.inclusion)
-
-
-def adhesion_law_trouble(material: Sphere, effects: Effects, inclusions: Sequence[Inclusion] = ()) -> str:
-    """Return what is wrong if spheres whose adhesion acts beyond contact do not adhere; "" if nothing is."""
+    """Check that spheres adhere whose adhesion acts beyond contact."""
+    material, effects = scene.material, scene.effects
     law = ADHESION_LAWS[material.adhesion_law]
     if effects.parting == DISTANCE and not law.late:
         late = " or ".join(f'"{name}"' for name, each in ADHESION_LAWS.items() if each.late)
@@ -88,7 +82,7 @@ def adhesion_law_trouble(material: Sphere, effects: Effects, inclusions: Sequenc
             f"effects.adhesion not false, and they are {material.work_of_adhesion!r} and {shown(effects.adhesion)}; "
             "without adhesion the contacts are Hertz's"
         )
-    for number, each in enumerate(inclusions, 1):
+    for number, each in enumerate(scene.inclusion, 1):
         if each.work_of_adhesion == 0:
             return (
                 f"inclusion {number}: work_of_adhesion = {each.work_of_adhesion!r}: must be above 0 with "
@@ -97,24 +91,26 @@ def adhesion_law_trouble(material: Sphere, effects: Effects, inclusions: Sequenc
     return ""
 
 
+@line("physics")
+def two_models_of_damping(scene: Derived) -> str:
+    effects = scene.effects
+    if not effects.viscosity or effects.restitution == 1:
+        return ""
+    return (
+        f"effects.viscosity = {effects.viscosity!r} and effects.restitution = {effects.restitution!r}: two models of "
+        "damping; must be one"
+    )
+
+
 @line("physics", of=AT_REST)
 def spheres_at_rest(scene: Derived) -> str:
-    amplitude = scene.wave.amplitude if scene.wave else 0.0
-    return sphere_trouble(scene.material, scene.sphere, scene.effects, amplitude)
-
-
-def sphere_trouble(material: Sphere, sphere: Sphere, effects: Effects, amplitude: float) -> str:
-    """Return what is wrong if nothing holds the lattice together, or its static overlap or the wave's D0 is large.
-
-    `material` is the sphere as declared, `sphere` that of the lattice.
-    """
+    """Check that something holds the lattice together, and that its static overlap and the wave's D0 are small."""
+    material, sphere, effects = scene.material, scene.sphere, scene.effects
     if sphere.holding_force == 0:
         return (
             "packing.contact_force = 0.0: must be above 0 where no adhesion holds the spheres together "
             f"(sphere.work_of_adhesion = {material.work_of_adhesion!r}, effects.adhesion = {effects.adhesion!r})"
         )
-    if effects.damped_twice:
-        return effects.damped_twice
     if effects.adhesion is True and material.work_of_adhesion == 0:
         return "effects.adhesion = true: needs sphere.work_of_adhesion above 0, J/m2"
     if sphere.overlap_ratio > LARGEST_OVERLAP_RATIO:
@@ -123,6 +119,26 @@ def sphere_trouble(material: Sphere, sphere: Sphere, effects: Effects, amplitude
             f"youngs_modulus, work_of_adhesion and contact_force; at most {LARGEST_OVERLAP_RATIO} is allowed"
         )
     largest = sphere.radius / sphere.static_overlap / 10
-    if amplitude > largest:
-        return f"wave.amplitude = {amplitude!r}: must be at most {largest:.3g} (D0 = R/10)"
+    if scene.wave is not None and scene.wave.amplitude > largest:
+        return f"wave.amplitude = {scene.wave.amplitude!r}: must be at most {largest:.3g} (D0 = R/10)"
     return ""
+
+
+@line("physics")
+def too_many_spheres(scene: Derived) -> str:
+    shape = scene.shape
+    if shape.spheres <= MOST_SPHERES:
+        return ""
+    key, layers = (" x packing.layers", f" x {shape.layers}") if shape.layers > 1 else ("", "")
+    return (
+        f"packing.rows x packing.columns{key} = {shape.rows} x {shape.columns}{layers}: must be at most {MOST_SPHERES} "
+        "spheres (LAMMPS takes 690 MB for each million)"
+    )
+
+
+@line("physics")
+def no_sample_in_the_run(scene: Derived) -> str:
+    time = scene.time
+    if time.sample <= time.duration:
+        return ""
+    return f"time.sample = {time.sample!r}: must be at most time.duration = {time.duration!r}"

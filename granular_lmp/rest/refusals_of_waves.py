@@ -5,7 +5,7 @@ from math import ceil, pi
 from granular_lmp.crystal.lattices import HELD
 from granular_lmp.rest.derived import Derived
 from granular_lmp.rest.refusal import Refusal, joining
-from granular_lmp.rest.refusals_at_rest import EPSILON, FEWEST_ROUNDINGS, MOST_SPHERES, smallest_motion
+from granular_lmp.rest.refusals_at_rest import EPSILON, FEWEST_ROUNDINGS, smallest_motion
 from granular_lmp.rest.shape import LARGEST_CELL, SNAP
 from granular_lmp.scene.forms import DRIVEN
 from granular_lmp.scene.schema import AUTO, either, shown
@@ -64,7 +64,7 @@ def wave_vector_and_envelope(scene: Derived) -> str:
         )
     if not scene.form.driven and envelope.ramp != Envelope.ramp:
         return f"envelope.ramp = {envelope.ramp!r}: is for wave.form = {either(DRIVEN)} only"
-    axis = wave.vector(shape.lattice).axis
+    axis = scene.declared_vector.axis
     if axis is None and (envelope.length > 0) != (envelope.width > 0):
         return (
             f"envelope.length = {envelope.length!r} and envelope.width = {envelope.width!r}: must be both 0 or "
@@ -85,7 +85,7 @@ def room_for_the_wave(scene: Derived) -> str:
     """Check that the packing is a lattice, has room for the envelope, and carries the wave vector."""
     packing, wave, envelope = scene.packing, scene.require_wave(), scene.envelope
     shape, vector = scene.shape, scene.vector
-    rows, columns, declared = shape.rows, shape.columns, wave.vector(shape.lattice)
+    rows, columns, declared = shape.rows, shape.columns, scene.declared_vector
     missed = {
         "rows": abs(vector.per_row - declared.per_row) if packing.rows == AUTO else 0.0,
         "columns": abs(vector.per_column - declared.per_column) if packing.columns == AUTO else 0.0,
@@ -99,12 +99,6 @@ def room_for_the_wave(scene: Derived) -> str:
             )
     if not shape.along_y and rows % 2 == 0:
         return f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row"
-    if shape.spheres > MOST_SPHERES:
-        key, layers = (" x packing.layers", f" x {shape.layers}") if shape.layers > 1 else ("", "")
-        return (
-            f"packing.rows x packing.columns{key} = {rows} x {columns}{layers}: must be at most {MOST_SPHERES} "
-            "spheres (LAMMPS takes 690 MB for each million)"
-        )
     spread = [FEWEST_DEVIATIONS * deviation for deviation in envelope.spread(declared)]
     between_walls = not shape.along_y and envelope.offset
     needed = (spread[0] + (2 * abs(envelope.offset) if between_walls else 0.0), spread[1])
@@ -144,10 +138,8 @@ def amplitude_lost_in_rounding(scene: Derived) -> str:
 
 @line("physics")
 def time_and_echo(scene: Derived) -> str:
-    """Check that records and snapshots fit into the run, and that it ends before the echo."""
+    """Check that snapshots fit into the run, and that it ends before the echo."""
     time, output, shape, echo = scene.time, scene.output, scene.shape, scene.echo_time
-    if time.sample > time.duration:
-        return f"time.sample = {time.sample!r}: must be at most time.duration = {time.duration!r}"
     if time.duration > echo and not time.allow_echo:
         return (
             f"time.duration = {time.duration!r}: the echo of the {shape.edge} reaches the centre of {shape.words} at "

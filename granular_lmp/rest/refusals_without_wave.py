@@ -3,15 +3,14 @@
 from math import sqrt
 
 from granular_lmp.crystal.adhesion_laws import SKIN
-from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, PERIODIC, WALL
+from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, WALL
 from granular_lmp.crystal.scale import DEEPEST, LARGEST_OVERLAP_RATIO
 from granular_lmp.rest.derived import Derived
 from granular_lmp.rest.refusal import WITHOUT_WAVE, Refusal, joining
-from granular_lmp.rest.refusals_at_rest import EPSILON, MOST_SPHERES
-from granular_lmp.rest.refusals_of_values import FEWEST_ROWS
-from granular_lmp.scene.places import Rows, Spheres, place_troubles
+from granular_lmp.rest.refusals_at_rest import EPSILON
+from granular_lmp.scene.places import place_troubles
 from granular_lmp.scene.sections import DISTANCE, RESCALED
-from granular_lmp.scene.strikers import leads, striker_troubles
+from granular_lmp.scene.strikers import leads
 from granular_lmp.scene.without_wave import AT_REST, NOT_HELD
 
 # ℓ is at least as many roundings of the farthest position; velocities then err by 1e-4 of a striker's
@@ -39,11 +38,6 @@ def held_sides(scene: Derived) -> str:
     return f'packing.sides = "held": must be "free", "periodic" or "wall"; held sides need {AT_REST}'
 
 
-@line("physics", of=WITHOUT_WAVE)
-def striker_is_nowhere(scene: Derived) -> str:
-    return next(striker_troubles(scene.striker, scene.shape, scene.space), "")
-
-
 @line("physics")
 def touching_without_adhesion(scene: Derived) -> str:
     if not scene.start.touching or scene.material.work_of_adhesion and not scene.packing.contact_force:
@@ -52,11 +46,6 @@ def touching_without_adhesion(scene: Derived) -> str:
         "start.touching = true: needs sphere.work_of_adhesion above 0 and packing.contact_force = 0; spheres without "
         "adhesion just touch anyway, and those that are pressed together do not"
     )
-
-
-@line("physics")
-def two_models_of_damping(scene: Derived) -> str:
-    return scene.effects.damped_twice
 
 
 @line("physics")
@@ -147,40 +136,48 @@ def inclusion_that_adheres(scene: Derived) -> str:
     return next(found, "")
 
 
-@line("physics")
-def larger_sphere_in_a_sheet(scene: Derived) -> str:
+def _radius_outside(scene: Derived, low: float, high: float) -> str:
+    """Return the first inclusion whose radius is not from `low` to `high` times that of the others; "" if none is."""
     radius = scene.sphere.radius
     found = (
-        f"inclusion {number}: radius = {each.radius!r}: must be at most sphere.radius = {radius!r} in a sheet, which "
-        "has no room for a larger sphere; let [sphere] be the largest, and an [[inclusion]] the others"
+        f"inclusion {number}: radius = {each.radius!r}"
         for number, each in enumerate(scene.inclusion, 1)
-        if each.radius and each.radius > radius
+        if each.radius and not low * radius <= each.radius <= high * radius
     )
-    return next(found, "") if scene.lattice != CHAIN else ""
+    return next(found, "")
+
+
+@line("physics")
+def larger_sphere_in_a_sheet(scene: Derived) -> str:
+    found = _radius_outside(scene, 0.0, 1.0)
+    if scene.lattice == CHAIN or not found:
+        return ""
+    return (
+        f"{found}: must be at most sphere.radius = {scene.sphere.radius!r} in a sheet, which has no room for a larger "
+        "sphere; let [sphere] be the largest, and an [[inclusion]] the others"
+    )
 
 
 @line("not built")
 def much_smaller_sphere_in_a_sheet(scene: Derived) -> str:
-    radius = scene.sphere.radius
-    found = (
-        f"inclusion {number}: radius = {each.radius!r}: must be from {SMALLEST_IN_SHEET} to 1 times sphere.radius = "
-        f"{radius!r} in a sheet; a smaller sphere may pass its neighbours"
-        for number, each in enumerate(scene.inclusion, 1)
-        if each.radius and each.radius < SMALLEST_IN_SHEET * radius
+    found = _radius_outside(scene, SMALLEST_IN_SHEET, 1.0)
+    if scene.lattice == CHAIN or not found:
+        return ""
+    return (
+        f"{found}: must be from {SMALLEST_IN_SHEET} to 1 times sphere.radius = {scene.sphere.radius!r} in a sheet; a "
+        "smaller sphere may pass its neighbours"
     )
-    return next(found, "") if scene.lattice != CHAIN else ""
 
 
 @line("physics")
 def spheres_of_other_sizes(scene: Derived) -> str:
-    radius = scene.sphere.radius
-    found = (
-        f"inclusion {number}: radius = {each.radius!r}: must be from {1 / LARGEST_RATIO:g} to {LARGEST_RATIO:g} times "
-        f"sphere.radius = {radius!r}"
-        for number, each in enumerate(scene.inclusion, 1)
-        if each.radius and not 1 / LARGEST_RATIO <= each.radius / radius <= LARGEST_RATIO
+    found = _radius_outside(scene, 1 / LARGEST_RATIO, LARGEST_RATIO)
+    if not found:
+        return ""
+    return (
+        f"{found}: must be from {1 / LARGEST_RATIO:g} to {LARGEST_RATIO:g} times sphere.radius = "
+        f"{scene.sphere.radius!r}"
     )
-    return next(found, "")
 
 
 @line("physics")
@@ -238,17 +235,6 @@ def sphere_that_meets_nothing(scene: Derived) -> str:
     )
 
 
-@line("physics")
-def parts_of_cells(scene: Derived) -> str:
-    columns, cell = scene.shape.columns, scene.lattice.column_period
-    if scene.packing.sides != PERIODIC or columns % cell == 0:
-        return ""
-    return (
-        f"packing.columns = {columns}: must be a multiple of {cell}, the spheres of a cell, with packing.lattice = "
-        f'"{scene.lattice.name}" and packing.sides = "{PERIODIC}"'
-    )
-
-
 @line("not built")
 def periodic_chain(scene: Derived) -> str:
     if scene.lattice != CHAIN or not scene.shape.along_y:
@@ -256,52 +242,13 @@ def periodic_chain(scene: Derived) -> str:
     return 'packing.ends = "periodic": must be "fixed" in a chain whose spheres just touch or are pressed together'
 
 
-@line("physics")
-def rows_of_a_periodic_cell(scene: Derived) -> str:
-    shape, period = scene.shape, scene.lattice.row_period
-    if not shape.along_y or shape.rows >= FEWEST_ROWS and shape.rows % period == 0:
-        return ""
-    return (
-        f"packing.rows = {shape.rows}: must be a multiple of {period}, at least {FEWEST_ROWS}, with packing.ends = "
-        '"periodic", where rows alternate'
-    )
-
-
-@line("physics")
-def too_few_columns(scene: Derived) -> str:
-    columns, fewest = scene.shape.columns, scene.lattice.fewest_columns
-    if scene.packing.sides != PERIODIC or columns >= fewest:
-        return ""
-    return (
-        f"packing.columns = {columns}: must be at least {fewest} between periodic sides, where a sphere would touch "
-        "two images of one neighbour"
-    )
-
-
 @line("physics", of=WITHOUT_WAVE)
-def too_many_spheres(scene: Derived) -> str:
-    shape = scene.shape
-    if shape.spheres <= MOST_SPHERES:
-        return ""
-    return (
-        f"packing.rows x packing.columns = {shape.rows} x {shape.columns}: must be at most {MOST_SPHERES} "
-        "spheres (LAMMPS takes 690 MB for each million)"
-    )
-
-
-@line("physics", of=WITHOUT_WAVE)
-def places_outside(scene: Derived) -> str:
+def recorded_places(scene: Derived) -> str:
     output = scene.output
-    places: dict[str, tuple[Rows, Spheres, Rows | None]] = (
-        {} if output.everyone else {"output": (output.rows, output.spheres, output.layers)}
-    )
-    places |= {"start.state": ((), scene.start.places, None)} if scene.start.state else {}
-    troubles = (
-        f"{name}: {trouble}"
-        for name, (rows, spheres, layers) in places.items()
-        for trouble in place_troubles(rows, spheres, scene.shape, layers)
-    )
-    return next(troubles, "")
+    if output.everyone:
+        return ""
+    troubles = place_troubles(output.rows, output.spheres, scene.shape, output.layers)
+    return next((f"output: {trouble}" for trouble in troubles), "")
 
 
 def _fastest(scene: Derived) -> str:
@@ -350,11 +297,3 @@ def lost_in_rounding(scene: Derived) -> str:
         f"position in {shape.rows} rows x {shape.columns} columns, displaced by {farthest:.4g} m; must be faster, or "
         "these smaller"
     )
-
-
-@line("physics", of=WITHOUT_WAVE)
-def no_sample_in_the_run(scene: Derived) -> str:
-    time = scene.time
-    if time.sample <= time.duration:
-        return ""
-    return f"time.sample = {time.sample!r}: must be at most time.duration = {time.duration!r}"

@@ -25,12 +25,11 @@ from granular_lmp.crystal.lattices import QUIET
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.errors import SceneError
-from granular_lmp.frozen import dataclass
-from granular_lmp.rest.derived import Derived, at_rest, physics_of, wave_lattice_of, wavenumbers_of
+from granular_lmp.frozen import cached_property, dataclass
+from granular_lmp.rest.derived import Derived
 from granular_lmp.rest.frequency import with_placeholder, without_wavevector
 from granular_lmp.rest.refusals import refuse
-from granular_lmp.rest.refusals_of_values import adhesion_law_trouble, sphere_trouble
-from granular_lmp.rest.space import lattice_of, space_of, wall_of
+from granular_lmp.rest.refusals_of_values import adhesion_law, spheres_at_rest
 from granular_lmp.scene.bodies import (
     Contact,
     Substrate,
@@ -154,9 +153,14 @@ class Scene(HasCard, Derived):
     @classmethod
     def _made(cls, values: Mapping[str, Any]) -> Self:
         """Return the scene of its fields, whose combination is checked here."""
+        scene = cls._unchecked(values)
+        refuse(scene, scene._variant)
+        return scene
+
+    @classmethod
+    def _unchecked(cls, values: Mapping[str, Any]) -> Self:
         scene = object.__new__(cls)
         scene.__dict__.update({item.name: _default(item) for item in fields(cls)} | dict(values))
-        scene.__post_init__()
         return scene
 
     @classmethod
@@ -223,25 +227,21 @@ class Scene(HasCard, Derived):
         refuse_step_beside_tolerance(tables)
         return with_placeholder(without_wavevector(super()._completed(_with_quiet_rows(tables))))
 
-    @property
+    @cached_property
     def _variant(self) -> str:
         return WAVE if self.wave is not None else HELD if self.held_at_rest else NOT_HELD
 
     @classmethod
     def _solved(cls, records: dict[str, Any]) -> dict[str, Any]:
         """Return the records with the smallest wave number at which the wave has its frequency, if that is declared."""
-        wave, material, effects = records.get("wave"), records["material"], records["effects"]
+        wave = records.get("wave")
         if wave is None or wave.frequency is None:
             return records
-        _raise(adhesion_law_trouble(material, effects))
-        packing, substrate = records["packing"], records.get("substrate")
-        sphere, lattice = at_rest(material, packing, effects, records["contact"]), lattice_of(packing, substrate)
-        _raise(sphere_trouble(material, sphere, effects, wave.amplitude))
-        space, kinds = space_of(packing, lattice, substrate), (records.get("inclusion", ()), records.get("pair", ()))
-        kind = wave_lattice_of(wave, lattice, packing, space, material.density, *kinds)
-        wall = wall_of(material, substrate, effects)
-        found = wavenumbers_of(wave, sphere, physics_of(effects, space), kind, wall)
-        return records | {"wave": replace(wave, wavenumber=found[0])}
+        unsolved = cls._unchecked({"name": ""} | records)
+        for line in (adhesion_law, spheres_at_rest):
+            if trouble := line(unsolved):
+                raise SceneError(trouble, because="physics")
+        return records | {"wave": replace(wave, wavenumber=unsolved.wavenumbers[0])}
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain values with every default; either the time step or the tolerance, as declared.
@@ -294,9 +294,6 @@ class Scene(HasCard, Derived):
             f"tau 0..{self.time.duration:g}>"
         )
 
-    def __post_init__(self) -> None:
-        refuse(self, self._variant)
-
 
 def _with_quiet_rows(tables: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return tables of a scene whose quiet ends have as many rows as they need, where these are not declared."""
@@ -304,11 +301,6 @@ def _with_quiet_rows(tables: Mapping[str, Any]) -> Mapping[str, Any]:
     if not isinstance(packing, Mapping) or QUIET not in (packing.get("first"), packing.get("last")):
         return tables
     return {**tables, "absorb": {"rows": AUTO, **absorb}} if isinstance(absorb, Mapping) else tables
-
-
-def _raise(trouble: str) -> None:
-    if trouble:
-        raise SceneError(trouble, because="physics")
 
 
 def _without_replaced(table: Mapping[str, Any]) -> dict[str, Any]:

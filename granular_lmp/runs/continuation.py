@@ -6,13 +6,12 @@ from typing import Any
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.kernel import library
-from granular_lmp.lammps.outputs import CHECKPOINTS, STATUS
+from granular_lmp.lammps.outputs import CHECKPOINTS
 from granular_lmp.runs.formats import FORMAT, format_of
 from granular_lmp.runs.manifest import triggered
 from granular_lmp.runs.seal import refuse_changed, refuse_other_scene
 from granular_lmp.runs.status import read_status
 
-_NOT_SAID = f"{STATUS} does not say how the run was started; repeat it with force=True"
 _MARK = b"LammpS RestartT\0"  # LAMMPS writes it at the beginning and the end of a restart file (lmprestart.h)
 
 
@@ -22,8 +21,7 @@ def read_unfinished(folder: Path) -> dict[str, Any]:
     Raises
     ------
     RunFolderError
-        If it is finished, or failed by a guard, its scene or another file changed, or ``run.json`` does not say how it
-        was started.
+        If it is finished, or failed by a guard, or its scene or another file changed.
     """
     info = read_status(folder)
     if info["status"] == "finished":
@@ -32,8 +30,6 @@ def read_unfinished(folder: Path) -> dict[str, Any]:
         raise RunFolderError(f"{folder}: was begun by an earlier release; run it again with force=True")
     if failed := triggered(info):
         raise RunFolderError(f"{folder}: the run failed; there is nothing to resume: {'; '.join(failed)}")
-    if not {"launcher", "ranks"} <= set(info):
-        raise RunFolderError(f"{folder}: {_NOT_SAID}")
     refuse_other_scene(folder, info)
     refuse_changed(folder, info)
     return info
@@ -48,8 +44,6 @@ def read_start(folder: Path) -> dict[str, Any]:
         As `read_unfinished`, and if its deck was edited or it ran with another kernel.
     """
     info = read_unfinished(folder)
-    if not {"effects", "versions"} <= set(info):
-        raise RunFolderError(f"{folder}: {_NOT_SAID}")
     if "edited" in info:
         raise RunFolderError(f"{folder}: its deck was edited, which resume does not know of; run it again")
     if info.get("kernel", library.description()) != library.description():

@@ -23,12 +23,8 @@ def format_of(info: dict[str, Any]) -> int:
     Raises
     ------
     ValueError
-        If the number is none that this release reads, or a finished run of a later release than 0.1.0 has none.
+        If the number is none that this release reads.
     """
-    if info.get("status") == "finished" and "format" not in info and not _is_first(info):
-        raise ValueError(
-            "format: missing key; only release 0.1.0 wrote none; put it back, or run the scene again with force=True"
-        )
     found = info.get("format", 1)
     if type(found) is not int or found < 1:
         raise ValueError(f"format = {found!r}: must be a whole number from 1 to {FORMAT}")
@@ -38,11 +34,6 @@ def format_of(info: dict[str, Any]) -> int:
             "pip install --upgrade granular-lmp"
         )
     return found
-
-
-def _is_first(info: dict[str, Any]) -> bool:
-    versions = info.get("versions")
-    return isinstance(versions, dict) and versions.get("granular_lmp") == "0.1.0"
 
 
 def scene_of(folder: Path) -> Scene:

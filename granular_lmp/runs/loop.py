@@ -33,7 +33,7 @@ from granular_lmp.runs.record import Record
 from granular_lmp.runs.routes import Job, Route, route_of
 from granular_lmp.runs.seal import files_of
 from granular_lmp.runs.simulation import Simulation
-from granular_lmp.runs.status import end_status, read_status, write_status
+from granular_lmp.runs.status import read_status, write_status
 
 
 def begin(simulation: Simulation, folder: Path, options: Options, seconds: Seconds) -> Record:
@@ -169,7 +169,8 @@ def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any]
     if failure is not None:
         with suppress(OSError):
             info |= {"files": files_of(folder, stopped=True)}
-    end_status(folder, info)
+    with writable(folder):
+        write_status(folder, info)
     if failure is not None:
         raise failure
     job.report_step(simulation.steps)

@@ -20,7 +20,7 @@ from granular_lmp.crystal.scale import Scale
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import cached_property, dataclass
-from granular_lmp.lammps.outputs import DUMP, FOR_VIEWERS, SNAPSHOTS, read_centre, read_dump, writable
+from granular_lmp.lammps.outputs import DUMP, FOR_VIEWERS, SNAPSHOTS, read_centre, read_dump
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene as Scene
 from granular_lmp.runs import energy, tables
@@ -44,22 +44,6 @@ Floats = NDArray[np.float64]
 TRAJECTORY = "trajectory.csv"
 HEADER = ["tau", "p", "q", "phi"]
 IN_SPACE = ["ux", "uy", "uz", "phix", "phiy", "phiz"]  # behind them in space
-
-
-def _sphere_columns(space: int) -> list[list[str]]:
-    """Return what the columns of a dump of spheres may be that move in some dimensions."""
-    moved, forces = (
-        [f"{name}{axis}" for axis in axes[:space]] for name, axes in (("Displacement.", "XYZ"), ("f", "xyz"))
-    )
-    spins, angles = ["omegaz"], ["v_theta"]
-    if space == 3:
-        spins, angles = ["omegax", "omegay", "omegaz"], [f"Orientation.{part}" for part in "WXYZ"]
-    return [
-        ["id", "type", *"xyz", "radius", *mass, *moved, "vx", "vy", "vz", *turned, *force]
-        for mass in (["mass"], [])
-        for turned in ([], spins, [*spins, *angles])
-        for force in ([], forces)
-    ]
 
 
 def header_of(scene: Scene) -> list[str]:
@@ -134,8 +118,10 @@ class Record(HasCard):
         scene = scene_of(folder)
         refuse_changed(folder, info, lazily=scene.wave is not None)
         if scene.wave is None:
-            return cls._of_spheres(folder, scene, info, whole=not unfinished)
-        return cls._of_trajectory(folder, scene, info, whole=not unfinished)
+            return cls.from_dump(folder, scene, info=info)
+        samples = None if unfinished else info.get("samples", 0)
+        columns = tables.read_trajectory(folder / TRAJECTORY, header_of(scene), samples)
+        return cls(columns.pop("tau"), columns, scene, info, folder)
 
     @classmethod
     def of_centre(
@@ -153,23 +139,6 @@ class Record(HasCard):
         return cls(np.empty(0), {"displacement": still, "velocity": still}, scene, folder=folder)
 
     @classmethod
-    def _of_spheres(cls, folder: Path, scene: Scene, info: dict[str, Any], *, whole: bool) -> Self:
-        """Return the record of a run folder without a trajectory; `whole` if ``run.json`` says how long it is."""
-        record = cls.from_dump(folder, scene, info=info)
-        times, spheres, _ = record.displacement.shape
-        for number, what, said in ((times, "records", "samples"), (spheres, "spheres", "recorded")):
-            if whole and number != info.get(said):
-                raise RunFolderError(f"{folder / SNAPSHOTS}: {number} {what}, and {STATUS} says {info.get(said)}")
-        return record
-
-    @classmethod
-    def _of_trajectory(cls, folder: Path, scene: Scene, info: dict[str, Any], *, whole: bool) -> Self:
-        """Return the record of a run folder with a trajectory; `whole` if ``run.json`` says how long it is."""
-        samples = info.get("samples", 0) if whole else None
-        columns = tables.read_trajectory(folder / TRAJECTORY, header_of(scene), samples)
-        return cls(columns.pop("tau"), columns, scene, info, folder)
-
-    @classmethod
     def from_dump(
         cls, folder: str | Path, scene: Scene, dump: str | None = None, info: dict[str, Any] | None = None
     ) -> Self:
@@ -179,7 +148,8 @@ class Record(HasCard):
             from granular_lmp.runs.prescribed_motion import at_the_instant, moved_spheres  # kept out of start-up
             from granular_lmp.runs.snapshots import dimensionless, force_on
 
-            table = read_dump(folder / (dump or SNAPSHOTS), None, *_sphere_columns(scene.space), but=FOR_VIEWERS)
+            needed = ["id", *(f"Displacement.{axis}" for axis in "XYZ"[: scene.space]), "vx", "vy", "vz"]
+            table = read_dump(folder / (dump or SNAPSHOTS), None, needed, but=FOR_VIEWERS)
             steps = table["step"].tolist()
             tau = table["step"] * scene.time.clock.between(steps, scene.time.sample)
             moved = moved_spheres(scene, table["id"][0].astype(int) - 1) if len(tau) else []
@@ -376,17 +346,6 @@ class Record(HasCard):
     def write_csv(self, path: str | Path) -> None:
         """Write `columns`, each number in the shortest form that reads back to the same double."""
         tables.write_csv(self.columns, Path(path))
-
-    def write_si(self, path: str | Path) -> None:
-        """Write `si` as a CSV file with every digit.
-
-        Raises
-        ------
-        RunFolderError
-            If the file cannot be written.
-        """
-        with writable(Path(path)):
-            tables.write_csv(self.si, Path(path))
 
     def plot(self) -> "Figure":
         """Return a figure of p, q and φ over τ, without signals that stay zero; a notebook shows it."""

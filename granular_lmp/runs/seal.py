@@ -27,15 +27,11 @@ def scene_digest(text: str) -> str:
 
 def refuse_other_scene(folder: Path, info: dict[str, Any]) -> None:
     """Raise RunFolderError unless ``run.json`` holds the digest of the folder's scene."""
-    digest = info.get("scene_sha256")
-    if digest is None:
-        missing = f"{folder / STATUS}: scene_sha256 is missing, so that {SCENE} may be any"
-        raise RunFolderError(f"{missing}; run it again with force=True")
     try:
         text = (folder / SCENE).read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         raise RunFolderError(f"{folder / SCENE}: cannot be read: {one_line(error)}") from error
-    if digest != scene_digest(text):
+    if info.get("scene_sha256") != scene_digest(text):
         raise RunFolderError(f"{folder}: {SCENE} was changed since the run began; put it back, or run with force=True")
 
 
@@ -51,7 +47,7 @@ def _entry(path: Path) -> dict[str, Any]:
 
 
 def refuse_changed(folder: Path, info: dict[str, Any], *, lazily: bool = False) -> None:
-    """Raise RunFolderError if a file that ``run.json`` lists is not there as it was written; a finished run has to.
+    """Raise RunFolderError if a file that ``run.json`` lists is not there as it was written.
 
     Parameters
     ----------
@@ -63,9 +59,6 @@ def refuse_changed(folder: Path, info: dict[str, Any], *, lazily: bool = False) 
     """
     if format_of(info) == 1:
         return
-    if info["status"] == "finished" and "files" not in info:
-        cure = how_to_accept(folder, info)
-        raise RunFolderError(f"{folder / STATUS}: has no list of files, so changes cannot be detected; {cure}")
     for name, said in info.get("files", {}).items():
         large = name.startswith(_LARGE) and said["bytes"] > _QUICK
         _refuse_other(folder, name, info, whole=not (lazily and large))

@@ -2,19 +2,17 @@
 
 import hashlib
 import json
-from contextlib import suppress
 from pathlib import Path
 from shlex import quote
 from typing import Any
 
 from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.lammps.outputs import STATUS as STATUS
-from granular_lmp.lammps.outputs import replace_text, writable
+from granular_lmp.lammps.outputs import replace_text
 from granular_lmp.runs.folder import is_held
 from granular_lmp.runs.formats import as_today, format_of
 
 SEAL = "sealed"  # entry of run.json: SHA-256 of all others
-_ROOM = 1024  # bytes behind run.json of a run on its way, for the message with which it may end
 
 
 def read_status(folder: str | Path, *, changed: bool = False) -> dict[str, Any]:
@@ -68,37 +66,8 @@ def how_to_accept(folder: Path, info: dict[str, Any]) -> str:
 
 def write_status(folder: str | Path, info: dict[str, Any]) -> None:
     """Write ``run.json``, and into it the digest of all that it says."""
-    running = info.get("status") == "running"  # it is written once more, where a full disk takes no more than this
-    replace_text(Path(folder) / STATUS, _text_of(info, None if running else 2) + " " * _ROOM * running)
-
-
-def end_status(folder: Path, info: dict[str, Any]) -> None:
-    """Write ``run.json`` of a run that has ended; on a full disk its status and message only, into the room left there.
-
-    Raises
-    ------
-    RunFolderError
-        If the disk is full, or the file cannot be written; a run that did not fail before is then a failed one.
-    """
-    try:
-        with writable(folder):
-            write_status(folder, info)
-    except RunFolderError as error:
-        path, finished = folder / STATUS, info["status"] == "finished"
-        with suppress(OSError, ValueError):
-            begun = {key: value for key, value in json.loads(path.read_text(encoding="utf-8")).items() if key != SEAL}
-            message = (str(error) if finished else info["message"])[: _ROOM // 4]  # at most 4 bytes a letter
-            text = _text_of(begun | {"status": "failed" if finished else info["status"], "message": message})
-            room = path.stat().st_size - len(text.encode())
-            if room >= 0:
-                with path.open("r+", encoding="utf-8") as stream:
-                    stream.write(text + " " * room)
-        raise
-
-
-def _text_of(info: dict[str, Any], indent: int | None = None) -> str:
     sealed = info | {SEAL: seal_of(info)}
-    return json.dumps(sealed, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
+    replace_text(Path(folder) / STATUS, json.dumps(sealed, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def seal_of(info: dict[str, Any]) -> str:

@@ -175,30 +175,28 @@ def write_csv(named: Columns, path: Path) -> None:
     replace_text(path, csv_text(named, zip(*(values.tolist() for values in named.values()), strict=True)))
 
 
-def read_trajectory(path: Path, header: list[str], samples: int | None) -> dict[str, NDArray[np.float64]]:
-    """Return the columns of a table over tau; `samples` is the number of its lines, if that is known.
+def read_trajectory(path: Path, header: list[str], samples: int | None = None) -> dict[str, NDArray[np.float64]]:
+    """Return the columns of a table over tau; `samples` is the number of its records, if that is known.
 
     Raises
     ------
     RunFolderError
-        If it is missing or malformed, or has another number of lines.
+        If it is missing or malformed, or has another number of records.
     """
     try:
         text = path.read_text(encoding="utf-8")
         if not text.endswith("\n"):
             raise ValueError("its last line is cut off")
-        lines = list(csv.reader(text.splitlines()))
-        if lines[0] != header:
-            raise ValueError(f"header {lines[0]}, expected {header}")
-        columns = np.array(lines[1:], dtype=float).reshape(-1, len(header)).T
+        names, *lines = csv.reader(text.splitlines())
+        if names != header:
+            raise ValueError(f"header {names}, expected {header}")
+        columns = np.array(lines, dtype=float).reshape(-1, len(header)).T
         tau = columns[0]
         if not (np.isfinite(tau).all() and (tau >= 0).all() and (np.diff(tau) > 0).all()):
             raise ValueError("tau must be finite, not negative, and ascend")
-        if not len(tau) and samples is not None:
-            raise ValueError("it holds no record")
         if samples not in (None, len(tau)):
             raise ValueError(f"{len(tau)} records, and {STATUS} says {samples}")
-    except (OSError, ValueError, IndexError, csv.Error) as error:
+    except (OSError, ValueError, csv.Error) as error:
         raise RunFolderError(f"{path}: cannot be read: {one_line(error)}") from error
     return dict(zip(header, columns, strict=True))
 

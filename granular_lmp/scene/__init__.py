@@ -1,1 +1,1 @@
-"""What a scene file declares, checked value by value; what follows from it stands in `rest`."""
+"""Declared values of a scene file, checked one by one; derived values stand in `granular_lmp.rest`."""

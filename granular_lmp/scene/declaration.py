@@ -36,7 +36,7 @@ from granular_lmp.scene.without_wave import VARIANTS, WAVE, refuse_tables, varia
 
 @dataclass(frozen=True, repr=False, init=False)
 class Declaration(Document):
-    """What a scene file declares, table by table."""
+    """Declared values of a scene file, table by table."""
 
     layout = Layout(
         sections={

@@ -27,7 +27,7 @@ from granular_lmp.scene.schema import (
 
 @dataclass(frozen=True)
 class Layout:
-    """What a kind of document holds.
+    """Tables and keys of a kind of document.
 
     Attributes
     ----------
@@ -169,7 +169,9 @@ class Document:
         tables: dict[str, Any] = {
             key: plain(value, self.keys_of(key))
             for key, value in held.items()
-            if value is not None and self.has_table(key) and (key not in self.layout.optional or value != type(value)())
+            if value is not None
+            and key not in self.layout.variants[self._variant].absent
+            and (key not in self.layout.optional or value != type(value)())
         }
         tables |= {key: self._written(key) for key in self.layout.repeated if getattr(self, key)}
         return {"name": self.name, "description": self.description} | tables
@@ -184,10 +186,6 @@ class Document:
     def keys_of(self, table: str) -> Sequence[DeclaredKey]:
         """Return the keys of a table, with their defaults in this document."""
         return self.layout.keys_of(table, self._variant)
-
-    def has_table(self, table: str) -> bool:
-        """Return whether a document of this kind can have a table."""
-        return table not in self.layout.variants[self._variant].absent
 
     def given(self) -> dict[str, Any]:
         """Return nested plain values without the defaults, which never change: what a file has to say."""

@@ -9,7 +9,7 @@ from granular_lmp.frozen import dataclass
 
 @dataclass(frozen=True)
 class Form:
-    """How a wave begins.
+    """Form of a wave: how it starts.
 
     Attributes
     ----------

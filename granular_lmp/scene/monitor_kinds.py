@@ -60,7 +60,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Kind:
-    """What a monitor records.
+    """Kind of a monitor: what it records.
 
     Attributes
     ----------

@@ -311,16 +311,6 @@ class Effects(Remembering):
     shear_damping: float = number("", "dashpot of shear over that of normal motion", 0, 100, default=1.0)
 
     @property
-    def damped_twice(self) -> str:
-        """What is wrong with the damping, "" if nothing is."""
-        if not self.viscosity or self.restitution == 1:
-            return ""
-        return (
-            f"effects.viscosity = {self.viscosity!r} and effects.restitution = {self.restitution!r}: two models of "
-            "damping; must be one"
-        )
-
-    @property
     def physics(self) -> Physics:
         """The degrees of freedom of the lattice; those that are still "auto" are there."""
         shear = self.shear is not False

@@ -44,7 +44,7 @@ FEWEST_STEPS = 20.0  # A period of a source has at least these: Verlet then errs
 
 
 class Scaled(Protocol):
-    """What a scene says of its units."""
+    """Units of a scene."""
 
     @property
     def sphere(self) -> Sphere:

@@ -100,7 +100,7 @@ def _decoded(raw: bytes) -> str:
 
 
 class Heads:
-    """What heads may say."""
+    """Heads that a table may have."""
 
     def __init__(self, quantities: Quantities, words: Words) -> None:
         self.quantities = quantities

@@ -90,7 +90,7 @@ class StateRule(Rule):
 
 @dataclass(frozen=True)
 class Start:
-    """Where spheres are and how they move at the beginning; those that are not named are at rest, in their places.
+    """Displacements and velocities of spheres at the start; spheres that are not named are at rest, in their places.
 
     With ``noise`` v every sphere that is free to move has a random velocity on top: along x, along y, and of its
     surface where it turns, each uniform in ±v less their mean: they have no momentum. In a chain it is along y alone,

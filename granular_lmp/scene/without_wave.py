@@ -1,4 +1,4 @@
-"""What differs in a scene without ``[wave]``: defaults of keys, and tables and keys that only one kind of scene has.
+"""Differences of scenes without ``[wave]``: defaults of keys, and tables and keys that only one kind of scene has.
 
 Spheres of such a scene are held at rest by adhesion or a load, or they are not (`held_at_rest`), and then nothing has a
 stiffness. Each key is declared once, with its range and its default beside a wave (`granular_lmp.scene.sections`).

@@ -15,7 +15,6 @@ from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.rest.scene import Scene
 
 LARGEST_CELL = 100_000  # rows or columns; a larger cell is no remedy
-AT_ONCE = 100_000  # numbers of waves in cells that are tried together: 1 MB
 
 
 def remarks(scenes: Iterable[Scene]) -> list[str]:
@@ -36,21 +35,21 @@ def _of_waves(shape: Shape, waves: set[WaveVector]) -> str:
     if len(ran) == len(waves):
         return ""
     along_y = all(each.axis == "y" for each in waves)
-    words = _along_y if along_y else _oblique
-    count = f"{len(waves)} values, {len(ran)} wave{'s' * (len(ran) > 1)} in a periodic cell of "
-    return count + words(shape.rows, shape.columns) + "; " + _remedy(shape, waves, along_y=along_y)
+
+    def words(rows: int, columns: int) -> str:
+        return f"{rows} rows" if along_y else f"{rows} rows and {columns} columns"
+
+    of = f"{len(waves)} values, {len(ran)} wave{'s' * (len(ran) > 1)} in a periodic cell of "
+    of += f"{words(shape.rows, shape.columns)}; "
+    if cell := _larger(shape, waves, along_y=along_y):
+        setting = f"packing.rows = {cell[0]}" + ("" if along_y else f", packing.columns = {cell[1]}")
+        return f"{of}a cell of {words(*cell)} tells them apart ({setting})"
+    instead = ', but packing.ends = "fixed" does' if along_y else "; take waves that are farther apart"
+    return f"{of}no cell of up to {LARGEST_CELL} rows tells them apart{instead}"
 
 
-def _along_y(rows: int, _columns: int) -> str:
-    return f"{rows} rows"
-
-
-def _oblique(rows: int, columns: int) -> str:
-    return f"{rows} rows and {columns} columns"
-
-
-def _remedy(shape: Shape, waves: set[WaveVector], *, along_y: bool) -> str:
-    """Return the cell that tells waves apart: it moves each by less than half of the smallest distance of two.
+def _larger(shape: Shape, waves: set[WaveVector], *, along_y: bool) -> tuple[int, int] | None:
+    """Return rows and columns of the cell that moves each wave by less than half of the smallest distance of two.
 
     Along y the cell is the one with fewest rows, else a multiple of the cell that is there.
     """
@@ -59,18 +58,13 @@ def _remedy(shape: Shape, waves: set[WaveVector], *, along_y: bool) -> str:
     advances = np.array([(each.per_row, each.per_column) for each in waves])
     nearest = cKDTree(advances).query(advances, k=2, p=np.inf)[0][:, 1].min()
     step, rows, columns = shape.lattice.row_period, shape.rows, shape.columns
-    longer = [(each, columns) for each in range(rows, LARGEST_CELL + 1, step)]
-    larger = [(times * rows, times * columns) for times in range(2, LARGEST_CELL // max(rows, columns) + 1)]
-    cells = np.array(longer if along_y else larger).reshape(-1, 2)
-    for some in np.array_split(cells, 1 + cells.size * len(waves) // AT_ONCE):
-        held = 2 * pi / some[:, None]
-        moved = np.abs(advances - held * np.rint(advances / held)).max(axis=(1, 2))
-        if (enough := np.flatnonzero(moved < nearest / 2)).size:
-            cell = some[enough[0]]
-            setting = f"packing.rows = {cell[0]}" + ("" if along_y else f", packing.columns = {cell[1]}")
-            return f"a cell of {(_along_y if along_y else _oblique)(*cell)} tells them apart ({setting})"
-    none = f"no cell of up to {LARGEST_CELL} rows tells them apart"
-    return none + (', but packing.ends = "fixed" does' if along_y else "; take waves that are farther apart")
+    longer = ((each, columns) for each in range(rows, LARGEST_CELL + 1, step))
+    larger = ((times * rows, times * columns) for times in range(2, LARGEST_CELL // max(rows, columns) + 1))
+    for cell in longer if along_y else larger:
+        held = 2 * pi / np.array(cell)
+        if np.abs(advances - held * np.rint(advances / held)).max() < nearest / 2:
+            return cell
+    return None
 
 
 def _of_steps(sample: float, declared: set[float]) -> str:

@@ -37,7 +37,6 @@ from granular_lmp.studies.sweep_rows import (
     RUNS,
     Point,
     info_of,
-    refuse_other_point,
     row_of,
     said_of,
     summary_of,
@@ -96,7 +95,7 @@ class Sweep(HasCard):
         Raises
         ------
         RunFolderError
-            If the folder holds no sweep, or a run folder holds the run of another scene.
+            If the folder holds no sweep.
         SceneError
             If the scene is not valid in this version.
         """
@@ -141,11 +140,9 @@ class Sweep(HasCard):
         Raises
         ------
         RunFolderError
-            If the folder holds no finished run, or the run of another scene.
+            If the folder holds no finished run.
         """
-        folder = self.folder / row["run"]
-        refuse_other_point(folder)
-        return Record.load(folder)
+        return Record.load(self.folder / row["run"])
 
     def having(self, status: str) -> list[Point]:
         """Return the rows with this status."""
@@ -242,8 +239,7 @@ def sweep(
     SceneError
         If a key or a value is not allowed, before anything is written.
     RunFolderError
-        If the folder exists and is not that of this sweep (without `force`), another sweep is at work in it, or a run
-        folder holds the run of another scene.
+        If the folder exists and is not that of this sweep (without `force`), or another sweep is at work in it.
     LammpsMissingError
         If the kernel is asked for and was not built.
     RunInterrupted

@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.accuracy.second_harmonic import second_harmonic
-from granular_lmp.errors import GranularError, RunFolderError, SceneError
+from granular_lmp.errors import GranularError, RunFolderError
 from granular_lmp.rest.linear import mode_of
 from granular_lmp.rest.scene import Scene
-from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.readouts import readout_columns
 from granular_lmp.runs.record import STATUS, Record, read_status
 from granular_lmp.scene.document import rule_of
 from granular_lmp.studies import far_sphere
-from granular_lmp.studies.identity import names_of
 from granular_lmp.studies.sweep_points import GridPoint
 
 Point = dict[str, Any]
@@ -86,39 +84,14 @@ def table_of(grid: list[GridPoint], rows: dict[str, Point]) -> list[Point]:
     return [values(each) | {"run": f"{RUNS}/{each.run}"} | empty | rows[each.run] for each in grid]
 
 
-def refuse_other_point(folder: Path, scene: Scene | None = None) -> None:
-    """Raise RunFolderError if the scene in a run folder is not the one after which the folder is named.
-
-    `scene` is that scene if it has been read. One that cannot be read is left to the reader of the record.
-    """
-    try:
-        scene = scene or scene_of(folder)
-    except SceneError:
-        return
-    names = names_of(scene)
-    if folder.name not in names:
-        raise RunFolderError(
-            f"{folder}: holds the run of another scene ({scene.label}), that of {RUNS}/{names[0]}; "
-            "move it there, or away, and start the sweep again"
-        )
-
-
 def row_of(folder: Path, scene: Scene) -> Point:
-    """Return what the table says of the run folder of a scene, or of one that is not there.
-
-    Raises
-    ------
-    RunFolderError
-        When it holds the run of another scene: to run it again would destroy that.
-    """
+    """Return what the table says of the run folder of a scene, or of one that is not there."""
     info, record = info_of(folder), None
     if info.get("status") == "finished":
         try:
             record = Record.load(folder)
         except GranularError as error:  # its files are damaged
             info |= {"status": "failed", "message": str(error)}
-    if info:
-        refuse_other_point(folder, record.scene if record else None)
     return summary_of(scene, info, record)
 
 

@@ -22,7 +22,7 @@ from granular_lmp.accuracy.extrapolation import Judgement
 from granular_lmp.accuracy.ladder import RUNGS, plan, planned
 from granular_lmp.cli import main
 from granular_lmp.effects.selection import order
-from granular_lmp.errors import RunFolderError, SceneError, ToleranceError
+from granular_lmp.errors import LaunchError, RunFolderError, SceneError, ToleranceError
 from granular_lmp.problem import prepare
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies.sweep import sweep
@@ -222,7 +222,7 @@ def test_a_run_that_was_stopped_in_its_first_checkpoint_begins_anew(tmp_path: Pa
     again = resume(tmp_path / "run")
     assert np.array_equal(again.velocity, whole.velocity)
     _edit(tmp_path / "run", {"status": "interrupted", "launcher": None})
-    with pytest.raises(RunFolderError, match=r"run\.json: launcher = None: must be one of module, lmp"):
+    with pytest.raises(LaunchError, match=r"run\.json: launcher = None: must be one of module, lmp"):
         resume(tmp_path / "run")
 
 

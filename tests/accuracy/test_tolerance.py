@@ -202,8 +202,9 @@ def test_only_runs_that_may_be_the_finest_look(tmp_path: Path) -> None:
     assert "v_overlap" in finest
     assert not {"v_overlap", "INVALID"} & set(re.findall(r"\w+", coarse))
     # Two steps to a sample are enough, and that run is made again
-    run(Scene.load("l_chain").with_values({"time.tolerance": 1e-2}), tmp_path / "short")
+    twice = run(Scene.load("l_chain").with_values({"time.tolerance": 1e-2}), tmp_path / "short")
     assert looking(tmp_path / "short") == {"1": False, "2": True}
+    assert twice.info["steps"] == (1 + 2 + 2) * twice.scene.time.samples
 
 
 def test_a_coarse_run_that_was_stopped_goes_on_without_looks(tmp_path: Path) -> None:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from granular_lmp import Record, Scene, run
-from granular_lmp.crystal.group_velocity import fronts
 from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
 from granular_lmp.crystal.mode import Physics
 from granular_lmp.crystal.modes import bloch_mode, bloch_modes
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
+from granular_lmp.crystal.zone import fronts
 from granular_lmp.errors import ViewError
 from granular_lmp.plot import crystal
 from granular_lmp.plot.view import view
@@ -60,7 +60,7 @@ def test_along_y_the_front_is_that_of_the_dispersion(name: str, xi: float) -> No
     reference="analytic: the speeds of sound of L and TR",
     tolerance=0.002,
     reason="dispersion is of second order in ξ = 0.06 to 0.09",
-    mutant=Mutant("granular_lmp/crystal/group_velocity.py", "/ (2 * _STEP)", "/ (2.01 * _STEP)"),
+    mutant=Mutant("granular_lmp/crystal/zone.py", "/ (2 * _STEP)", "/ (2.01 * _STEP)"),
 )
 def test_long_waves_have_round_fronts_at_the_speeds_of_sound(measured: Measure) -> None:
     found = fronts_at(0.03)

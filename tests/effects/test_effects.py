@@ -213,9 +213,9 @@ def test_what_is_off_is_guarded_and_openings_and_slip_are_measured_anyway() -> N
     for scene in (PAPER, PAPER.with_values({"wave.mode": "L"}), PAPER.with_values({"wave.amplitude": 3.0})):
         deck = build(scene)
         for effect, row in zip(deck.problem.effects, EFFECTS, strict=True):
-            if row.guard:
-                assert (effect.guard == row.guard.title) == (not effect.on or row.always)
-                assert (row.guard.column in deck.input_text) == (not effect.on or row.always)
+            for guard in row.guards[:1]:
+                assert (effect.guard == guard.title) == (not effect.on or row.always)
+                assert (guard.column in deck.input_text) == (not effect.on or row.always)
     assert "v_slip" not in build(PAPER.with_values({"effects.shear": False})).input_text  # there is no shear force
 
 

@@ -21,7 +21,7 @@ SHIFTED: dict[str, Break] = {
     "twice": lambda word: f"{word} {word}",
 }
 # Words without which the run is the same one: names, what a guard says besides, and what nobody reads in a short run
-HARMLESS = {"v_tau", "v_overlap", "v_mu", "checkpoint.a", "checkpoint.b", "NULL", "plane", "move", "looks"}
+HARMLESS = {"v_tau", "v_overlap", "checkpoint.a", "checkpoint.b", "NULL", "plane", "move", "looks"}
 HARMLESS |= {"${dump}.contacts", "c_contact[1]", "c_contact[2]"}  # contacts are dumped when a bound passes, not here
 
 

@@ -151,7 +151,7 @@ def test_a_run_that_began_with_other_guards_is_not_continued(stop: Callable[...,
     stop(STRIP.with_values({"time.duration": 100.0, "output.checkpoint": 1e-4}), tmp_path / "cut")
     as_if_killed(tmp_path / "cut")
     deck = tmp_path / "cut" / "in.tr_nonresonant"
-    deck.write_text(deck.read_text().replace(" v_mu\n", " v_next v_mu\n"))
+    deck.write_text(deck.read_text().replace(" v_tau f_", " v_tau v_next f_"))
     with pytest.raises(RunFolderError, match="was begun by a version with other guards; run it again with force=True"):
         resume(tmp_path / "cut")
 

@@ -72,9 +72,8 @@ def test_a_run_without_the_digest_of_its_scene_is_not_resumed(folder: Path) -> N
     info = read_status(folder) | {"status": "interrupted"}
     del info["scene_sha256"]
     write_status(folder, info)
-    with pytest.raises(RunFolderError, match="scene_sha256 is missing"):
+    with pytest.raises(RunFolderError, match="was changed since the run began"):
         resume(folder)
-    write_status(folder, info | {"scene_sha256": "0"})
     (folder / "scene.toml").unlink()
     with pytest.raises(RunFolderError, match=r"scene\.toml: cannot be read"):
         resume(folder)

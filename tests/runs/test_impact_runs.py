@@ -3,7 +3,6 @@
 import csv
 import json
 import re
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +22,7 @@ from granular_lmp.plot.view import view
 from granular_lmp.problem import prepare
 from granular_lmp.runs import loop
 from granular_lmp.runs.options import Options
-from granular_lmp.runs.record import read_status, write_status
+from granular_lmp.runs.record import read_status
 
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 20.0})
 SHEET = ImpactScene.load("point_impact").with_values(
@@ -57,15 +56,6 @@ def test_a_run_whose_log_lacks_a_look_of_its_guards_failed(tmp_path: Path, monke
     with pytest.raises(LammpsError, match=r"the log lacks step \d+"):
         run_impact(CHAIN, tmp_path / "run")
     assert read_status(tmp_path / "run")["status"] == "failed"
-
-
-def test_a_record_has_as_many_times_as_its_run_says(folders: dict[str, Path], tmp_path: Path) -> None:
-    shutil.copytree(folders["chain"], tmp_path / "run")
-    info = json.loads((tmp_path / "run/run.json").read_text())
-    count = info["samples"]
-    write_status(tmp_path / "run", info | {"samples": count + 1})
-    with pytest.raises(RunFolderError, match=f"{count} records, and run.json says {count + 1}"):
-        ImpactRecord.load(tmp_path / "run")
 
 
 def test_two_ranks_move_a_sheet_alike(folders: dict[str, Path], tmp_path: Path) -> None:

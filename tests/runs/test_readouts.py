@@ -12,10 +12,9 @@ from cases.driven.waves import driven_amplitudes
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
-from granular_lmp.errors import ReadoutError, RunFolderError, ViewError
+from granular_lmp.errors import ReadoutError, ViewError
 from granular_lmp.plot.view import sweep_figure
 from granular_lmp.runs.readouts import readout, readout_columns, steady_part
-from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies.sweep import Sweep, sweep
 from tests.manual import Measure, Mutant, verifies
 
@@ -169,14 +168,3 @@ def test_a_sweep_over_frequency_is_a_response_curve(tmp_path: Path) -> None:
     short = sweep(TONE, {"time.duration": [10.0]}, tmp_path / "short")
     with pytest.raises(ViewError, match=r"column = 'line\.u1': time\.duration = 10\.0: leaves .* steady periods"):
         sweep_figure(short, "line.u1")
-
-
-@pytest.mark.parametrize("said", [3, {"u": 1}, {"v": {"1": 0.1}}, {"phi": {"1": [0.1, "x"]}}, {"u": {"1": [0.1]}}])
-def test_other_readouts_in_a_run_folder_are_refused(said: Any, driven: Record, tmp_path: Path) -> None:
-    write_status(tmp_path, driven.info)
-    assert read_status(tmp_path)["monitors"] == driven.info["monitors"]
-    write_status(tmp_path, driven.info | {"monitors": {"near": said}})
-    with pytest.raises(
-        RunFolderError, match=r"run\.json: monitors\.near.* must be a (JSON object|number and its error)"
-    ):
-        read_status(tmp_path)

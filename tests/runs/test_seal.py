@@ -137,7 +137,7 @@ def test_a_trajectory_whose_dump_is_gone_is_refused(copied: Path) -> None:
     refused(folder, DUMP, "is missing")
 
 
-@pytest.mark.parametrize("key", ["files", "format", "sealed", "status"])
+@pytest.mark.parametrize("key", ["files", "sealed", "status"])
 def test_a_run_json_that_says_less_is_refused(key: str, copied: Path) -> None:
     for kind in ("steps", "impact_steps"):
         path = copied / kind / STATUS
@@ -146,19 +146,6 @@ def test_a_run_json_that_says_less_is_refused(key: str, copied: Path) -> None:
         path.write_text(json.dumps(info))
         with pytest.raises(RunFolderError, match=re.escape(str(path))):
             read_all(copied / kind)
-    if key == "files":
-        write_status(copied / "steps", json.loads((copied / "steps" / STATUS).read_text()))
-        refused(copied / "steps", STATUS, "has no list of files")
-
-
-def test_only_the_first_release_wrote_no_format(copied: Path) -> None:
-    path = copied / "wave" / STATUS
-    (copied / "wave" / LOG).write_text("changed")
-    info = json.loads(path.read_text())
-    for gone in ({"format"}, {"format", "sealed"}, {"format", "versions"}, {"format", "files"}):
-        path.write_text(json.dumps({key: value for key, value in info.items() if key not in gone}))
-        with pytest.raises(RunFolderError, match="format: missing key"):
-            read_all(copied / "wave")
 
 
 def test_a_step_of_another_run_is_refused(copied: Path, tmp_path: Path) -> None:

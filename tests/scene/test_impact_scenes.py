@@ -1,6 +1,7 @@
 """Scenes of impacts: spheres that just touch, the units, what is refused, and the deck."""
 
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -155,6 +156,18 @@ def test_what_has_no_meaning_is_refused_by_name(scene: ImpactScene, key: str, va
     more |= {"packing.sides": "periodic", "striker.1.spheres": [[0, 0]]} if "periodic" in message else {}
     with pytest.raises(SceneError, match=re.escape(message)):
         scene.with_values({**more, key: value})
+
+
+def test_a_sheet_that_is_periodic_both_ways_has_no_free_ends(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    periodic = SHEET.with_values({"packing.rows": 20, "packing.ends": "periodic", "packing.sides": "periodic"})
+    walls = {each.name: each for each in prepare(periodic).effects}["walls"]
+    assert (walls.on, walls.finding) == (False, "the packing is periodic and has no ends")
+    path = tmp_path / "scene.toml"
+    path.write_text(periodic.to_toml())
+    main(["check", str(path)])
+    assert "packing.first" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import granular_lmp
-from granular_lmp import ImpactRecord, ImpactScene, Scene, run, run_impact
+from granular_lmp import ImpactRecord, ImpactScene, Scene, export, run, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import deck_of
@@ -47,7 +47,7 @@ def test_a_state_of_velocities_is_a_striker(tmp_path: Path) -> None:
 
 def test_a_file_of_one_time_of_a_run_goes_on_from_there(tmp_path: Path) -> None:
     whole = run_impact(SHEET, tmp_path / "whole")
-    whole.write_si(tmp_path / "whole.csv")
+    export(whole, tmp_path / "whole.csv")
     head, *lines = (tmp_path / "whole.csv").read_text().splitlines()
     chosen = [line for line in lines if float(line.split(",")[0]) == whole.tau[3] * whole.scale.time]
     (tmp_path / "state.csv").write_text("\n".join([head, *chosen]) + "\n\n")

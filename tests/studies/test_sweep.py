@@ -631,61 +631,7 @@ def parent(process: Path) -> int | None:
 # ---------------------------------------------------------------- run folders that stand for other points
 
 
-def exchanged(small: Scene, folder: Path) -> tuple[Path, Path]:
-    """The run folders of a sweep of two runs, each under the name of the other."""
-    sweep(small, TWO, folder)
-    first, second = sorted((folder / "runs").iterdir())
-    first.rename(folder / "aside")
-    second.rename(first)
-    (folder / "aside").rename(second)
-    return first, second
-
-
-def test_exchanged_run_folders_are_refused_by_name_and_left_alone(small: Scene, tmp_path: Path) -> None:
-    places = exchanged(small, tmp_path / "sweep")
-    before = [(place / "dump.centre").read_bytes() for place in places]
-    table = (tmp_path / "sweep" / "sweep.csv").read_bytes()
-    said = r"runs/[0-9a-f]{16}: holds the run of another scene \(TR xi=0.785398 a=0.[12]\), that of runs/[0-9a-f]{16};"
-    for start in (
-        lambda: sweep(small, TWO, tmp_path / "sweep"),
-        lambda: sweep(small, TWO, tmp_path / "sweep", force=True),
-        lambda: Sweep.load(tmp_path / "sweep"),
-    ):
-        with pytest.raises(RunFolderError, match=said) as caught:
-            start()
-        assert any(f"{place}: " in str(caught.value) for place in places)
-    assert [(place / "dump.centre").read_bytes() for place in places] == before
-    assert (tmp_path / "sweep" / "sweep.csv").read_bytes() == table
-
-
-def test_run_folders_of_strikes_that_are_exchanged_are_refused(tmp_path: Path) -> None:
-    done = sweep(STRUCK, {"striker.1.velocity": [1.0, 2.0]}, tmp_path / "sweep")
-    first, second = (tmp_path / "sweep" / row["run"] for row in done.rows)
-    first.rename(tmp_path / "aside")
-    second.rename(first)
-    with pytest.raises(RunFolderError, match="holds the run of another scene .a chain of 8 spheres"):
-        Sweep.load(tmp_path / "sweep")
-
-
-def test_a_run_folder_exchanged_after_the_table_was_read_is_refused(small: Scene, tmp_path: Path) -> None:
-    done = sweep(small, TWO, tmp_path / "done")
-    assert done.record(done.rows[0]).scene.wave.amplitude == 0.1
-    exchanged(small, tmp_path / "done")
-    with pytest.raises(RunFolderError, match="holds the run of another scene"):
-        done.record(done.rows[0])
-
-
-def test_an_exchanged_run_that_was_cut_off_is_not_continued(small: Scene, tmp_path: Path) -> None:
-    for place in exchanged(small, tmp_path / "sweep"):
-        write_status(place, read_status(place) | {"status": "interrupted"})
-    with pytest.raises(RunFolderError, match="holds the run of another scene"):
-        sweep(small, TWO, tmp_path / "sweep")
-
-
 def test_the_runs_of_a_sweep_with_a_tolerance_stand_for_their_points(small: Scene, tmp_path: Path) -> None:
     scene = small.with_values({"time.tolerance": 1e-2})
     sweep(scene, TWO, tmp_path / "sweep")
     assert [row["status"] for row in Sweep.load(tmp_path / "sweep").rows] == ["finished", "finished"]
-    exchanged(scene, tmp_path / "sweep")
-    with pytest.raises(RunFolderError, match="holds the run of another scene"):
-        Sweep.load(tmp_path / "sweep")

@@ -1,5 +1,6 @@
 """The gradient of a run: Taylor remainders and adjoints over all kinds of networks and factors, and what is refused."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -11,11 +12,13 @@ from granular_analysis.theory.network import Material, Network, Wall
 from granular_analysis.theory.network_outside import Drive
 from granular_analysis.theory.network_state import State, start
 from granular_analysis.theory.network_verlet import march
+from granular_analysis.theory.signals import tone
 from tests.conftest import members
 
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
 gradients = pytest.importorskip("granular_analysis.theory.network_gradient", reason="needs JAX")
+factors = pytest.importorskip("granular_analysis.theory.network_factors", reason="needs JAX")
 
 OVERLAP, ADHESION = 1e-2, 1e-3  # so deep that a step of 1e-3 in a radius opens no contact
 RECORDED = np.array([5, 9])
@@ -32,11 +35,13 @@ KINDS = {
     "drag": {"drag": np.linspace(0, 0.05, 24)},
     "layer": {"space": True},
 }
-FACTORS = ["density", "radius", "normal_stiffness", "shear_stiffness", "damping", "amplitude", "drives"]
+FACTORS = list(factors.FACTORS)
+# Steps of a factor over four decades; in a radius they change overlaps a hundred times as much
+STEPS = 10.0 ** -np.arange(1.5, 6)
 
 
 @cache
-def of_kind(kind: str) -> "gradients.Run":
+def of_kind(kind: str) -> "factors.Run":
     """Return a run of 40 steps of a wave in 4 × 6 spheres, one of which is pushed."""
     changes = dict(KINDS[kind])
     space = changes.pop("space", False)
@@ -49,79 +54,157 @@ def of_kind(kind: str) -> "gradients.Run":
     if space:
         places, way, cell = np.hstack([places, np.zeros((24, 1))]), np.hstack([way, size]), (*cell, np.inf)
         changes["walls"] = (Wall((0.0, 0.0, OVERLAP / 2 - 1), (0.0, 0.0, -1.0), Material(2.0, 0.3, ADHESION)),)
-    push = Drive(np.array([7]), 0, lambda time: 1e-5 * np.cos(time / 20), longest=20.0, size=1e-5)
+    signal = tone(0.3, 5.0)
+    push = Drive(np.array([7]), 0, lambda time: 3e-4 * signal(time), longest=3.0, size=3e-4)
     numbers = {"materials": (Material(1.0, 0.2, ADHESION),)} | changes
     network = Network(places, np.ones(24), np.ones(24), cell=cell, drives=(push,), **numbers)
-    return gradients.Run(network, start(network, way, 0.0), 0.5, 8, 5, RECORDED)
+    state = start(network, way, 0.0)
+    ahead = np.roll(state.motion, 4, axis=1)
+    return factors.Run(network, state, 0.5, 8, 5, RECORDED, contacts=np.arange(0, 60, 7), quadrature=ahead)
 
 
-def read_off(motions: object) -> object:
+def read_off(found: object) -> object:
     """Return a number that hangs on all of a record."""
-    weights = jnp.asarray(np.random.default_rng(3).normal(size=motions.shape))
-    return jnp.sum(weights * motions) + 1e3 * jnp.sum(motions[:, 0] ** 2)
+    weights = jnp.asarray(np.random.default_rng(3).normal(size=found.motion.shape))
+    return jnp.sum(weights * found.motion) + 1e3 * (jnp.sum(found.motion[:, 0] ** 2) + jnp.sum(found.power))
+
+
+def order_of(left: np.ndarray, sizes: np.ndarray) -> float:
+    """Return the slope of logarithms."""
+    return float(np.polyfit(np.log(sizes), np.log(left), 1)[0])
 
 
 def test_a_record_without_factors_is_that_of_the_steps() -> None:
     run = of_kind("friction")
-    found = np.asarray(gradients.record(run, run.ones("density")))
+    found = gradients.record(run, run.neutral(*FACTORS))
     expected = np.array([*march(run.network, run.state, run.step, 40, 5)])[:, :, RECORDED]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+    np.testing.assert_allclose(found.motion, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+    assert found.times == pytest.approx(2.5 * np.arange(9))
 
 
 # Of a kind all is compiled once, which takes some seconds; one holds the lines of most
 @pytest.mark.parametrize("kind", members(KINDS, *(kind for kind in KINDS if kind != "friction")))
 def test_what_a_gradient_leaves_is_of_second_order_and_both_modes_are_adjoint(kind: str) -> None:
     run, rng = of_kind(kind), np.random.default_rng(1)
-    ones = run.ones(*FACTORS)
+    ones = run.neutral(*FACTORS)
     value, slope = gradients.gradient(run, read_off, ones)
     for name in FACTORS:
         way = rng.normal(size=ones[name].shape)
-        along = float(np.sum(slope[name] * way))
-        direction = {each: way if each == name else 0 * ones[each] for each in FACTORS}
-        forward = float(gradients.derivative(run, read_off, ones, direction)[1])
-        assert forward == pytest.approx(along, rel=1e-11, abs=1e-15 * abs(value)), name
-        sizes = 10.0 ** np.array([-4, -5]) / np.abs(way).max()
-        found = [gradients.record(run, ones | {name: ones[name] + size * way}) for size in sizes]
-        left = np.abs(np.array([*map(float, map(read_off, found))]) - value - along * sizes)
-        floor = 1e-12 * abs(value)  # rounding of the record
-        if left[1] > 10 * floor:
-            assert np.log10(left[0] / left[1]) == pytest.approx(2, abs=0.1), name
-        else:  # linear, or nothing hangs on it
-            assert left[0] < max(200 * left[1], 10 * floor), name
+        way /= np.abs(way).max()
+        along, direction = float(np.sum(slope[name] * way)), {each: 0 * ones[each] for each in FACTORS} | {name: way}
+
+        def read(size: float, direction: dict[str, object] = direction) -> tuple[float, float]:
+            moved = {each: ones[each] + size * direction[each] for each in FACTORS}
+            return tuple(map(float, gradients.derivative(run, read_off, moved, direction)))
+
+        assert read(0.0)[1] == pytest.approx(along, rel=1e-11, abs=1e-15 * abs(value)), name
+        sizes = STEPS * (1e-2 if name == "radius" else 1.0)
+        left = np.array([abs(read(size)[0] - value - along * size) for size in sizes])
+        if left[0] > 1e-12 * abs(value):  # else linear, or nothing hangs on it, to rounding
+            assert order_of(left, sizes) == pytest.approx(2, abs=0.1), name
 
 
-def test_a_contact_that_opens_or_slides_is_named_and_refused_unless_asked_for() -> None:
-    run = of_kind("sheet")
-    wide = replace(run, state=start(run.network, 30 * run.state.motion[:2].T, 0.0))
-    ones = run.ones("density")
-    with pytest.raises(TheoryError, match=r"\d+ contacts opened, first pair \d+"):
-        gradients.gradient(wide, read_off, ones)
-    assert np.isfinite(gradients.gradient(wide, read_off, ones, kinks=True)[1]["density"]).all()
-    far = replace(run, state=start(run.network, 1e3 * run.state.motion[:2].T, 0.0))
+@pytest.mark.more  # it compiles for half a minute; that of a sphere on a spring is below
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_a_hessian_leaves_is_of_third_order_and_it_is_symmetric(kind: str) -> None:
+    run, rng = of_kind(kind), np.random.default_rng(2)
+    ones = run.neutral(*FACTORS)
+    one, other = ({name: rng.normal(size=ones[name].shape) for name in FACTORS} for _ in range(2))
+    slope, by_one = gradients.hessian_product(run, read_off, ones, one)
+    by_other = gradients.hessian_product(run, read_off, ones, other)[1]
+    both = [sum(np.sum(a[name] * b[name]) for name in FACTORS) for a, b in ((other, by_one), (one, by_other))]
+    assert both[0] == pytest.approx(both[1], rel=1e-11)
+    # All factors together, and of a radius a hundredth
+    way = {name: one[name] * (1e-2 if name == "radius" else 1.0) for name in FACTORS}
+    slope, change = gradients.hessian_product(run, read_off, ones, way)
+    first, second = (sum(np.sum(a[name] * way[name]) for name in FACTORS) for a in (slope, change))
+    sizes, left = 10.0 ** -np.arange(1.5, 4, 0.5), []
+    value = gradients.derivative(run, read_off, ones, way)[0]
+    for size in sizes:
+        moved = {name: ones[name] + size * way[name] for name in FACTORS}
+        read = float(gradients.derivative(run, read_off, moved, way)[0])
+        left.append(abs(read - value - size * first - size**2 / 2 * second))
+    assert order_of(np.array(left), sizes) == pytest.approx(3, abs=0.1)
     with pytest.raises(TheoryError, match="spheres move so far that others may touch"):
-        gradients.gradient(far, read_off, ones, kinks=True)
-    slippery = replace(run, network=replace(run.network, friction=1e-2))
-    with pytest.raises(TheoryError, match=r"\d+ contacts slid"):
-        gradients.gradient(slippery, read_off, ones)
+        gradients.hessian_product(run, read_off, ones | {"amplitude": 1e3}, one, kinks=True)
+
+
+# Factors make the run of `friction` another one without another compilation
+WIDE, FAR, SLIPPERY = {"amplitude": 30.0}, {"amplitude": 1e3}, {"normal_stiffness": 1e-5}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (WIDE, r"\d+ contacts opened, first pair \d+"),
+        (FAR, "spheres move so far that others may touch"),
+        (SLIPPERY, r"\d+ contacts slid"),
+    ],
+)
+def test_a_contact_that_opens_or_slides_and_far_motion_are_refused_on_every_path(
+    changes: dict[str, float], message: str
+) -> None:
+    run = of_kind("friction")
+    ones = run.neutral(*FACTORS)
+    there = ones | {name: value * ones[name] for name, value in changes.items()}
+
+    def paths(kinks: bool) -> list[Callable[[], object]]:
+        return [
+            lambda: gradients.gradient(run, read_off, there, kinks=kinks),
+            lambda: gradients.derivative(run, read_off, there, ones, kinks=kinks),
+        ]
+
+    for path in paths(changes is FAR) + [lambda: gradients.record(run, there)] * (changes is FAR):
+        with pytest.raises(TheoryError, match=message):
+            path()
+    if changes is not FAR:
+        assert np.isfinite(paths(True)[0]()[1]["density"]).all()
     assert 0 < gradients.events(run, ones).nearest < 1
+
+
+def test_a_pair_that_never_touches_is_not_the_nearest_to_open() -> None:
+    """Of four spheres in a row the two in the middle have a gap that is a candidate for a contact."""
+    gap, overlap = 1e-3, OVERLAP
+    along = np.cumsum([0.0, 2 - overlap, 2 + gap, 2 - overlap])
+    material = (Material(1.0, 0.2),)
+    network = Network(np.stack([along, 0 * along], axis=1), np.ones(4), np.ones(4), material, held=np.ones(4, bool))
+    assert np.sum(start(network, 0.0, 0.0).pairs.overlap < 0) == 1
+    run = factors.Run(network, start(network, 0.0, 0.0), 0.1, 1, 1, np.array([0]))
+    assert gradients.events(run, {}).nearest == pytest.approx(1, rel=1e-12)
 
 
 def test_an_unknown_factor_is_refused_by_name() -> None:
     with pytest.raises(TheoryError, match="'mass': is no factor of a run; density, radius"):
-        of_kind("sheet").ones("mass")
+        of_kind("sheet").neutral("mass")
 
 
-def test_the_mass_of_a_sphere_on_a_spring_has_the_slope_of_its_closed_form() -> None:
+def test_a_phase_without_a_quadrature_and_a_delay_of_a_signal_for_numpy_alone_are_refused() -> None:
+    run = of_kind("sheet")
+    with pytest.raises(TheoryError, match="phase: needs the quadrature of the run"):
+        replace(run, quadrature=None).neutral("phase")
+    push = replace(run.network.drives[0], signal=lambda time: np.cos(time))
+    plain = replace(run, network=replace(run.network, drives=(push,)))
+    with pytest.raises(TheoryError, match="delay: a signal takes arrays of NumPy alone"):
+        gradients.record(plain, plain.neutral("delay"))
+
+
+def test_the_mass_of_a_sphere_on_a_spring_has_the_slope_and_the_curvature_of_its_closed_form() -> None:
     """Between two held spheres a small motion is cos ωt, ω² = 2k/m, by the steps cos(2t/h arcsin(ωh/2))."""
     spacing = 2 - OVERLAP
     places = spacing * np.array([[0.0, 0], [1, 0], [2, 0]])
     material, held = (Material(1.0, 0.2, ADHESION),), np.array([True, False, True])
     network = Network(places, np.ones(3), np.ones(3), material, held=held)
     state: State = start(network, [[0, 0], [1e-8, 0], [0, 0]], 0.0)
-    run = gradients.Run(network, state, 0.7, 1, 100, np.array([1]))
+    run = factors.Run(network, state, 0.7, 1, 100, np.array([1]))
     stiffness = 1.5 * state.pairs.A[0] * np.sqrt(OVERLAP)
-    rate = np.sqrt(2 * stiffness / network.mass[1])
-    _, slope = gradients.gradient(run, lambda motions: motions[-1, 0, 0] / 1e-8, run.ones("density"))
-    angle, half = 2 * 100 * np.arcsin(rate * 0.7 / 2), rate * 0.7 / 2
-    expected = np.sin(angle) * 100 * half / np.sqrt(1 - half**2)  # −sin(angle) dangle/dω · (−ω/2m) m
-    assert slope["density"][1] == pytest.approx(expected, rel=1e-6)  # the wave is of the size 1e-6 of the overlap
+    half = np.sqrt(2 * stiffness / network.mass[1]) * 0.7 / 2
+    slope, change = gradients.hessian_product(
+        run, lambda found: found.motion[-1, 0, 0] / 1e-8, run.neutral("density"), {"density": np.eye(3)[1]}
+    )
+    # Of cos φ, φ = 200 arcsin(half/√density)
+    angle, root = 200 * np.arcsin(half), np.sqrt(1 - half**2)
+    first, second = -100 * half / root, 100 * half * (1 / root + 0.5 / root**3)
+    exact = -np.sin(angle) * first, -np.cos(angle) * first**2 - np.sin(angle) * second
+    small = 1e-6  # the wave is of the size 1e-6 of the overlap
+    assert slope["density"][1] == pytest.approx(exact[0], rel=small)
+    assert change["density"][1] == pytest.approx(exact[1], rel=small)

@@ -192,7 +192,7 @@ def signal_of(source: Any, scene: Scene, second: float = 1.0) -> tuple[Function,
 
 
 def _scaled(signal: Function, size: float, time: float) -> Function:
-    return lambda t: size * signal(np.asarray(t) / time)
+    return lambda t: size * signal(t / time)
 
 
 def face(scene: Scene, name: str) -> str:

@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 SOURCE = Path(__file__).with_suffix(".c")
 # Products are not fused with sums: all processors then give the same bits
 FLAGS = ("-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
-_BEGIN = ctypes.c_char * 0  # at the begin of an array, also of an empty one
+_BEGIN = ctypes.c_char * 0  # at the start of an array, also of an empty one
 
 
 @cache

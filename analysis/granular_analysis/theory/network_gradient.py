@@ -1,28 +1,21 @@
 """The gradient of a whole run: how a number that is read off a record depends on each sphere, contact and signal.
 
-A run of `granular_analysis.theory.network_traced` from a state is a function of factors, each 1 where nothing changes:
+Numbers are functions of a `Record`, such as those of `granular_analysis.theory.network_objectives`; what they depend on
+are the factors of `granular_analysis.theory.network_factors`.
 
-    density          (N,) of the density of each sphere
-    radius           (N,) of its radius, with the mass, the stiffnesses and the overlaps that follow; places stay
-    normal_stiffness (M,) of the normal force of each pair at a given overlap, and of its pull
-    shear_stiffness  (M,) of the shear force of each pair at a given overlap
-    damping          ()   of the dashpots
-    amplitude        ()   of the displacements, turns, velocities and spins at the begin
-    drives           (D,) of the signal of each drive
-
-Reverse mode (`gradient`) costs about ten runs for any number of factors, with the memory of 2 √steps states: each of
-√steps parts is run again on the way back. Forward mode (`derivative`) costs two runs for one direction.
+Reverse mode (`gradient`) costs about eight runs for any number of factors, with the memory of 2 √steps states: each of
+√steps parts is run again on the way back, and so is each of its steps. Forward mode (`derivative`) costs two runs for
+one direction. The change of the gradient along a direction (`hessian_product`) is forward over reverse mode.
 
 Good values: a number of samples with a divisor near √(samples/every), as the parts are whole samples of equal number.
 
-When it breaks: where a contact opens, closes or slides the record has a kink, and the gradient is that of one side of
-it. `events` tells which contacts do, and how near the others are; `gradient` refuses such a run unless it is asked.
+When it breaks: where a contact opens, closes or slides the record has a kink, and a derivative is that of one side of
+it. `events` tells which contacts do, and how near the others are; all here refuse such a run unless they are asked.
 
 Source: A. Griewank and A. Walther, Evaluating Derivatives (2008), chapters 3 and 12.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import partial
 from math import log
 from typing import Any, NamedTuple
@@ -35,120 +28,122 @@ from numpy.typing import NDArray
 
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network import Network
-from granular_analysis.theory.network_state import Pairs, State, acting, meetings, resultants
-from granular_analysis.theory.network_tangents import combined, dot, scaled, times
-from granular_analysis.theory.network_traced import Arrays, arrays_of, on_device, pairs_of
-from granular_analysis.theory.network_verlet import Bodies, Carried, moved, pushed, signals, stepped
+from granular_analysis.theory.network_factors import Factors, Run, prepared
+from granular_analysis.theory.network_state import Pairs, acting, meetings, with_walls
+from granular_analysis.theory.network_tangents import combined, dot, length, less, scaled
+from granular_analysis.theory.network_traced import on_device
+from granular_analysis.theory.network_verlet import Carried, stepped
 
-__all__ = ["Run", "derivative", "events", "gradient", "record"]
+__all__ = ["Record", "derivative", "events", "gradient", "hessian_product", "record"]
 
 Floats = NDArray[np.float64]
-Factors = Mapping[str, Any]
-Objective = Callable[[Any], Any]
-SIZES = ("density", "radius", "normal_stiffness", "shear_stiffness", "damping", "amplitude", "drives")
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
-    """A run whose record is differentiated.
+class Record(NamedTuple):
+    """What is recorded at the begin and after each sample.
 
     Attributes
     ----------
-    network, state : as of `granular_analysis.theory.network_state.start`; pairs are not searched again.
-    step : length of a step.
-    samples, every : number of records after the begin, and the steps between two.
-    spheres : (n,) indices of those recorded.
+    times : (T + 1,).
+    motion : (T + 1, 2f, n) displacements, turns, velocities, spins of the spheres.
+    power : (T + 1, C) that each of the contacts carries from its first to its second sphere: half of what the second
+        gets from it, less half of what the first does.
     """
 
-    network: Network
-    state: State
-    step: float
-    samples: int
-    every: int
-    spheres: NDArray[np.intp]
-
-    def ones(self, *names: str) -> dict[str, Floats]:
-        """Return factors of 1 by name, of their shapes."""
-        count, pairs = len(self.network.position), len(self.state.pairs.first)
-        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(SIZES, ())
-        shapes |= dict.fromkeys(("density", "radius"), (count,))
-        shapes |= dict.fromkeys(("normal_stiffness", "shear_stiffness"), (pairs,))
-        shapes |= {"drives": (len(self.network.drives),)}
-        if unknown := [name for name in names if name not in shapes]:
-            raise TheoryError(f"{unknown[0]!r}: is no factor of a run; {', '.join(SIZES)} are")
-        return {name: np.ones(shapes[name]) for name in names}
+    times: Any
+    motion: Any
+    power: Any
 
 
-def varied(network: Network, arrays: Arrays, bodies: Bodies, factors: Factors) -> tuple[Arrays, Bodies]:
-    """Return the numbers of pairs and spheres with factors."""
-    count, still = len(network.position), jnp.zeros(len(network.walls))
-    radius, density = (jnp.asarray(factors.get(name, 1.0)) * jnp.ones(count) for name in ("radius", "density"))
-    lighter = 1 / (radius**3 * density)
-    ways, turns = [lighter] * network.dimension, [lighter / radius**2] * (network.freedoms - network.dimension)
-    first, second, radii = arrays["first"], arrays["second"], arrays["radii"]
-    larger = radii * jnp.stack([radius[first], jnp.concatenate([radius, still])[second]])
-    wider = _curvature(radii) / _curvature(larger)
-    free = jnp.ones(count) if network.held is None else 1.0 - jnp.asarray(network.held)
-    light = jnp.concatenate([free * lighter / jnp.asarray(network.mass), still])
-    both = light[first] + light[second]
-    normal, shear = (factors.get(name, 1.0) for name in ("normal_stiffness", "shear_stiffness"))
-    arrays = arrays | {
-        "radii": larger,
-        "overlap": arrays["overlap"] + (larger - radii).sum(axis=0),
-        "mass": jnp.where(both > 0, 1 / jnp.where(both > 0, both, 1.0), 0.0),
-        "A": arrays["A"] * normal * jnp.sqrt(wider),
-        "F": arrays["F"] * normal * wider,
-        "B": arrays["B"] * shear * jnp.sqrt(wider),
-        "damping": arrays["damping"] * factors.get("damping", 1.0),
-    }
-    return arrays, bodies._replace(mobility=bodies.mobility * jnp.stack([*ways, *turns]))
+Objective = Callable[[Record], Any]
 
 
-def _curvature(radii: Any) -> Any:
-    """Return 1/Rc (M,) of the radii (2, M) of both ends; that of a wall, which is flat, is given as 0."""
-    flat = radii[1] == 0
-    return 1 / radii[0] + jnp.where(flat, 0.0, 1 / jnp.where(flat, 1.0, radii[1]))
+class _Looks(NamedTuple):
+    """What contacts and spheres have done so far, of `Events`; (M,) but for the last.
+
+    `least` is the smallest overlap while a pair touched, inf if it has not; `always` and `ever` say whether it has
+    touched since the begin, or at all; `hardest` is the largest share of the limit of friction.
+    """
+
+    least: Any
+    always: Any
+    ever: Any
+    hardest: Any
+    farthest: Any
+
+    def with_more(self, other: "_Looks") -> "_Looks":
+        """Return these after what has come to pass since."""
+        return _Looks(
+            jnp.minimum(self.least, other.least),
+            self.always & other.always,
+            self.ever | other.ever,
+            jnp.maximum(self.hardest, other.hardest),
+            jnp.maximum(self.farthest, other.farthest),
+        )
 
 
-def started(network: Network, pairs: Pairs, bodies: Bodies, motion: Any, values: Any) -> Carried:
-    """Return what the first step begins with, of a motion after the straight way without forces from rest."""
-    half = network.freedoms
-    way = meetings(network, [*motion[:half], *motion[:half]], pairs, pairs.overlap > pairs.normal.end)
-    memory = scaled(way.stiffness, way.slip_rate) if network.law == "incremental" else way.slip_rate
-    met = meetings(network, moved(network, bodies, values, list(motion)), pairs, way.closed)
-    now = acting(network, pairs, met, scaled(met.closed, memory))
-    loads = pushed(network, bodies, values, resultants(pairs, now))
-    slips = combined(scaled(met.closed, memory), met.tangents.along)
-    return Carried(tuple(motion), slips, met.closed, times(loads, bodies.mobility))
+def _look(network: Network, pairs: Pairs, now: Carried) -> _Looks:
+    """Return what contacts and spheres do at one moment; nothing has a slope by it."""
+    now = lax.stop_gradient(now)
+    met = meetings(network, now.motion, pairs, now.begun)
+    far = [jnp.max(jnp.abs(way - begin)) for way, begin in zip(now.motion, pairs.place, strict=False)]
+    least = jnp.where(met.closed, met.overlap, jnp.inf)
+    share: Any = jnp.zeros(len(pairs.first))
+    if network.friction < np.inf:
+        acts = acting(network, pairs, met, [dot(now.memory, each) for each in met.tangents.along])
+        limit = network.friction * (acts.repulsion + 2 * pairs.normal.pull * pairs.F)
+        share = met.closed * length(acts.shear) / jnp.where(limit > 0, limit, jnp.inf)
+    return lax.stop_gradient(_Looks(least, met.closed, met.closed, share, jnp.max(jnp.stack(far))))
 
 
-@partial(jax.jit, static_argnums=0)
-def record(run: Run, factors: Factors) -> Any:
-    """Return the motions (T + 1, 2f, n) of the recorded spheres, at the begin and after each sample."""
-    network = run.network
-    arrays, bodies = varied(network, arrays_of(run.state.pairs), on_device(Bodies.of(network, run.step)), factors)
-    pairs, drives = pairs_of(network, arrays), factors.get("drives", jnp.ones(len(network.drives)))
-    count = run.samples * run.every
-    values = jnp.asarray(signals(network, run.step, 0, count + 1)) * drives[:, None]
-    begin = started(network, pairs, bodies, jnp.asarray(run.state.motion) * factors.get("amplitude", 1.0), values[0])
-    spheres = jnp.asarray(run.spheres)
+def _power(run: Run, pairs: Pairs, now: Carried) -> Any:
+    """Return the power (C,) through the contacts that are recorded."""
+    network, dimension = run.network, run.network.dimension
+    if not len(run.contacts):
+        return jnp.zeros(0)
+    met = meetings(network, now.motion, pairs, now.begun)
+    acts = acting(network, pairs, met, [dot(now.memory, each) for each in met.tangents.along])
+    pull = less(combined(acts.shear, met.tangents.along), scaled(acts.repulsion, met.normal))
+    rates = with_walls(network, now.motion[network.freedoms :])
+    gains = []
+    for end, arm, force in zip((pairs.first, pairs.second), pairs.radii, (pull, scaled(-1.0, pull)), strict=True):
+        speed = [row[end] for row in rates]
+        lever = arm - pairs.shortened * met.overlap
+        gains.append(dot(force, speed[:dimension]) + lever * dot(acts.twist, speed[dimension:]))
+    return ((gains[1] - gains[0]) / 2)[np.asarray(run.contacts)]
 
-    def one(now: Carried, at: Any) -> tuple[Carried, None]:
-        return stepped(network, pairs, bodies, now, at), None
 
-    def sample(now: Carried, at: Any) -> tuple[Carried, Any]:
-        now = lax.scan(one, now, at)[0]
-        return now, jnp.stack([row[spheres] for row in now.motion])
+def _marched(run: Run, factors: Factors) -> tuple[Record, tuple[_Looks, _Looks]]:
+    """Return the record of a run, and what was seen at its begin and until its end."""
+    network, spheres = run.network, jnp.asarray(run.spheres)
+    pairs, bodies, values, begin = prepared(run, factors)
+    again = partial(jax.checkpoint, prevent_cse=False)  # which is for no scan
 
-    def part(now: Carried, at: Any) -> tuple[Carried, Any]:
-        return lax.scan(sample, now, at)
+    def noted(now: Carried) -> tuple[Any, Any]:
+        return jnp.stack([row[spheres] for row in now.motion]), _power(run, pairs, now)
 
-    # The way back holds the begin of each part, and the steps of the part that it runs again
-    length = _part(run.samples, run.every)
-    shape = run.samples // length, length, run.every, *values.shape[1:]
-    found = lax.scan(jax.checkpoint(part), begin, values[1:].reshape(shape))[1]
-    first = jnp.stack([row[spheres] for row in begin.motion])[None]
-    return jnp.concatenate([first, found.reshape(run.samples, *first.shape[1:])])
+    def one(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], None]:
+        now, looks = carry
+        now = stepped(network, pairs, bodies, now, at)
+        return (now, looks.with_more(_look(network, pairs, now))), None
+
+    def sample(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], Any]:
+        carry = lax.scan(again(one), carry, at)[0]
+        return carry, noted(carry[0])
+
+    def part(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], Any]:
+        return lax.scan(sample, carry, at)
+
+    # The way back holds the begin of each part, and of each step of the part that it runs again
+    many = _part(run.samples, run.every)
+    shape = run.samples // many, many, run.every, *values.shape[1:]
+    first = _look(network, pairs, begin)
+    (_, last), found = lax.scan(again(part), (begin, first), values[1:].reshape(shape))
+    rows = [
+        jnp.concatenate([now[None], later.reshape(run.samples, *now.shape)])
+        for now, later in zip(noted(begin), found, strict=True)
+    ]
+    return Record(run.step * run.every * jnp.arange(run.samples + 1), *rows), (first, last)
 
 
 def _part(samples: int, every: int) -> int:
@@ -157,14 +152,45 @@ def _part(samples: int, every: int) -> int:
     return min(divisors, key=lambda each: abs(log(each**2 * every / samples)))
 
 
-@partial(jax.jit, static_argnums=(0, 1))
-def _value_and_slope(run: Run, objective: Objective, factors: Factors) -> tuple[Any, Any]:
-    return jax.value_and_grad(lambda factors: objective(record(run, factors)))(factors)
+_recorded = partial(jax.jit, static_argnums=0)(_marched)
+
+
+def _number(run: Run, objective: Objective) -> Callable[[Factors], tuple[Any, tuple[_Looks, _Looks]]]:
+    """Return what reads a number off the record of factors, beside what was seen."""
+
+    def number(factors: Factors) -> tuple[Any, tuple[_Looks, _Looks]]:
+        found, looks = _marched(run, factors)
+        return objective(found), looks
+
+    return number
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _along(run: Run, objective: Objective, factors: Factors, direction: Factors) -> tuple[Any, Any]:
-    return jax.jvp(lambda factors: objective(record(run, factors)), (factors,), (direction,))
+def _value_and_slope(run: Run, objective: Objective, factors: Factors) -> Any:
+    return jax.value_and_grad(_number(run, objective), has_aux=True)(factors)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _along(run: Run, objective: Objective, factors: Factors, direction: Factors) -> Any:
+    return jax.jvp(_number(run, objective), (factors,), (direction,), has_aux=True)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _slope_along(run: Run, objective: Objective, factors: Factors, direction: Factors) -> Any:
+    return jax.jvp(jax.grad(_number(run, objective), has_aux=True), (factors,), (direction,), has_aux=True)
+
+
+def record(run: Run, factors: Factors) -> Record:
+    """Return the record of a run, in arrays of NumPy.
+
+    Raises
+    ------
+    TheoryError
+        For spheres that move so far that others may touch.
+    """
+    found, looks = _recorded(run, on_device(dict(factors)))
+    _refuse(_events(run, *looks), kinks=True)
+    return Record(*map(np.asarray, found))
 
 
 def gradient(
@@ -176,9 +202,9 @@ def gradient(
     ----------
     run : Run
     objective : callable
-        Motions (T + 1, 2f, n), an array of JAX → a number, by functions of ``jax.numpy``.
+        `Record` → a number, by functions of ``jax.numpy``.
     factors : mapping
-        Of `Run.ones` or near it, by name; those that are not given are 1, and have no gradient.
+        Of `Run.neutral` or near it, by name; those that are not given change nothing, and have no gradient.
     kinks : bool
         Take a run in which a contact opens, closes or slides.
 
@@ -187,18 +213,45 @@ def gradient(
     TheoryError
         For such a run without `kinks`, and for spheres that move so far that others may touch.
     """
-    known = events(run, factors)
+    (value, looks), slope = _value_and_slope(run, objective, on_device(dict(factors)))
+    _refuse(_events(run, *looks), kinks)
+    return float(value), _by_name(slope)
+
+
+def derivative(
+    run: Run, objective: Objective, factors: Factors, direction: Factors, *, kinks: bool = False
+) -> tuple[Any, Any]:
+    """Return what is read off the record, of any shape, and its derivative along a direction of the factors.
+
+    Other parameters, and what is refused, as of `gradient`.
+    """
+    value, slope, looks = _along(run, objective, on_device(dict(factors)), on_device(dict(direction)))
+    _refuse(_events(run, *looks), kinks)
+    return value, slope
+
+
+def hessian_product(
+    run: Run, objective: Objective, factors: Factors, direction: Factors, *, kinks: bool = False
+) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Return the gradient, and the product of the Hessian and a direction of the factors.
+
+    Other parameters, and what is refused, as of `gradient`.
+    """
+    slope, change, looks = _slope_along(run, objective, on_device(dict(factors)), on_device(dict(direction)))
+    _refuse(_events(run, *looks), kinks)
+    return _by_name(slope), _by_name(change)
+
+
+def _by_name(slope: Factors) -> dict[str, Floats]:
+    return {name: np.asarray(each) for name, each in slope.items()}
+
+
+def _refuse(known: "Events", kinks: bool) -> None:
+    """Raise TheoryError for a run with kinks that were not asked for, or in which spheres move too far."""
     if known.farthest > 1:
         raise TheoryError("spheres move so far that others may touch, which a gradient does not search")
     if known.trouble and not kinks:
         raise TheoryError(f"{known.trouble}; the gradient is that of one side: kinks = True takes it")
-    value, slope = _value_and_slope(run, objective, on_device(dict(factors)))
-    return float(value), {name: np.asarray(each) for name, each in slope.items()}
-
-
-def derivative(run: Run, objective: Objective, factors: Factors, direction: Factors) -> tuple[float, Any]:
-    """Return what is read off the record, of any shape, and its derivative along a direction of the factors."""
-    return _along(run, objective, on_device(dict(factors)), on_device(dict(direction)))
 
 
 class Events(NamedTuple):
@@ -206,9 +259,9 @@ class Events(NamedTuple):
 
     Attributes
     ----------
-    parted, met : pairs (K,) that touched at the begin and did not later, and the other way round.
+    parted, met : pairs (K,) that touched at the start and did not later, and the other way round.
     slid : pairs that slid.
-    nearest : smallest overlap of pairs that touch, over the mean one at the begin.
+    nearest : smallest overlap of pairs that touch, over the mean one of those at the begin.
     hardest : largest share of the limit of friction; 0 without friction.
     farthest : largest displacement over that at which pairs are searched again.
     """
@@ -228,46 +281,20 @@ class Events(NamedTuple):
         return "; ".join(found)
 
 
-@partial(jax.jit, static_argnums=0)
-def _extremes(run: Run, factors: Factors) -> tuple[Any, ...]:
-    network = run.network
-    arrays, bodies = varied(network, arrays_of(run.state.pairs), on_device(Bodies.of(network, run.step)), factors)
-    pairs, drives = pairs_of(network, arrays), factors.get("drives", jnp.ones(len(network.drives)))
-    values = jnp.asarray(signals(network, run.step, 0, run.samples * run.every + 1)) * drives[:, None]
-    begin = started(network, pairs, bodies, jnp.asarray(run.state.motion) * factors.get("amplitude", 1.0), values[0])
-
-    def seen(now: Carried) -> tuple[Any, ...]:
-        met = meetings(network, now.motion, pairs, now.begun)
-        parts = tuple(dot(now.memory, each) for each in met.tangents.along)
-        acts = acting(network, pairs, met, parts)
-        limit = network.friction * (acts.repulsion + 2 * pairs.normal.pull * pairs.F)
-        share = jnp.sqrt(dot(acts.shear, acts.shear)) / jnp.where(limit > 0, limit, jnp.inf)
-        far = jnp.max(jnp.stack([jnp.max(jnp.abs(a - b)) for a, b in zip(now.motion, pairs.place, strict=False)]))
-        return met.overlap, met.closed, met.closed, share * met.closed, far
-
-    def one(carry: Any, at: Any) -> tuple[Any, None]:
-        now, (least, always, ever, hardest, farthest) = carry
-        now = stepped(network, pairs, bodies, now, at)
-        overlap, closed, _, share, far = seen(now)
-        least = jnp.minimum(least, jnp.where(closed, overlap, jnp.inf))
-        looks = least, always & closed, ever | closed, jnp.maximum(hardest, share), jnp.maximum(farthest, far)
-        return (now, looks), None
-
-    looks = lax.scan(one, (begin, seen(begin)), values[1:])[0][1]
-    return (begin.begun, jnp.mean(seen(begin)[0]), *looks)
-
-
 def events(run: Run, factors: Factors) -> Events:
     """Return which contacts opened, closed or slid in a run, and how near others were."""
-    begun, mean, least, always, ever, hardest, farthest = map(np.asarray, _extremes(run, on_device(dict(factors))))
-    network = run.network
-    slid = np.flatnonzero(hardest >= 1 - 1e-9) if network.friction < np.inf else np.empty(0, np.intp)
-    nearest = float(least[np.isfinite(least)].min(initial=np.inf) / mean) if mean else np.inf
+    return _events(run, *_recorded(run, on_device(dict(factors)))[1])
+
+
+def _events(run: Run, first: _Looks, last: _Looks) -> Events:
+    """Return the events between two looks."""
+    least, begun, hardest = (np.asarray(each) for each in (first.least, first.always, last.hardest))
+    mean = float(least[begun].mean()) if begun.any() else np.inf
     return Events(
-        np.flatnonzero(begun & ~always),
-        np.flatnonzero(~begun & ever),
-        slid,
-        nearest,
-        float(hardest.max(initial=0.0)) if network.friction < np.inf else 0.0,
-        float(farthest / (network.margin / 2)),
+        np.flatnonzero(begun & ~np.asarray(last.always)),
+        np.flatnonzero(~begun & np.asarray(last.ever)),
+        np.flatnonzero(hardest >= 1 - 1e-9),
+        float(np.min(last.least)) / mean if 0 < mean < np.inf else np.inf,
+        float(hardest.max(initial=0.0)),
+        float(last.farthest) / (run.network.margin / 2),
     )

@@ -195,7 +195,7 @@ def search(network: Network, displacement: Floats) -> Pairs:
         np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)
     )
     first, second = (each.astype(np.intp) for each in both)
-    moved = np.array(_with_walls(network, displacement))
+    moved = np.array(with_walls(network, displacement))
     now = apart + moved[:, second] - moved[:, first]
     frame, law = frames(now / np.sqrt(dot(now, now))), LAWS[network.adhesion](A, F)
     gathered = _gathered(first, second, len(place))
@@ -227,7 +227,7 @@ def _reached(network: Network, wall: Wall, number: int, displacement: Floats) ->
     return [*ends, np.outer(normal, far), far, overlap, radii, none, mass, *network.on_wall(wall, spheres)]
 
 
-def _with_walls(network: Network, motion: Vector) -> Vector:
+def with_walls(network: Network, motion: Vector) -> Vector:
     """Return rows (N,) of a motion, with those of the walls behind them if there are any."""
     if not network.walls:
         return motion
@@ -264,7 +264,7 @@ def meetings(network: Network, motion: Vector, pairs: Pairs, begun: Bools | bool
     """Return how the spheres of the pairs meet, before any force; parameters as of `contacts`."""
     xp, dimension, freedoms = module_of(motion[0]), network.dimension, network.freedoms
     here = [row[pairs.first] for row in motion]
-    there = [row[pairs.second] for row in _with_walls(network, motion)]
+    there = [row[pairs.second] for row in with_walls(network, motion)]
     way, rate = (less(there[part], here[part]) for part in (slice(dimension), slice(freedoms, freedoms + dimension)))
     spin, other = here[freedoms + dimension :], there[freedoms + dimension :]
     turning = plus(scaled(pairs.radii[0], spin), scaled(pairs.radii[1], other))

@@ -108,13 +108,13 @@ def signals(network: Network, step: float, first: int, count: int) -> Floats:
     (count, D, 2)
     """
     times: Floats = np.asarray(step * np.arange(first, first + count), dtype=np.float64)
-    found = np.zeros((len(times), len(network.drives), 2))
-    for number, each in enumerate(network.drives):
-        found[:, number, 0] = each.signal(times)
-        if each.moves:
-            begin = times if each.component >= network.dimension else times - step
-            found[:, number, 1] = (each.signal(begin + step) - each.signal(begin)) / step
-    return found
+    found = []
+    for each in network.drives:
+        value, begin = each.signal(times), times if each.component >= network.dimension else times - step
+        rate = (each.signal(begin + step) - each.signal(begin)) / step if each.moves else 0 * value
+        found += [value, rate]
+    xp = module_of(found[0]) if found else np
+    return xp.moveaxis(xp.asarray(found).reshape(len(network.drives), 2, count), -1, 0)
 
 
 def pushed(network: Network, bodies: Bodies, values: Floats, loads: Vector) -> Vector:
@@ -177,7 +177,7 @@ def _turned(vector: Vector, met: Meetings) -> Vector:
 
 
 def march(network: Network, state: State, step: float, count: int, every: int) -> Iterator[Floats]:
-    """Yield the motions (2f, N) at the begin and after each `every` of some steps."""
+    """Yield the motions (2f, N) at the start and after each `every` of some steps."""
     bodies = Bodies.of(network, step)
     values = signals(network, step, 1, count)
     now = begun(network, state, bodies)

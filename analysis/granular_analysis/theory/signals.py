@@ -1,6 +1,6 @@
 """Signals of sources over time τ: tones, bursts, chirps, Ricker's wavelet, steps and samples.
 
-Each returns a function of times (T,).
+Each returns a function of times (T,), an array of NumPy or of JAX, which traces the same lines.
 """
 
 from collections.abc import Callable
@@ -8,22 +8,24 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from granular_analysis.theory.network_tangents import module_of
+
 Floats = NDArray[np.float64]
 Function = Callable[[Floats], Floats]
 
 
 def tone(frequency: float, ramp: float, phase: float = 0.0, delay: float = 0.0) -> Function:
     """Return r(t/ramp) cos(Ωt − phase), t = τ − delay, with r(s) = s³(10 − 15s + 6s²) on [0, 1]."""
-    return lambda tau: _rise((tau - delay) / ramp) * np.cos(frequency * (tau - delay) - phase)
+    return lambda tau: _rise((tau - delay) / ramp) * module_of(tau).cos(frequency * (tau - delay) - phase)
 
 
 def burst(frequency: float, cycles: float, phase: float = 0.0, delay: float = 0.0) -> Function:
     """Return the tone of some cycles under a Hann window, 0 before and after it."""
 
     def signal(tau: Floats) -> Floats:
-        angle = frequency * (tau - delay)
+        xp, angle = module_of(tau), frequency * (tau - delay)
         inside = (angle > 0) & (angle < 2 * np.pi * cycles)
-        return np.where(inside, 0.5 * (1 - np.cos(angle / cycles)) * np.cos(angle - phase), 0.0)
+        return xp.where(inside, 0.5 * (1 - xp.cos(angle / cycles)) * xp.cos(angle - phase), 0.0)
 
     return signal
 
@@ -34,8 +36,9 @@ def chirp(frequency: float, sweep: float, cycles: float, phase: float = 0.0, del
     rate = (sweep - 1) * frequency / duration
 
     def signal(tau: Floats) -> Floats:
-        t = np.clip(tau - delay, 0.0, duration)  # the window is 0 at both ends
-        return np.asarray(np.sin(np.pi * t / duration) ** 2 * np.cos(frequency * t + rate * t**2 / 2 - phase))
+        xp = module_of(tau)
+        t = xp.clip(tau - delay, 0.0, duration)  # the window is 0 at both ends
+        return xp.sin(np.pi * t / duration) ** 2 * xp.cos(frequency * t + rate * t**2 / 2 - phase)
 
     return signal
 
@@ -45,7 +48,7 @@ def ricker(frequency: float, delay: float = 0.0) -> Function:
 
     def signal(tau: Floats) -> Floats:
         y = frequency * (tau - delay) - 12.0
-        return (1 - y**2 / 2) * np.exp(-(y**2) / 4)
+        return (1 - y**2 / 2) * module_of(tau).exp(-(y**2) / 4)
 
     return signal
 
@@ -61,9 +64,19 @@ def samples(pairs: ArrayLike, delay: float = 0.0) -> Function:
 
     tau, value = np.asarray(pairs, dtype=float).T
     spline = CubicSpline(np.linspace(tau[0], tau[-1], len(tau)), value, bc_type="clamped")
-    return lambda times: np.asarray(spline(np.clip(np.asarray(times) - delay, tau[0], tau[-1])))
+    begins, powers = spline.x[:-1], spline.c
+
+    def signal(times: Floats) -> Floats:
+        xp = module_of(times)
+        t = xp.clip(times - delay, tau[0], tau[-1])
+        piece = xp.clip(xp.searchsorted(xp.asarray(begins), t, side="right") - 1, 0, len(begins) - 1)
+        a, b, c, d = xp.asarray(powers)[:, piece]
+        s = t - xp.asarray(begins)[piece]
+        return ((a * s + b) * s + c) * s + d
+
+    return signal
 
 
 def _rise(share: Floats) -> Floats:
-    s = np.clip(share, 0.0, 1.0)
-    return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))
+    s = module_of(share).clip(share, 0.0, 1.0)
+    return s**3 * (10 - 15 * s + 6 * s**2)

@@ -1,0 +1,163 @@
+"""A run as a function of factors: of each sphere, of each contact, of the start, and of each signal.
+
+A run of `granular_analysis.theory.network_traced` from a state depends on factors, which change nothing where they are
+1, or 0 for a phase and a delay:
+
+    density          (N,) of the density of each sphere
+    radius           (N,) of its radius, with the mass, the stiffnesses and the overlaps that follow; places stay
+    overlap          (M,) of the overlap of each pair at rest; places stay
+    normal_stiffness (M,) of the normal force of each pair at a given overlap, and of its pull
+    shear_stiffness  (M,) of the shear force of each pair at a given overlap
+    damping          ()   of the dashpots
+    amplitude        ()   of the displacements, turns, velocities and spins at the begin
+    phase            ()   φ by which a wave is ahead at the begin: cos φ of that motion, sin φ of its quadrature
+    drives           (D,) of the signal of each drive
+    delay            (D,) by which each signal is late, in units of time
+
+A delay traces the signal itself, which has to take arrays of JAX: all of `granular_analysis.theory.signals` do.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jax import numpy as jnp
+from jax.errors import TracerArrayConversionError
+from numpy.typing import NDArray
+
+from granular_analysis.theory.errors import TheoryError
+from granular_analysis.theory.network import Network
+from granular_analysis.theory.network_state import Pairs, State, acting, meetings, resultants
+from granular_analysis.theory.network_tangents import combined, scaled, times
+from granular_analysis.theory.network_traced import Arrays, arrays_of, on_device, pairs_of
+from granular_analysis.theory.network_verlet import Bodies, Carried, moved, pushed, signals
+
+__all__ = ["Run"]
+
+Floats = NDArray[np.float64]
+Factors = Mapping[str, Any]
+# By name what changes nothing, and of what there is one each
+FACTORS = {
+    "density": (1.0, "spheres"),
+    "radius": (1.0, "spheres"),
+    "overlap": (1.0, "pairs"),
+    "normal_stiffness": (1.0, "pairs"),
+    "shear_stiffness": (1.0, "pairs"),
+    "damping": (1.0, "runs"),
+    "amplitude": (1.0, "runs"),
+    "phase": (0.0, "runs"),
+    "drives": (1.0, "drives"),
+    "delay": (0.0, "drives"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A run whose record is differentiated.
+
+    Attributes
+    ----------
+    network, state : as of `granular_analysis.theory.network_state.start`; pairs are not searched again.
+    step : length of a step.
+    samples, every : number of records after the begin, and the steps between two.
+    spheres : (n,) indices of those recorded.
+    contacts : (C,) pairs through which the power is recorded.
+    quadrature : (2f, N) motion at the begin of the wave that is ahead by a quarter of a period, for a phase.
+    """
+
+    network: Network
+    state: State
+    step: float
+    samples: int
+    every: int
+    spheres: NDArray[np.intp]
+    contacts: Sequence[int] | NDArray[np.intp] = ()
+    quadrature: Floats | None = None
+
+    def neutral(self, *names: str) -> dict[str, Floats]:
+        """Return factors by name that change nothing."""
+        if unknown := [name for name in names if name not in FACTORS]:
+            raise TheoryError(f"{unknown[0]!r}: is no factor of a run; {', '.join(FACTORS)} are")
+        if "phase" in names and self.quadrature is None:
+            raise TheoryError("phase: needs the quadrature of the run")
+        count, pairs, drives = len(self.network.position), len(self.state.pairs.first), len(self.network.drives)
+        shapes: dict[str, tuple[int, ...]] = {"spheres": (count,), "pairs": (pairs,), "drives": (drives,), "runs": ()}
+        return {name: np.full(shapes[each], value) for name, (value, each) in FACTORS.items() if name in names}
+
+
+def prepared(run: Run, factors: Factors) -> tuple[Pairs, Bodies, Any, Carried]:
+    """Return pairs, spheres, values of the signals, and what the first step begins with."""
+    network = run.network
+    arrays, bodies = varied(network, arrays_of(run.state.pairs), on_device(Bodies.of(network, run.step)), factors)
+    pairs, values = pairs_of(network, arrays), driven(run, factors)
+    motion = jnp.asarray(run.state.motion)
+    if "phase" in factors:
+        motion = jnp.cos(factors["phase"]) * motion + jnp.sin(factors["phase"]) * jnp.asarray(run.quadrature)
+    return pairs, bodies, values, started(network, pairs, bodies, motion * factors.get("amplitude", 1.0), values[0])
+
+
+def driven(run: Run, factors: Factors) -> Any:
+    """Return the values of the signals at all steps, (steps + 1, D, 2), with factors."""
+    network = run.network
+    if "delay" in factors:
+        late = zip(network.drives, factors["delay"], strict=True)
+        network = replace(network, drives=tuple(replace(each, signal=_delayed(each.signal, by)) for each, by in late))
+    values = jnp.asarray(signals(network, run.step, 0, run.samples * run.every + 1))
+    return values * jnp.asarray(factors.get("drives", jnp.ones(len(network.drives))))[:, None]
+
+
+def _delayed(signal: Callable[[Any], Any], by: Any) -> Callable[[Any], Any]:
+    """Return a signal that is late, or refuse one that JAX cannot trace."""
+
+    def late(time: Any) -> Any:
+        try:
+            return jnp.asarray(signal(time - by))
+        except TracerArrayConversionError as why:
+            said = "delay: a signal takes arrays of NumPy alone; write it with the functions of its array's module"
+            raise TheoryError(said) from why
+
+    return late
+
+
+def varied(network: Network, arrays: Arrays, bodies: Bodies, factors: Factors) -> tuple[Arrays, Bodies]:
+    """Return the numbers of pairs and spheres with factors."""
+    count, still = len(network.position), jnp.zeros(len(network.walls))
+    radius, density = (jnp.asarray(factors.get(name, 1.0)) * jnp.ones(count) for name in ("radius", "density"))
+    lighter = 1 / (radius**3 * density)
+    ways, turns = [lighter] * network.dimension, [lighter / radius**2] * (network.freedoms - network.dimension)
+    first, second, radii = arrays["first"], arrays["second"], arrays["radii"]
+    larger = radii * jnp.stack([radius[first], jnp.concatenate([radius, still])[second]])
+    wider = _curvature(radii) / _curvature(larger)
+    free = jnp.ones(count) if network.held is None else 1.0 - jnp.asarray(network.held)
+    light = jnp.concatenate([free * lighter / jnp.asarray(network.mass), still])
+    both = light[first] + light[second]
+    normal, shear = (factors.get(name, 1.0) for name in ("normal_stiffness", "shear_stiffness"))
+    arrays = arrays | {
+        "radii": larger,
+        "overlap": arrays["overlap"] * factors.get("overlap", 1.0) + (larger - radii).sum(axis=0),
+        "mass": jnp.where(both > 0, 1 / jnp.where(both > 0, both, 1.0), 0.0),
+        "A": arrays["A"] * normal * jnp.sqrt(wider),
+        "F": arrays["F"] * normal * wider,
+        "B": arrays["B"] * shear * jnp.sqrt(wider),
+        "damping": arrays["damping"] * factors.get("damping", 1.0),
+    }
+    return arrays, bodies._replace(mobility=bodies.mobility * jnp.stack([*ways, *turns]))
+
+
+def _curvature(radii: Any) -> Any:
+    """Return 1/Rc (M,) of the radii (2, M) of both ends; that of a wall, which is flat, is given as 0."""
+    flat = radii[1] == 0
+    return 1 / radii[0] + jnp.where(flat, 0.0, 1 / jnp.where(flat, 1.0, radii[1]))
+
+
+def started(network: Network, pairs: Pairs, bodies: Bodies, motion: Any, values: Any) -> Carried:
+    """Return what the first step begins with, of a motion after the straight way without forces from rest."""
+    half = network.freedoms
+    way = meetings(network, [*motion[:half], *motion[:half]], pairs, pairs.overlap > pairs.normal.end)
+    memory = scaled(way.stiffness, way.slip_rate) if network.law == "incremental" else way.slip_rate
+    met = meetings(network, moved(network, bodies, values, list(motion)), pairs, way.closed)
+    now = acting(network, pairs, met, scaled(met.closed, memory))
+    loads = pushed(network, bodies, values, resultants(pairs, now))
+    slips = combined(scaled(met.closed, memory), met.tangents.along)
+    return Carried(tuple(motion), slips, met.closed, times(loads, bodies.mobility))

@@ -1,0 +1,81 @@
+"""Numbers that are read off the record of a run, for its gradient (`granular_analysis.theory.network_gradient`).
+
+Each is a function of a `Record` and of what it asks for, by ``jax.numpy``; ``functools.partial`` gives it the rest:
+
+    gradient(run, partial(amplitude, row=0, places=places, wavevector=(0.0, 0.8), frequency=1.2), factors)
+
+A partial function is compiled with the run, so make it once and hand it on.
+"""
+
+from typing import Any
+
+import numpy as np
+from jax import numpy as jnp
+from numpy.typing import ArrayLike, NDArray
+
+from granular_analysis.theory.network import Network
+from granular_analysis.theory.network_gradient import Record
+from granular_analysis.theory.network_state import Pairs
+
+__all__ = ["amplitude", "across", "energy", "largest", "misfit"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.intp]
+
+
+def amplitude(found: Record, row: int, places: ArrayLike, wavevector: ArrayLike, frequency: float) -> Any:
+    """Return the amplitude at a wave vector and a frequency, A of a wave A cos(k·r − Ωt + φ).
+
+        A = 2 |Σ_t w(t) ⟨u e^{−i(k·r − Ωt)}⟩| / Σ_t w(t),   w(t) = 1 − cos(2πt/T), the mean over the recorded spheres
+
+    Parameters
+    ----------
+    found : Record
+    row : of the motion, u.
+    places : (n, d) of the recorded spheres at rest.
+    wavevector, frequency : k in rad per unit of length, Ω in rad per unit of time.
+
+    Good values: a record of two or more whole periods, and spheres that the wave meets in all phases. When it breaks: A
+    has no slope where it is 0.
+    """
+    turns = jnp.asarray(places) @ jnp.asarray(wavevector) - frequency * found.times[:, None]
+    weights = 1 - jnp.cos(2 * jnp.pi * found.times / found.times[-1])
+    mean = jnp.mean(found.motion[:, row] * jnp.exp(-1j * turns), axis=1)
+    return 2 * jnp.abs(weights @ mean) / jnp.sum(weights)
+
+
+def misfit(found: Record, measured: ArrayLike, errors: ArrayLike = 1.0) -> Any:
+    """Return Σ ((motion − measured)/errors)², the sum of squares of `granular_analysis.theory.estimation`.
+
+    measured, errors : (T + 1, 2f, n), or broadcast to it; errors are inf where nothing was measured.
+    """
+    return jnp.sum(((found.motion - jnp.asarray(measured)) / jnp.asarray(errors)) ** 2)
+
+
+def largest(found: Record, row: int, first: float = 0.0, last: float = np.inf) -> Any:
+    """Return max |u| of a row of the motion, over the recorded spheres and the times from first to last.
+
+    When it breaks: it has a kink where another sphere or moment becomes the largest.
+    """
+    inside = (found.times >= first) & (found.times <= last)
+    return jnp.max(jnp.abs(found.motion[:, row]) * inside[:, None])
+
+
+def energy(found: Record, signs: ArrayLike) -> Any:
+    """Return the energy that the recorded contacts carry, ∫ Σ_c s_c P_c dt by the trapezoidal rule.
+
+    signs : (C,) s_c of `across`.
+    """
+    return jnp.trapezoid(found.power @ jnp.asarray(signs, dtype=float), found.times)
+
+
+def across(network: Network, pairs: Pairs, point: ArrayLike, normal: ArrayLike) -> tuple[Integers, Floats]:
+    """Return the pairs of spheres (C,) on both sides of a plane, and 1 where the second is beyond, −1 where the first.
+
+    point, normal : (d,) of the plane; energy along the normal is positive.
+    """
+    ways = np.asarray(normal, dtype=float)
+    begin = (network.position[pairs.first] - np.asarray(point)) @ ways
+    end = begin + ways @ pairs.apart
+    found = np.flatnonzero(((begin < 0) != (end < 0)) & (pairs.second < len(network.position)))
+    return found, np.where(end[found] < 0, -1.0, 1.0)
