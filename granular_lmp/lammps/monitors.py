@@ -51,13 +51,15 @@ def _wall_lines(problem: Problem) -> list[str]:
     return ["# --- walls of monitors: whether a sphere touches, where the wall is, and its force on the sphere", *lines]
 
 
-def _values(scene: Scene) -> str:
+def _values(problem: Problem) -> str:
     """Return what LAMMPS calls the columns from the normal force on: a vector begins at p1, p10 and p5."""
+    scene = problem.scene
     starts = (1, 10, 5) if scene.effects.rolling is True else (1, 10)
     return " ".join(["force", *(f"p{first + part}" for first in starts for part in range(scene.space))])
 
 
-def _format(scene: Scene) -> str:
+def _format(problem: Problem) -> str:
+    scene = problem.scene
     vector, rolling = scene.space, scene.effects.rolling is True
     return " ".join(["%.0f"] * 2 + ["%.13g"] * (1 + vector) + ["%.17g"] * vector + ["%.13g"] * vector * rolling)
 
@@ -114,8 +116,8 @@ def _monitor(number: int, placed: PlacedMonitor, problem: Problem, checkpoint: s
             "# forces of its contacts; LAMMPS names pairs of spheres, and the group holds those around too",
             f"group        around{tag} id {id_ranges(placed.around)}",
             f"compute      ends{tag} around{tag} property/local patom1 patom2 cutoff {cutoff}",
-            f"compute      push{tag} around{tag} pair/local {_values(scene)} cutoff {cutoff}",
+            f"compute      push{tag} around{tag} pair/local {_values(problem)} cutoff {cutoff}",
             f"dump         contacts{tag} around{tag} local ${{every}} {file} {' '.join(columns)}",
-            f'dump_modify  contacts{tag} format line "{_format(scene)}" {names}' + " append yes" * bool(checkpoint),
+            f'dump_modify  contacts{tag} format line "{_format(problem)}" {names}' + " append yes" * bool(checkpoint),
         ]
     return lines

@@ -5,7 +5,6 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.checkpoints import checkpoint_steps
 from granular_lmp.lammps.outputs import DUMP, LOG, SNAPSHOTS
 from granular_lmp.problem import Problem
-from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import cut
 
 # Names that somebody would try with -var, and that would be ignored
@@ -13,8 +12,9 @@ NO_VARIABLES = ("xi", "mode", "rows", "columns", "amp")
 _SAID = "granular-lmp variables: "
 
 
-def title(scene: Scene) -> str:
+def title(problem: Problem) -> str:
     """Return name, wave or strikers, size and ends of a scene in one line."""
+    scene = problem.scene
     if scene.wave is None:
         return f"{scene.name}: {scene.words}"
     shape = scene.shape
@@ -24,7 +24,7 @@ def title(scene: Scene) -> str:
 
 def data_title(problem: Problem) -> str:
     """Return the first line of the data file."""
-    return f"{title(problem.scene)}; {problem.units.title}"
+    return f"{title(problem)}; {problem.units.title}"
 
 
 def heading(problem: Problem) -> list[str]:
@@ -32,7 +32,7 @@ def heading(problem: Problem) -> list[str]:
     scene = problem.scene
     values = "-var amplitude 0.1 -var timestep 0.025" if problem.wave else "-var timestep 0.01"
     return [
-        f"# {title(scene)}",
+        f"# {title(problem)}",
         f"# Runs in this folder:  lmp -in in.{scene.name}; with other values:  lmp -in in.{scene.name} {values}",
         *(["# Needs LAMMPS with the packages GRANULAR and BPM"] if scene.space == 3 else []),
     ]
@@ -40,7 +40,7 @@ def heading(problem: Problem) -> list[str]:
 
 def continues(problem: Problem, checkpoint: str) -> list[str]:
     """Return the head of the input that continues from a checkpoint."""
-    return [f"# {title(problem.scene)}: continues from {checkpoint}", f"log {LOG} append"]
+    return [f"# {title(problem)}: continues from {checkpoint}", f"log {LOG} append"]
 
 
 def variables(problem: Problem) -> list[str]:

@@ -15,7 +15,6 @@ from granular_lmp.lammps.guards import GUARDS, line_interval
 from granular_lmp.lammps.outputs import LOG, LOOP_SECTIONS, RunLog
 from granular_lmp.problem import Problem
 from granular_lmp.rest.absorption import quiet_end_of, quiet_side
-from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.seal import scene_digest
 
@@ -36,14 +35,15 @@ def description(problem: Problem, edits: list[str], launcher: str, ranks: int) -
         **_of_start(problem),
         "effects": effects_of(problem),
         "remarks": problem.warnings(),
-        **_quiet_ends(scene),
+        **_quiet_ends(problem),
         **({} if problem.looks else {"looks": {}}),
         **({"edited": edits} if edits else {}),
     }
 
 
-def _quiet_ends(scene: Scene) -> dict[str, Any]:
+def _quiet_ends(problem: Problem) -> dict[str, Any]:
     """Return the layer that absorbs waves and the ends that have it: row n of its L rows damps by c (n/L)^p."""
+    scene = problem.scene
     end = quiet_end_of(scene)
     if end is None:
         return {}

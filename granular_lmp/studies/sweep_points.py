@@ -14,7 +14,7 @@ from typing import Any
 from granular_lmp.accuracy.ladder import planned_steps
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.problem import prepare
+from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.files import assignment
 from granular_lmp.scene.schema import cut, shown
@@ -125,8 +125,8 @@ def points(scene: Scene, over: Mapping[str, list[Any]], runs: Path | None = None
         except SceneError as error:
             said = ", ".join(f"{key} = {shown(value)}" for key, value in asked.items())
             raise SceneError(f"{error} (in the sweep at {said})", because=error.because) from error
-        made.append(GridPoint(asked, _ran(problem.scene, asked), _name(one, problem.scene, runs), one, one))
-        motions.setdefault(_motion(problem.scene), []).append(made[-1])
+        made.append(GridPoint(asked, _ran(problem, asked), _name(one, problem.scene, runs), one, one))
+        motions.setdefault(_motion(problem), []).append(made[-1])
     of_run = {id(point): _chosen(same, runs) for same in motions.values() for point in same}
     chosen = [of_run[id(point)] for point in made]
     return [replace(point, ran=of.ran, run=of.run, of_run=of.scene) for point, of in zip(made, chosen, strict=True)]
@@ -137,8 +137,9 @@ def _chosen(same: list[GridPoint], runs: Path | None) -> GridPoint:
     return next((point for point in same if runs and (runs / point.run).exists()), same[0])
 
 
-def _ran(scene: Scene, asked: dict[str, Any]) -> dict[str, Any]:
+def _ran(problem: Problem, asked: dict[str, Any]) -> dict[str, Any]:
     """Return the values of a scene that runs, its every "auto" decided, for those that were asked for."""
+    scene = problem.scene
 
     def of(key: str, value: Any) -> Any:
         said = scene.value(key)
@@ -147,8 +148,9 @@ def _ran(scene: Scene, asked: dict[str, Any]) -> dict[str, Any]:
     return {key: of(key, value) for key, value in asked.items()}
 
 
-def _motion(scene: Scene) -> str:
+def _motion(problem: Problem) -> str:
     """Return all that a scene that runs says of its motion: equal for values that its cell or sample makes equal."""
+    scene = problem.scene
     values = scene.to_dict()
     if scene.wave is not None:
         named = {key: value for key, value in values["wave"].items() if key not in _WAVE_VECTOR}
