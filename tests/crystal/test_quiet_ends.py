@@ -1,7 +1,6 @@
 """Quiet ends: the theory of the layer, what a scene may ask of it, and the reflection in LAMMPS."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.rest.absorption import quiet_end_of, waves_at_ends
 from granular_lmp.rest.held import largest_step
-from granular_lmp.runs.launch import resume
 from tests.crystal.test_sphere import SILICA
 from tests.manual import Measure, Mutant, verifies
 
@@ -273,29 +271,6 @@ def test_the_reflection_in_lammps_is_that_of_the_layer_at_its_step(
     assert found == pytest.approx(expected(scene), rel=2e-3, abs=3e-5)
     assert found > 0.004
     measured(found / expected(scene) - 1)
-
-
-# With rotation, in this process: tests/promises
-@pytest.mark.parametrize(
-    ("options", "rotation"), [({}, False), pytest.param({"ranks": 2}, True, marks=pytest.mark.more)]
-)
-def test_a_stopped_run_continues_to_the_same_bytes(
-    options: dict[str, Any], rotation: bool, tmp_path: Path, stop: Callable[..., None]
-) -> None:
-    # A force of drag would be set up with other velocities than those between two steps: 1e-5 D0
-    scene = Scene.load("quiet_ends").with_values(
-        {"packing.rows": 29, "absorb.reflection": 0.1, "time.duration": 40.0, "time.sample": 2.0}
-        | {"source.1.rows": [14, 14], "source.1.ramp": 5.0, "monitor.1.rows": [18, 18], "monitor.2.rows": [12, 16]}
-        | {"effects.rotation": rotation, "output.particles": 2.0, "output.checkpoint": 1e-9}  # as often as they may be
-    )
-
-    whole = run(scene, tmp_path / "whole", **options)
-    stop(scene, tmp_path / "stopped", **options)
-    resume(tmp_path / "stopped")
-    for name in ("dump.centre", "dump.particles", "monitor.behind.bin", "monitor.through.contacts"):
-        assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
-    in_layer = whole.snapshots().stack("displacement")[:, :9]
-    assert np.abs(in_layer).max() > 0.1  # D0: the wave has reached them
 
 
 def test_the_page_has_the_reflection_at_each_step() -> None:

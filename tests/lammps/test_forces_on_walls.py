@@ -1,6 +1,5 @@
 """MonitorRecords of contacts record the force of each sphere on its wall or substrate."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,6 @@ import numpy as np
 import pytest
 
 from granular_lmp import Record, Scene, build, run
-from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.lammps.outputs import MONITOR
 from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.rest.at_rest import crystal_of
@@ -111,20 +109,6 @@ def test_torques_of_contacts_and_substrate_are_what_turns_a_sphere(record: Recor
     slope = np.gradient(turning, monitor.tau[1] * scene.scale.time, axis=0)[1:-1]
     mean = (found[:-2] + 4 * found[1:-1] + found[2:]) / 6
     assert np.abs(slope - mean).max() < 1e-3 * np.abs(found).max()
-
-
-@pytest.mark.more
-def test_the_step_by_which_a_run_continues_leaves_no_trace(tmp_path: Path, stop: Callable[..., None]) -> None:
-    scene = layer(
-        **{"wave__amplitude": 0.05, "time__duration": 600.0, "time__timestep": 0.05, "time__sample": 1.0},
-        output__checkpoint=1e-4,
-        monitor=[ALL | {"rows": [2, 4]}],
-    )
-    run(scene, tmp_path / "whole")
-    stop(scene, tmp_path / "stopped")
-    resume(tmp_path / "stopped")
-    name = MONITOR.format("all")
-    assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "stopped" / name).read_bytes()
 
 
 def test_the_program_and_two_ranks_give_the_same(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from granular_analysis.theory.signals import tone
 from granular_lmp import Record, Scene, resume, run
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
@@ -17,7 +18,13 @@ from granular_lmp.lammps.outputs import CHECKPOINTS
 from granular_lmp.problem import prepare
 from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER, members
+from tests.lammps.test_space import CUBE, layer
 from tests.pause import paused
+from tests.scene.test_faces import ENDS, LOAD, SIDES, WALLED
+from tests.scene.test_faces import SHEET as FACED
+from tests.scene.test_sources import MOVE, PUSH, TURN
+from tests.scene.test_sources import SHEET as SHAKEN
+from tests.validation.test_strikes_at_rest import WATCHED
 
 # 1200 steps; a checkpoint at each 125 of them
 SHEET = Scene.load("point_impact").with_values(
@@ -36,7 +43,7 @@ CHAIN = Scene.load("solitary_chain").with_values(
     | {"time.duration": 200.0, "time.sample": 1.0, "output.checkpoint": 3e-5}
 )
 
-
+SAMPLES = [[0.1 * n, float(tone(0.5, 6.0)(np.array([0.1 * n]))[0])] for n in range(241)]
 WAVE = PAPER.with_values(
     {"packing.rows": 201, "time.duration": 75.0, "time.allow_echo": True, "output.checkpoint": 603 * 100 / SPEED / 60}
 )
@@ -55,6 +62,63 @@ SCENES = {
     # Constant forces on free ends; displacements that count from rest, not from the state at the beginning
     "pressed": CHAIN.with_values({"packing.contact_force": 30.0}),
     "state": Scene.load("breather").with_values({"time.duration": 50.0, "time.sample": 0.5, "output.checkpoint": 1e-5}),
+    "layer": layer(
+        **{"wave__amplitude": 0.05, "time__duration": 200.0, "time__timestep": 0.05, "time__sample": 1.0},
+        **{"output__checkpoint": 1e-4, "output__particles": 50.0},
+        monitor=[{"name": "rows", "rows": [2, 4], "what": "flux"}, {"name": "all", "rows": [2, 4], "what": "contacts"}],
+    ),
+    "sources in space": PAPER.with_values(
+        CUBE
+        | {"output.checkpoint": 1e-4, "time.duration": 40.0, "time.timestep": 0.01}
+        | {
+            "source": [
+                {"rows": [3, 3], "frequency": 0.5, "ramp": 5.0, "force": "torque_x"},
+                {"rows": [1, 1], "frequency": 0.5, "ramp": 5.0, "motion": "rotation_y"},
+                {"rows": [5, 5], "frequency": 0.5, "ramp": 5.0, "motion": "z"},
+            ]
+        }
+    ),
+    "sheet between walls": FACED.with_values(
+        WALLED
+        | LOAD
+        | {"time.duration": 150.0, "time.timestep": 0.05, "output.checkpoint": 1e-4, "output.particles": 50.0}
+    ),
+    "free faces": FACED.with_values(SIDES | ENDS | {"time.duration": 60.0, "output.particles": 0.0}),
+    "sources": SHAKEN.with_values(
+        {"packing.rows": 8, "packing.columns": 6, "time.duration": 60.0, "output.particles": 0.0}
+        | {"output.checkpoint": 48 * 100 / SPEED / 60}
+        | {
+            "source": [
+                PUSH | {"spheres": [[6, 5]], "cycles": 8.0},
+                MOVE,
+                TURN | {"spheres": [[1, 1]], "frequency": 0.4},
+                {"spheres": [[5, 2]], "motion": "rotation", "frequency": 0.7},
+            ]
+        }
+    ),
+    "samples": SHAKEN.with_values(
+        {"packing.rows": 6, "packing.columns": 6, "time.duration": 24.0, "output.particles": 0.0}
+        | {"output.checkpoint": 36 * 100 / SPEED / 60}
+        | {
+            "source": [
+                {"spheres": [[3, 3]], "motion": "x", "signal": SAMPLES, "delay": 1.0},
+                {"spheres": [[1, 1]], "force": "y", "signal": SAMPLES},
+            ]
+        }
+    ),
+    # A force of drag would be set up with other velocities than those between two steps: 1e-5 D0
+    "quiet ends": Scene.load("quiet_ends").with_values(
+        {"packing.rows": 29, "absorb.reflection": 0.1, "time.duration": 40.0, "time.sample": 2.0}
+        | {"source.1.rows": [14, 14], "source.1.ramp": 5.0, "monitor.1.rows": [18, 18], "monitor.2.rows": [12, 16]}
+        | {"effects.rotation": False, "output.particles": 2.0, "output.checkpoint": 1e-9}  # as often as they may be
+    ),
+    # Contacts that are pulled beyond an overlap of 0 at rest
+    "stretched": Scene.load("tr_periodic").with_values(
+        {"sphere.adhesion_law": "jkr", "packing.rows": 24, "packing.columns": 6, "wave.wavenumber": np.pi / 3}
+        | {"disorder.radius": 1.5e-4, "time.duration": 12.0, "time.timestep": 0.02, "output.particles": 6.0}
+        | {"monitor": [{"name": "rows", "rows": [10, 12], "what": "contacts"}]}
+    ),
+    "struck crystal": WATCHED.with_values({"time.duration": 60.0, "output.checkpoint": 117 * 200 / SPEED / 60}),
 }
 # Runs to a tolerance, long enough to be stopped in the second of them
 TOLERANCES = {
@@ -71,8 +135,8 @@ TOLERANCES = {
 
 def recorded(folder: Path) -> dict[str, bytes]:
     """Return the bytes that a run recorded, by file."""
-    names = ("dump.centre", "dump.particles", "trajectory.csv")
-    return {name: (folder / name).read_bytes() for name in names if (folder / name).is_file()}
+    names = ("dump.centre", "dump.particles", "trajectory.csv", "monitor.*")
+    return {path.name: path.read_bytes() for name in names for path in sorted(folder.glob(name))}
 
 
 def stopped(scene: Scene, folder: Path, launcher: str = "module", ranks: int = 1) -> None:
@@ -80,8 +144,12 @@ def stopped(scene: Scene, folder: Path, launcher: str = "module", ranks: int = 1
         run(scene, folder, launcher=launcher, ranks=ranks)
 
 
-# Imperfect crystals are stopped as the perfect one, the sheet with friction and walls, the chain under a force
-@pytest.mark.parametrize("name", members(SCENES, "imperfect", "sheet", "slides", "held", "chain"))
+# Imperfect crystals are stopped as the perfect one, the sheet with friction and walls, the chain under a force, and
+# sources as samples
+MORE = ["imperfect", "sheet", "slides", "held", "chain", "sources in space", "sources"]
+
+
+@pytest.mark.parametrize("name", members(SCENES, *MORE))
 def test_a_stopped_run_is_continued_to_the_same_bytes(name: str, tmp_path: Path, fast_looks: None) -> None:
     scene = SCENES[name]
     whole = run(scene, tmp_path / "whole")

@@ -1,6 +1,5 @@
 """Snapshots of all spheres: what stands in the dump, who reads it, what a stop leaves of it."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import ase.io
@@ -12,11 +11,9 @@ from granular_lmp.crystal.mode import PLANE
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import mend_dump, read_centre, whole_snapshots
 from granular_lmp.rest.initial_fields import plane_wave
-from granular_lmp.runs import launch
 from granular_lmp.runs.snapshots import Snapshots, Spheres
 from granular_lmp.studies.cost_settings import base
 from granular_lmp.units import units_for
-from tests.pause import as_if_killed
 from tests.stand_in import of_first_format
 
 
@@ -135,23 +132,6 @@ def test_columns_have_the_names_that_ovito_maps_by_itself(
     rotation = Snapshots.load(tmp_path / "run")[1].rotation
     assert np.isnan(rotation).all() == ("tracking" in str(changes))
     assert np.any(rotation != 0) == (changes.get("wave.mode") != "L")
-
-
-def test_a_stopped_run_resumes_to_the_same_snapshots(tmp_path: Path, stop: Callable[..., None]) -> None:
-    scene = Scene.load("tr_nonresonant").with_values(
-        {"packing.rows": 21, "time.allow_echo": True, "time.duration": 300.0, "output.particles": 10.0}
-    )
-
-    stop(scene, tmp_path / "run")
-    dump = tmp_path / "run" / "dump.particles"
-    assert 1 <= len(Snapshots.load(tmp_path / "run")) < 31
-    as_if_killed(tmp_path / "run")
-    with dump.open("a") as stream:
-        stream.write("ITEM: TIMESTEP\n")
-    launch.resume(tmp_path / "run")
-    run(scene, tmp_path / "whole")
-    assert len(Snapshots.load(tmp_path / "run")) == 31
-    assert dump.read_bytes() == (tmp_path / "whole" / "dump.particles").read_bytes()
 
 
 @pytest.mark.parametrize("cut", [30, 400, 2000])

@@ -1,7 +1,6 @@
 """Signals from samples: what is read and refused, and what they do in LAMMPS beside the signal that was sampled."""
 
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +12,10 @@ from granular_analysis.theory.catalogue import NETWORK
 from granular_analysis.tools import compare
 from granular_lmp import Scene, build, run
 from granular_lmp.errors import SceneError
-from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.lammps.outputs import read_snapshots
 from granular_lmp.problem import prepare
 from granular_lmp.runs.adopt import adopt
-from granular_lmp.runs.launch import resume
 from granular_lmp.scene import samples
 from granular_lmp.studies.sweep_points import scene_hash
 from tests.scene.test_sources import QUIET, SHEET
@@ -73,24 +70,6 @@ def test_samples_of_a_burst_do_what_the_burst_does(kind: str, tmp_path: Path) ->
     assert np.abs(moved["samples"] - moved["burst"]).max() < 2e-4
     assert np.abs(moved["more"] - moved["burst"]).max() > 5e-4  # later by 0.01 τ
     assert np.abs(moved["burst"]).max() > 0.1
-
-
-def test_a_run_of_samples_continues_to_the_same_bytes_and_runs_with_plain_lammps(
-    tmp_path: Path, stop: Callable[[Scene, Path], None]
-) -> None:
-    pairs = [[0.1 * n, signals.tone(0.5, 6.0)(np.array([0.1 * n]))[0]] for n in range(241)]
-    scene = SMALL.with_values(
-        {"source": sources(motion="x", signal=pairs, delay=1.0) + sources(force="y", signal=pairs)}
-    )
-    scene = scene.with_values({"source.2.spheres": [[1, 1]], "time.duration": 24.0, "output.particles": 0.0})
-    scene = scene.with_values({"output.checkpoint": 36 * 100 / SPEED / 60})
-
-    for launcher in ("module", "lmp"):
-        run(scene, tmp_path / launcher, launcher=launcher)
-    stop(scene, tmp_path / "stopped")
-    assert resume(tmp_path / "stopped").info["status"] == "finished"
-    whole, *others = ((tmp_path / name / "dump.centre").read_bytes() for name in ("module", "lmp", "stopped"))
-    assert others == [whole, whole]
 
 
 def test_before_and_after_the_samples_the_signal_is_constant(tmp_path: Path) -> None:

@@ -9,13 +9,11 @@ import pytest
 
 from granular_lmp import ImpactRecord, ImpactScene, html, run_impact
 from granular_lmp.cli import main
-from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
+from granular_lmp.errors import RunFolderError, SceneError
 from granular_lmp.plot.view import sweep_figure, view
 from granular_lmp.problem import prepare
-from granular_lmp.runs.options import Options
 from granular_lmp.studies.far_sphere import arrival, far_sphere, read_outs
 from granular_lmp.studies.sweep import Sweep, sweep
-from granular_lmp.studies.sweep_points import points
 
 CHAIN = ImpactScene.load("solitary_chain").with_values(
     {"packing.rows": 12, "packing.last": "free", "time.duration": 24.0, "time.sample": 0.25}
@@ -154,26 +152,6 @@ def test_a_guard_that_triggers_fails_its_run_alone(tmp_path: Path) -> None:
     assert "largest_overlap = " in done.rows[1]["message"]
     assert done.rows[1]["guards"] == "largest_overlap"
     assert done.rows[1]["largest_overlap"] > 0.05 > done.rows[0]["largest_overlap"]
-
-
-def test_a_run_that_was_cut_off_is_continued_to_the_same_bytes(tmp_path: Path, fast_looks: None) -> None:
-    scene = SHEET.with_values({"effects.friction": 0.3, "time.duration": 60.0, "output.checkpoint": 5e-5})
-    (point,) = points(scene, {"effects.friction": [0.3]})
-    part = tmp_path / "cut" / "runs" / point.run
-    with pytest.raises(RunInterrupted):
-        run_impact(scene, part, Options(progress=_interrupt))
-    dumps = []
-    for folder, cut in ((tmp_path / "cut", True), (tmp_path / "whole", False)):
-        done = sweep(scene, {"effects.friction": [0.3]}, folder, force=cut)
-        assert len(done.having("finished")) == 1
-        assert (folder / "runs" / point.run / "in.point_impact.resume").exists() == cut
-        dumps.append((folder / "runs" / point.run / "dump.particles").read_bytes())
-    assert dumps[0] == dumps[1]
-
-
-def _interrupt(step: int, steps: int) -> None:
-    if steps / 3 < step < steps:
-        raise KeyboardInterrupt
 
 
 def test_the_command_sweeps_and_view_draws(

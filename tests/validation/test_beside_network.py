@@ -247,6 +247,18 @@ LOOSE: dict[str, tuple[Scene, Values, float, int]] = {  # with the order of the 
     "a displaced state with friction": (IMPACT, SECANT | {"start.state": [[4, 3, 1e-6, 2e-6, 0.1, 0.2, 0.0]]}, 1e-3, 2),
     "a displaced state": (IMPACT, {"start.state": [[4, 3, 1e-6, 2e-6, 0.1, 0.2, 0.0]]}, 1e-5, 2),
     "a free sheet": (IMPACT, {}, 1e-5, 2),
+    "a struck cell without ends": (
+        IMPACT,
+        {"packing.rows": 8, "packing.sides": "periodic", "packing.ends": "periodic"},
+        1e-5,
+        2,
+    ),
+    "smaller spheres in a sheet": (
+        IMPACT,
+        {"inclusion": [{"spheres": [[3, 3]], "radius": 0.004998}, {"spheres": [[4, 2]], "radius": 0.0049}]},
+        1e-5,
+        2,
+    ),
     "a periodic sheet with friction": (IMPACT, {"packing.sides": "periodic"} | ROUGH, 3e-4, 1),
     "dashpots in a sheet with friction": (IMPACT, DASHPOT | ROUGH, 3e-4, 1),
     "dashpots in a chain": (ROW, DASHPOT | {"packing.rows": 12, "time.duration": 4.0}, 5e-5, 1),

@@ -14,7 +14,7 @@ import pytest
 
 from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.theory.network_verlet import march
-from granular_lmp import Scene, run
+from granular_lmp import Record, Scene, run
 from tests.conftest import members
 from tests.hard.ladder_scenes import FAMILIES, IMPACTS, impact_scene, wave_scene
 
@@ -78,6 +78,23 @@ def test_a_random_wave_moves_as_in_lammps(family: str, seed: int, tmp_path: Path
 def test_a_random_impact_moves_as_in_lammps(family: str, seed: int, tmp_path: Path) -> None:
     error, bound = difference(impact_scene(family, seed), tmp_path)
     assert error < bound
+
+
+# Unequal spheres whose contacts open and form; contacts by JKR, stretched at rest, that part at the pull-off and slide
+UNEQUAL = {"packing.columns": 12, "time.duration": 8.0, "disorder.seed": 2, "effects.contact_opening": True}
+PARTED = {
+    "dmt": UNEQUAL | {"disorder.radius": 7.5e-4, "wave.amplitude": 1.0, "effects.friction": 5.0},
+    "jkr": UNEQUAL
+    | {"sphere.adhesion_law": "jkr", "disorder.radius": 1.5e-4, "wave.mode": "L", "wave.amplitude": 1.1}
+    | {"effects.sliding": True, "effects.friction": 0.5, "time.duration": 1.5},
+}
+
+
+@pytest.mark.parametrize("law", PARTED)
+def test_unequal_spheres_that_part_move_as_in_lammps(law: str, tmp_path: Path) -> None:
+    error, bound = difference(Scene.load("tr_periodic").with_values(PARTED[law]), tmp_path)
+    assert error < bound
+    assert Record.load(tmp_path / "run").info["guards"]["open_contacts"]["value"] > 1
 
 
 def test_a_mass_that_is_wrong_by_a_millionth_is_seen(tmp_path: Path) -> None:
