@@ -11,24 +11,14 @@ from typing import Any
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene import samples
 from granular_lmp.scene.declaration import Declaration
 from granular_lmp.scene.document import note
 from granular_lmp.scene.forms import STILL
-from granular_lmp.scene.schema import (
-    LONGEST_DESCRIPTION,
-    LONGEST_NAME,
-    NAME_PATTERN,
-    ArrayRule,
-    NameRule,
-    Rule,
-    toml,
-)
+from granular_lmp.scene.schema import LONGEST_DESCRIPTION, LONGEST_NAME, Rule, toml
 from granular_lmp.scene.without_wave import HELD, MOVING_TABLES, NOT_HELD, WAVE
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _NOTHING = (None, (), "")  # defaults of keys that may be left out, or must be given
-_KINDS = {float: "number", int: "integer", bool: "boolean", str: "string"}
 
 
 @dataclass(frozen=True)
@@ -144,33 +134,7 @@ def _tables(variant: str) -> dict[str, Any]:
 def _value(key: Key) -> dict[str, Any]:
     rule, default = key.rule, {} if key.default in _NOTHING else {"default": key.default}
     described = {"description": rule.note} if rule.note else {}
-    return _values(rule) | described | default
-
-
-def _values(rule: Rule) -> dict[str, Any]:
-    """Return the JSON Schema of the values that a rule allows."""
-    if own := rule.own_schema():
-        return own
-    if isinstance(rule, samples.SignalRule):
-        pair = _values(ArrayRule(float, "", ""))
-        rows = {"anyOf": [pair, pair | {"items": {"type": "string"}}]}  # a head before the pairs
-        pairs = {"type": "array", "items": rows, "minItems": samples.FEWEST, "maxItems": samples.MOST + 1}
-        return {"anyOf": [{"enum": list(rule.words)}, {"type": "string", "pattern": r"\.csv$"}, pairs]}
-    if isinstance(rule, ArrayRule):
-        number = _values(Rule(rule.kind, rule.unit, "", rule.interval))
-        one = {"type": "array", "items": number, "minItems": len(rule.entries), "maxItems": len(rule.entries)}
-        return {"type": "array", "items": one} if rule.several else one
-    if isinstance(rule, NameRule):
-        return {"type": "string", "pattern": f"^{NAME_PATTERN}$"}
-    if rule.kind is str:
-        return {"enum": list(rule.words)}
-    numbers: dict[str, Any] = {"type": _KINDS[rule.kind]}
-    if rule.interval is not None:
-        low = "exclusiveMinimum" if rule.interval.open_low else "minimum"
-        numbers |= {low: rule.interval.low, "maximum": rule.interval.high}
-    others: list[Any] = [{"const": 0}] if rule.interval is not None and rule.interval.or_zero else []
-    others += [{"enum": list(rule.words)}] if rule.words else []
-    return {"anyOf": [numbers, *others]} if others else numbers
+    return rule.schema() | described | default
 
 
 def reference(variant: str = WAVE) -> str:

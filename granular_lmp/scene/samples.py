@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.scene.schema import Rule, shown
+from granular_lmp.scene.schema import ArrayRule, Rule, shown
 from granular_lmp.scene.spreadsheets import FORCES, LENGTHS, TIMES, Column, Heads, Quantities, read, value_of
 
 if TYPE_CHECKING:
@@ -57,6 +57,13 @@ class SignalRule(Rule):
         return (
             f'{super().allowed}, or a file "NAME.csv" with the columns {HEADER} or as time_s,force_N, or a list of both'
         )
+
+    def schema(self) -> dict[str, Any]:
+        """Return the JSON Schema of a signal."""
+        pair = ArrayRule(float, "", "").schema()
+        rows = {"anyOf": [pair, pair | {"items": {"type": "string"}}]}  # a head before the pairs
+        pairs = {"type": "array", "items": rows, "minItems": FEWEST, "maxItems": MOST + 1}
+        return {"anyOf": [{"enum": list(self.words)}, {"type": "string", "pattern": r"\.csv$"}, pairs]}
 
     def value(self, value: Any, key: str) -> Any:
         """Return a word as it is, and a file or a list as a tuple of pairs.

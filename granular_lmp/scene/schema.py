@@ -26,6 +26,7 @@ LONGEST_PART = 40  # characters of a name that is a part of file names
 NAME_PATTERN = f"[A-Za-z0-9_]{{1,{LONGEST_PART}}}"
 LONGEST_DESCRIPTION = 200  # characters: two lines of a terminal
 _JSON = json.JSONEncoder(ensure_ascii=False)
+_JSON_KINDS = {float: "number", int: "integer", bool: "boolean"}
 
 
 @dataclass(frozen=True)
@@ -91,9 +92,17 @@ class Rule:
         unit = f", {self.unit}" if self.unit else ""
         return f"{'0 or ' if self.interval.or_zero else ''}a number in {self.interval}{unit}"
 
-    def own_schema(self) -> dict[str, Any]:
-        """Return the JSON Schema of the values of a rule that no other room knows; {} for the rules of this module."""
-        return {}
+    def schema(self) -> dict[str, Any]:
+        """Return the JSON Schema of the allowed values."""
+        if self.kind is str:
+            return {"enum": list(self.words)}
+        numbers: dict[str, Any] = {"type": _JSON_KINDS[self.kind]}
+        if self.interval is not None:
+            low = "exclusiveMinimum" if self.interval.open_low else "minimum"
+            numbers |= {low: self.interval.low, "maximum": self.interval.high}
+        others: list[Any] = [{"const": 0}] if self.interval is not None and self.interval.or_zero else []
+        others += [{"enum": list(self.words)}] if self.words else []
+        return {"anyOf": [numbers, *others]} if others else numbers
 
     def value(self, value: Any, key: str) -> Any:
         """Return `value` converted to the kind of this rule.
@@ -135,9 +144,18 @@ class ArrayRule(Rule):
 
     @property
     def _allowed_values(self) -> str:
-        number = Rule(self.kind, self.unit, "", self.interval)._allowed_values
-        one = f"[{', '.join(self.entries)}], each {number}"
+        one = f"[{', '.join(self.entries)}], each {self._number._allowed_values}"
         return f"a list of {one}" if self.several else one
+
+    @property
+    def _number(self) -> Rule:
+        return Rule(self.kind, self.unit, "", self.interval)
+
+    def schema(self) -> dict[str, Any]:
+        """Return the JSON Schema of the arrays."""
+        entries = {"minItems": len(self.entries), "maxItems": len(self.entries)}
+        one = {"type": "array", "items": self._number.schema(), **entries}
+        return {"type": "array", "items": one} if self.several else one
 
     def value(self, value: Any, key: str) -> Any:
         """Return `value` as a tuple of numbers, or of such tuples.
@@ -153,9 +171,8 @@ class ArrayRule(Rule):
             return tuple(replace(self, several=False).value(each, key) for each in value)
         if len(value) != len(self.entries):
             raise SceneError(f"{key} = {shown(list(value))}: must be {self.allowed}")
-        number = Rule(self.kind, self.unit, "", self.interval)
         named = zip(value, enumerate(self.entries), strict=True)
-        return tuple(number.value(each, f"{key}[{place}] ({entry})") for each, (place, entry) in named)
+        return tuple(self._number.value(each, f"{key}[{place}] ({entry})") for each, (place, entry) in named)
 
 
 @dataclass(frozen=True)
@@ -166,6 +183,10 @@ class NameRule(Rule):
     def allowed(self) -> str:
         """Allowed values in words."""
         return f"a name of at most {LONGEST_PART} ASCII letters, digits and '_'"
+
+    def schema(self) -> dict[str, Any]:
+        """Return the JSON Schema of a name."""
+        return {"type": "string", "pattern": f"^{NAME_PATTERN}$"}
 
     def value(self, value: Any, key: str) -> str:
         """Return `value`, or raise SceneError if it is no such name."""

@@ -104,7 +104,7 @@ class ModeRule(Rule):
         """Allowed values in words."""
         return f"{super().allowed}, the number of a branch, or S or H with a number"
 
-    def own_schema(self) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Return the JSON Schema of a name."""
         number = {"type": "integer", "minimum": 1, "maximum": 9999}
         return {"anyOf": [{"enum": list(self.words)}, {"type": "string", "pattern": f"^{_BRANCH}$"}, number]}

@@ -54,7 +54,7 @@ class StateRule(Rule):
             f"{', '.join(IN_SPACE)} may follow"
         )
 
-    def own_schema(self) -> dict[str, Any]:
+    def schema(self) -> dict[str, Any]:
         """Return the JSON Schema of a state."""
         places = [{"type": "integer", "minimum": 0}] * 2
         numbers = [{"type": "number", "minimum": -LARGEST, "maximum": LARGEST}] * (len(COLUMNS + IN_SPACE) - 2)

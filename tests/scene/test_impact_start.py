@@ -275,7 +275,7 @@ def test_numbers_of_numpy_are_written_as_any_other() -> None:
 )
 def test_the_schema_of_a_state_is_that_of_its_reader(state: Any, fits: bool) -> None:
     state_key = next(key for key in declared_keys(Start) if key.name == "state")
-    schema = jsonschema.Draft202012Validator(state_key.rule.own_schema())
+    schema = jsonschema.Draft202012Validator(state_key.rule.schema())
     assert schema.is_valid(state) == fits
 
 
