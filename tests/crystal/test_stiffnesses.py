@@ -45,6 +45,18 @@ def test_a_pair_under_a_load_has_its_stiffness_where_the_force_is_the_load() -> 
     assert shear == 1.0
 
 
+@pytest.mark.parametrize("work", [0.0, 0.05], ids=["Hertz", "DMT"])
+@pytest.mark.parametrize("load", [1e-8, 1e-7])
+def test_contacts_with_measured_factors_have_both_stiffnesses_at_rest(work: float, load: float) -> None:
+    pressed = BASE.with_values({"sphere.work_of_adhesion": work, "packing.contact_force": load}).sphere
+    wanted = 2 * pressed.normal_stiffness, 3 * pressed.shear_stiffness
+    pair = stiffnesses.Pair((0, 1), *wanted)
+    law = pressed.contact_law.times(*stiffnesses.measured_factors(pair, pressed.contact_law, load))
+    overlap = law.overlap_under(load)
+    found = float(law.normal_stiffness(overlap)), float(law.shear_stiffness(overlap))
+    assert found == pytest.approx(wanted, rel=1e-12)
+
+
 @pytest.mark.parametrize("kinds", [LAYERS, {"inclusion": [{"rows": [0, 35], "every": 2, "youngs_modulus": 9e10}]}])
 def test_computed_stiffnesses_change_no_force(kinds: dict[str, Any]) -> None:
     plain = prepare(BASE.with_values(kinds))

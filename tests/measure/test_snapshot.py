@@ -29,8 +29,8 @@ HELD = PERIODIC | {"packing.ends": "fixed", "packing.rows": 17, "time.allow_echo
     reason="the error of Verlet's steps: 1e-4 of the wave with four times the step",
     mutant=Mutant(
         "analysis/granular_analysis/measure/snapshot.py",
-        "        return columns[:, 0]\n",
-        "        return -columns[:, 0]\n",
+        "        return columns\n    scalar",
+        "        return -columns\n    scalar",
     ),
 )
 def test_the_network_moves_as_the_run_that_it_was_read_from(changes, tmp_path, measured):
