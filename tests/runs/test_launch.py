@@ -459,6 +459,7 @@ def test_a_locale_with_a_decimal_comma_changes_no_number(small: Scene, tmp_path:
 
 
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")  # from Python 3.12 on
+@pytest.mark.filterwarnings(r"ignore:os\.fork\(\) was called:RuntimeWarning")  # where another test has imported JAX
 def test_a_process_that_is_forked_while_lammps_runs_has_runs_of_its_own_and_no_locks_of_its_parent(
     small: Scene, tmp_path: Path
 ) -> None:
