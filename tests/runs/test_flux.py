@@ -150,3 +150,24 @@ def test_contacts_that_resist_rolling_carry_energy_by_its_torque(
     free = replace(region.contacts, rolling=np.zeros_like(region.contacts.rolling))
     monkeypatch.setattr(MonitorRecord, "contacts", free)
     assert unbalanced(ledger(rolling)) > 1e-2
+
+
+def test_contacts_give_no_power_to_spheres_that_turn_as_one_body(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their arms R − δ/2 add up to the distance of the spheres, so that the torque of a pair is zero."""
+    monitor = [{"name": "region", "rows": [18, 22], "what": "contacts"}]
+    record = run(PUSHED.with_values({"monitor": monitor, "time.duration": 20.0}), tmp_path / "run")
+    region = record.monitor("region")
+    scale = record.scene.displacement_amplitude / record.scene.sphere.radius
+    places = region.crystal.positions[region.spheres, :2] + scale * region.displacement
+    turning = np.stack([-places[..., 1], places[..., 0]], axis=-1)
+    contacts, spin = region.contacts, np.ones_like(region.spin)
+    monkeypatch.setattr(MonitorRecord, "velocity", property(lambda _: turning))
+    monkeypatch.setattr(MonitorRecord, "spin", property(lambda _: spin))
+    near = np.abs(np.diff(region.crystal.positions[[contacts.i, contacts.j], 0], axis=0)[0]) < 3  # no image
+    near &= np.isin(contacts.i, region.spheres) & np.isin(contacts.j, region.spheres)
+    one, other = (region.power(end)[:, near] for end in "ij")
+    sheared = np.abs(contacts.force).max()
+    assert near.sum() > 20
+    assert np.abs(one + other).max() < 1e-9 * sheared  # places of the dump have ten digits

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from granular_lmp import Record, Scene, build, run
+from granular_lmp.crystal.lattices import centre
 from granular_lmp.crystal.mode import PLANE
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import mend_dump, read_centre, whole_snapshots
@@ -52,6 +53,16 @@ def test_the_centre_sphere_is_the_same_in_both_dumps_to_the_last_bit(seen: Scene
     np.testing.assert_allclose(moved[:, centre, 1], record.p[::2], rtol=1e-14, atol=1e-18)
     np.testing.assert_allclose(-moved[:, centre, 0], record.q[::2], rtol=1e-14, atol=1e-18)
     np.testing.assert_allclose(turned[:, centre], record.phi[::2], rtol=1e-14, atol=1e-18)
+
+
+@pytest.mark.parametrize("direction", [30.0, 90.0])
+def test_the_displacement_of_a_record_is_that_of_its_sphere_in_any_direction(direction: float, tmp_path: Path) -> None:
+    changes = {"wave.direction": direction, "time.duration": 4.0, "time.sample": 1.0, "output.particles": 1.0}
+    record = run(Scene.load("tr_periodic").with_values(changes), tmp_path / "run")
+    snapshots = record.snapshots()
+    moved = snapshots.stack("displacement")[:, centre(snapshots.crystal)]
+    np.testing.assert_allclose(record.displacement[:, 0], moved, rtol=1e-13, atol=1e-16)  # a few roundings
+    assert np.abs(moved).max(axis=0).max() > 0.1
 
 
 def test_tables_hold_what_the_snapshots_do_with_units(seen: Scene, tmp_path: Path) -> None:
