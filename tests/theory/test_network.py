@@ -112,6 +112,14 @@ def test_a_rigid_rotation_slips_by_the_overlap_and_stretches_nothing():
     assert np.array_equal(forces(network, turning), at_rest)
 
 
+def test_a_sphere_that_has_moved_across_a_periodic_cell_meets_its_nearest_image():
+    apart = Network([[2.0, 0.0], [4.0, 0.0]], [1.0, 1.0], [1.0, 1.0], (Material(1.0, 0.2),), cell=(10.0, np.inf))
+    there = replace(apart, position=np.array([[2.0, 0.0], [0.01, 0.0]]))
+    found = forces(apart, start(apart, [[0.0, 0.0], [6.01, 0.0]], 0.0))
+    assert found[0, 0] > 0
+    assert found == pytest.approx(forces(there, start(there, 0.0, 0.0)), rel=1e-10)  # digits of the overlap, 1e-2
+
+
 def test_a_turned_packing_has_turned_forces():
     network, state = cluster()
     angle = 0.7
