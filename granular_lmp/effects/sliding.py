@@ -21,16 +21,20 @@ def variables(problem: Prepared) -> list[str]:
 
 
 def variables_off(problem: Prepared) -> list[str]:
+    """Return the variable of a friction at which nothing slides that the guard does not see.
+
+    It is at least that of the spheres, if the scene gives one: contacts that slid before could not be judged by it.
+    """
     if problem.units.own:
         return []
-    case = Case(problem.scene, problem.on)
+    case, given = Case(problem.scene, problem.on), problem.scene.effects.friction
     amplitude = f"(v_amplitude+{case.struck_amplitude!r})" if problem.scene.struck else "v_amplitude"
     if problem.scene.wave is None:
         amplitude = repr(case.largest_amplitude)
-    return [
-        f"variable friction index $({case.no_slip_friction!r}*{amplitude}:%.17g)"
-        "  # no sliding; much more would freeze the shear"
-    ]
+    enough = f"{case.no_slip_friction!r}*{amplitude}"
+    if given != AUTO:
+        enough = f"ternary({enough}>{given!r},{enough},{given!r})"
+    return [f"variable friction index $({enough}:%.17g)  # no sliding; much more would freeze the shear"]
 
 
 def measured(problem: Prepared) -> list[str]:

@@ -1,5 +1,6 @@
 """Guards are true: nothing is missed, no valid run is stopped, beside the state of every contact at every step."""
 
+import re
 from dataclasses import replace
 from math import cos, pi
 from pathlib import Path
@@ -66,6 +67,18 @@ def test_a_guard_misses_nothing_and_stops_no_valid_run(family: str, tmp_path: Pa
     # Between two looks a contact goes on by that share of its swing, which is about its overlap at rest
     assert openings.over < 1 - cos(pi / LOOKS), openings
     assert slip.over > cos(pi / LOOKS) - 1, slip
+
+
+@pytest.mark.parametrize(("amplitude", "least"), [(1e-3, 0.5), (0.2, 1.0)])
+def test_contacts_slide_in_no_deck_before_the_friction_of_their_spheres(
+    amplitude: float, least: float, tmp_path: Path
+) -> None:
+    # Proportional to the larger amplitude; at the smaller one that would be less than the spheres have
+    given = {"effects.sliding": False, "effects.friction": 0.5, "wave.amplitude": amplitude, "time.duration": 1.0}
+    run(Scene.load("tr_periodic").with_values(given), tmp_path / "run")
+    (line,) = re.findall(r"^variable friction index ([0-9.e-]+)", (tmp_path / "run" / LOG).read_text(), re.MULTILINE)
+    assert float(line) == pytest.approx(least, rel=0.2)
+    assert float(line) >= 0.5
 
 
 def test_the_study_sees_a_guard_that_is_wrong_on_either_side() -> None:
