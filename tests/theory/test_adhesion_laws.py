@@ -10,7 +10,7 @@ import pytest
 from cases.adhesion_laws import case as figure
 from cases.effects import case as effects_figure
 from granular_analysis.measure.norms import relative_error, slope
-from granular_analysis.theory import bloch
+from granular_analysis.theory import bloch, network_laws
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.hierarchy import hierarchy
 from granular_analysis.theory.lattice import torus
@@ -142,6 +142,20 @@ def test_at_rest_the_constants_over_those_of_the_dmt_law_are_numbers() -> None:
     assert per_metre[0] / per_metre[1] == pytest.approx(0.9987, abs=5e-5)
     assert JKR.time_scale / DMT.time_scale == pytest.approx(1.0004, abs=5e-5)
     assert JKR.pull_off_distance / JKR.static_overlap == pytest.approx(2 ** (-1 / 3) / 2, rel=ROUNDED)
+
+
+@pytest.mark.parametrize("name", network_laws.LAWS)
+def test_the_energy_of_a_network_s_contact_is_that_of_its_push_from_where_it_ends(name: network_laws.Adhesion) -> None:
+    law = network_laws.LAWS[name](np.array([2.0]), np.array([0.3]))
+    overlap, closed, step = np.array([0.05, 0.3]), np.ones(2, dtype=bool), 1e-6
+
+    def energy(at: np.ndarray) -> np.ndarray:
+        return law.energy(at, law.radius(at, closed))
+
+    assert np.abs(energy(law.end + np.zeros(2))).max() < 1e-12
+    found = (energy(overlap + step) - energy(overlap - step)) / (2 * step)
+    # Differences err by the third derivative times 1e-12, and by rounding over the step
+    assert found == pytest.approx(law.repulsion(overlap, law.radius(overlap, closed), closed), abs=1e-8)
 
 
 def test_a_contact_that_is_pressed_hard_is_one_of_hertz() -> None:
