@@ -215,6 +215,10 @@ def test_an_amplitude_of_a_second_harmonic_tells_poissons_ratio() -> None:
         for phase in (0.0, np.pi / 4)
     ]
     np.testing.assert_allclose(truth, amplitude * np.hypot(*closed), rtol=1e-9)  # rounding
+    row, own = scene.sphere.lattice_constant * np.sqrt(3) / 2, np.array([scene.sphere.poisson_ratio])
+    metric = [Point(**vars(each) | {"wavenumber": 1.2 / row, "unit": "rad/m"}) for each in asked]
+    both = [Fit(scene, each, (NU,)).predicted(own) for each in (metric, asked)]
+    np.testing.assert_allclose(*both, rtol=1e-9)  # rounding
     points = [
         Point(**vars(each) | {"value": value, "error": value / 100}) for each, value in zip(asked, truth, strict=True)
     ]
