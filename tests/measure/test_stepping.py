@@ -95,6 +95,15 @@ def test_the_record_is_that_of_lammps(name: str, tmp_path: Path) -> None:
     }
 
 
+def test_a_sphere_that_is_turned_moves_others_as_in_lammps(tmp_path: Path) -> None:
+    turned = [{"spheres": [[0, 0]], "motion": "rotation", "frequency": 0.7}]
+    scene = scene_of("corner_source", {"source": turned, "output.particles": 1.0})
+    theirs, ours = run(scene, tmp_path / "lammps"), run(scene, tmp_path / "network", engine=BY_NUMPY)
+    found, expected = (each.snapshots().stack("displacement") for each in (ours, theirs))
+    # The spin of such a sphere is LAMMPS's to second order in the step only; taken a step later it is off by 3 %
+    np.testing.assert_allclose(found, expected, rtol=0, atol=3e-4 * np.abs(expected).max())
+
+
 def test_what_reads_runs_reads_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     changes = {"time.duration": 20.0, "output.particles": 2.0}
     record = run(scene_of("tr_periodic", changes), tmp_path / "run", engine=BY_NUMPY)
