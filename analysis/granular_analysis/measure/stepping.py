@@ -191,17 +191,21 @@ class Moment:
         self.of, self.found, self.number = of, found, found.number
 
     def fields(self, spheres: Integers) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return displacement, velocity, rotation and spin; of what drives move those that contacts see."""
+        """Return displacement, velocity, rotation and spin; of what drives move the velocity that contacts see.
+
+        Of what they turn it is the spin that contacts see in the next step, as LAMMPS sets it at the end of one.
+        """
         network, now = self.of.network, self.found.now
         rows = np.stack([np.asarray(row[spheres]) for row in now.motion])
-        (values,) = network_verlet.signals(network, self.of.step, self.number, 1)
-        for each, pair in zip(network.drives, values, strict=True):
+        here, ahead = network_verlet.signals(network, self.of.step, self.number, 2)
+        for each, (value, rate), (_, next_rate) in zip(network.drives, here, ahead, strict=True):
             if each.moves:
+                pair = value, next_rate if each.component >= network.dimension else rate
                 share = np.zeros(len(network.position))
                 share[each.spheres] = each.share
                 own = np.isin(spheres, each.spheres)
-                for row, value in zip((each.component, each.component + network.freedoms), pair, strict=True):
-                    rows[row, own] = value * share[spheres[own]]
+                for row, number in zip((each.component, each.component + network.freedoms), pair, strict=True):
+                    rows[row, own] = number * share[spheres[own]]
         place, turn, velocity, spin = (
             part.T for half in np.split(rows, 2) for part in np.split(half, [network.dimension])
         )

@@ -9,8 +9,8 @@ One step of length h of `granular_analysis.theory.network`, with the acceleratio
 Slip rates and dashpots have the velocities of the half step, as LAMMPS computes forces between the two kicks. A contact
 that is open forgets its slip; one that slides keeps the slip of its limit. With the incremental law the force of the
 spring is carried in the place of s. At the end of a step quiet ends leave (1 − ½h c)/(1 + ½h c) of each velocity and
-spin. Of a sphere that is moved or turned, contacts see the way over the last step; where one is turned, motions are
-those of LAMMPS to second order in h only.
+spin. Of a sphere that is moved or turned, contacts see the way over the last step. LAMMPS sets a spin at the end of a
+step, so that the first step sees none.
 
 Turns in the plane are those of LAMMPS's dipoles, which turn by arctan(hω) in a step; in space each step's rotation is
 put to that before, as of LAMMPS's quaternions.
@@ -125,11 +125,14 @@ def signals(network: Network, step: float, first: int, count: int) -> Floats:
 
     (count, D, 2)
     """
-    times: Floats = np.asarray(step * np.arange(first, first + count), dtype=np.float64)
+    numbers = np.arange(first, first + count)
+    times: Floats = np.asarray(step * numbers, dtype=np.float64)
     found = []
     for each in network.drives:
         value = each.signal(times)
         rate = (value - each.signal(times - step)) / step if each.moves else 0 * value
+        if each.component >= network.dimension:
+            rate = rate * (numbers > 1)
         found += [value, rate]
     xp = module_of(found[0]) if found else np
     return xp.moveaxis(xp.asarray(found).reshape(len(network.drives), 2, count), -1, 0)
