@@ -21,25 +21,21 @@ def variables(problem: Prepared) -> list[str]:
 
 
 def variables_off(problem: Prepared) -> list[str]:
-    """Return the variable of a friction at which nothing slides that the guard does not see.
-
-    It is at least that of the spheres, if the scene gives one: contacts that slid before could not be judged by it.
-    """
     if problem.units.own:
         return []
-    case, given = Case(problem.scene, problem.on), problem.scene.effects.friction
+    case = Case(problem.scene, problem.on)
     amplitude = f"(v_amplitude+{case.struck_amplitude!r})" if problem.scene.struck else "v_amplitude"
     if problem.scene.wave is None:
         amplitude = repr(case.largest_amplitude)
-    enough = f"{case.no_slip_friction!r}*{amplitude}"
-    if given != AUTO:
-        enough = f"ternary({enough}>{given!r},{enough},{given!r})"
-    return [f"variable friction index $({enough}:%.17g)  # no sliding; much more would freeze the shear"]
+    return [
+        f"variable friction index $({case.no_slip_friction!r}*{amplitude}:%.17g)"
+        "  # no sliding; much more would freeze the shear"
+    ]
 
 
 def measured(problem: Prepared) -> list[str]:
     """Return the lines of the variable ``slip``, the largest share of a shear force in the sliding force."""
-    how, friction = Reading.of(problem), judged_friction(problem.scene)
+    how, friction = Reading.of(problem), judged_friction(problem)
     pairs = f"c_extreme[2]/({friction}*{sliding_force(how)})"
     if not how.walls:
         return [f"variable     slip equal {pairs}  # the hardest sheared over the one that touches least: a bound"]
@@ -51,9 +47,15 @@ def measured(problem: Prepared) -> list[str]:
     return [*lines, f"variable     slip equal {largest}"]
 
 
-def judged_friction(scene: Scene) -> str:
-    """Return the friction by which slips are judged, in a deck: that of the spheres, if the scene gives one."""
-    return "${friction}" if scene.effects.friction == AUTO else repr(scene.effects.friction)
+def judged_friction(problem: Prepared) -> str:
+    """Return the friction by which slips are judged, as LAMMPS's expression.
+
+    It is the smaller one of the deck, at which contacts slide in the run, and of the spheres, if the scene gives one.
+    """
+    given = problem.scene.effects.friction
+    if given == AUTO:
+        return "${friction}"
+    return repr(given) if problem.on["sliding"] else f"ternary(v_friction<{given!r},v_friction,{given!r})"
 
 
 GUARD = Guard(

@@ -11,9 +11,11 @@ import re
 from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import GUARD as SLIP
+from granular_lmp.effects.sliding import judged_friction
 from granular_lmp.lammps.guards import GUARDS, guards, has_looks, judged_lines, look_lines, thermo_lines
 from granular_lmp.lammps.region_of_influence import inside_lines
 from granular_lmp.problem import Problem
+from granular_lmp.scene.schema import AUTO
 
 # Elements of the kernel's fix: the step at which a guard triggered first
 _STEP = {SLIP.name: 4, OPEN.name: 5}
@@ -56,7 +58,7 @@ def _guards(problem: Problem) -> list[str]:
         *inside_lines(problem),
         *look_lines(problem),
         *dict.fromkeys(line for guard in own if guard.name not in _STEP for line in guard.lines(problem)),
-        *_extremes(problem.scene.effects.friction if SLIP in own else None),
+        *_extremes(problem if SLIP in own else None),
         *(
             f"variable     {guard.name}_at equal f_seen[{_STEP[guard.name]}]*v_step/v_t0"
             for guard in own
@@ -67,17 +69,18 @@ def _guards(problem: Problem) -> list[str]:
     ]
 
 
-def _extremes(friction: float | str | None) -> list[str]:
-    """Return the lines of what is seen; shares of the friction of the deck become those of the scene's, if it has one.
+def _extremes(sheared: Problem | None) -> list[str]:
+    """Return the lines of what is seen; shares of the friction of the deck become those of the friction that judges.
 
-    Without a friction nothing is sheared.
+    sheared : None where nothing is sheared.
     """
     limit, slip = repr(SLIP.limit), "f_seen[2]"
-    if isinstance(friction, float):
-        limit, slip = f"$({limit}*{friction!r}/v_friction:%.17g)", f"{slip}*v_friction/{friction!r}"
+    if sheared is not None and sheared.scene.effects.friction != AUTO:
+        judged = judged_friction(sheared)
+        limit, slip = f"$({limit}*{judged}/v_friction:%.17g)", f"{slip}*v_friction/{judged}"
     return [
-        f"fix          seen inside granular/kernel {1 if friction is None else limit}",
+        f"fix          seen inside granular/kernel {1 if sheared is None else limit}",
         "variable     overlap equal f_seen[1]/v_Delta0",
-        *([] if friction is None else [f"variable     {SLIP.name} equal {slip}"]),
+        *([] if sheared is None else [f"variable     {SLIP.name} equal {slip}"]),
         f"variable     {OPEN.name} equal f_seen[3]",
     ]

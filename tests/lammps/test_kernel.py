@@ -1,6 +1,7 @@
 """The kernel beside LAMMPS's own pair style: the same numbers, or an error that names what it does not know."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -38,7 +39,7 @@ from granular_lmp.scene.shipped import shipped
 from granular_lmp.studies import collide, cost
 from granular_lmp.studies.sweep import sweep
 from tests.conftest import kernel_lacks, members, run_input
-from tests.hard.guard_study import FAMILIES, random_scene
+from tests.hard.guard_study import FAMILIES, blind_rules, random_scene
 from tests.house.test_docs import ROOT
 from tests.manual import Measure, Mutant, verifies
 
@@ -146,6 +147,15 @@ def test_numbers_are_those_of_lammps(name: str, tmp_path: Path) -> None:
     assert library.STYLE in (tmp_path / "kernel" / LOG).read_text()
     name = f"in.{scene.name}"
     assert (tmp_path / "plain" / name).read_bytes() == (tmp_path / "kernel" / name).read_bytes()
+
+
+def test_contacts_that_slide_at_the_friction_of_a_deck_are_seen_below_that_of_the_spheres(tmp_path: Path) -> None:
+    scene = random_scene("damped", 62)
+    with blind_rules(), pytest.raises(EffectError):
+        run(scene, tmp_path / "run", kernel=True)
+    (friction,) = re.findall(r"^variable friction index ([0-9.e+-]+)", (tmp_path / "run" / LOG).read_text(), re.MULTILINE)
+    assert float(friction) < scene.effects.friction
+    assert read_status(tmp_path / "run")["guards"]["largest_slip"]["passed_at"] is not None
 
 
 def test_another_friction_is_noticed(tmp_path: Path) -> None:
