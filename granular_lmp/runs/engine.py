@@ -74,7 +74,7 @@ class Motion(Protocol):
     """The spheres of a run on their way."""
 
     def moments(self, stops: Iterable[int], kept: Mapping[str, NDArray[Any]] | None) -> Iterator[Moment]:
-        """Yield the spheres after each of some ascending numbers of steps, from the begin or from a checkpoint on."""
+        """Yield the spheres after each of some ascending numbers of steps, from the start or from a checkpoint on."""
 
 
 @dataclass(frozen=True, eq=False)

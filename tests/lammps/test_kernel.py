@@ -153,7 +153,9 @@ def test_contacts_that_slide_at_the_friction_of_a_deck_are_seen_below_that_of_th
     scene = random_scene("damped", 62)
     with blind_rules(), pytest.raises(EffectError):
         run(scene, tmp_path / "run", kernel=True)
-    (friction,) = re.findall(r"^variable friction index ([0-9.e+-]+)", (tmp_path / "run" / LOG).read_text(), re.MULTILINE)
+    (friction,) = re.findall(
+        r"^variable friction index ([0-9.e+-]+)", (tmp_path / "run" / LOG).read_text(), re.MULTILINE
+    )
     assert float(friction) < scene.effects.friction
     assert read_status(tmp_path / "run")["guards"]["largest_slip"]["passed_at"] is not None
 

@@ -8,7 +8,8 @@ import pytest
 from granular_analysis.theory.network import Network, Wall
 from granular_analysis.theory.network_outside import Drive
 from granular_analysis.theory.network_state import State, contacts, resultants, start
-from granular_analysis.theory.network_verlet import march
+from granular_analysis.theory.network_tangents import length
+from granular_analysis.theory.network_verlet import march, slip_ratios
 from tests.conftest import latin
 from tests.theory.test_loops import LAWS, RNG, STEEL, packing
 
@@ -42,6 +43,21 @@ def test_forces_of_any_law_are_those_of_numpy(changes: dict[str, object], dimens
     now = contacts(network, state.motion, state.pairs, state.shear, state.begun)
     for one, other in zip(found, (resultants(state.pairs, now), now.memory_rate), strict=True):
         np.testing.assert_allclose(np.array(one), other, rtol=0, atol=1e-13 * np.abs(other).max())
+
+
+@pytest.mark.parametrize("changes", [each for each in LAWS if each.get("shear", True)], ids=str)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_what_slides_has_the_ratio_of_the_friction_and_all_else_a_smaller_one(
+    changes: dict[str, object], dimension: int
+) -> None:
+    network, state = touching(dimension, **{**changes, "friction": 0.05})
+    there = contacts(network, state.motion, state.pairs, state.shear, state.begun)
+    free = contacts(replace(network, friction=np.inf), state.motion, state.pairs, state.shear, state.begun)
+    slides = there.closed & (length(free.shear) > length(there.shear) * (1 + 1e-12))
+    found = slip_ratios(network, state.pairs, there)
+    assert 5 < slides.sum() < there.closed.sum()
+    np.testing.assert_allclose(found[slides], 0.05, rtol=1e-12)  # rounding
+    assert found[~slides].max() < 0.05
 
 
 def test_motions_are_those_of_numpy_also_where_pairs_are_searched_again() -> None:

@@ -153,7 +153,7 @@ class Motion:
         self.lost = len(self.rested) - int(np.count_nonzero(self.at_rest))
 
     def moments(self, stops: Iterable[int], kept: Mapping[str, NDArray[Any]] | None) -> Iterator["Moment"]:
-        """Yield the spheres after each of some numbers of steps, from the begin or from a checkpoint on."""
+        """Yield the spheres after each of some numbers of steps, from the start or from a checkpoint on."""
         begin = None if kept is None else self._read(kept)
         for found in self.steps.moments(self.network, self.state, self.step, stops, begin):
             yield Moment(self, found)

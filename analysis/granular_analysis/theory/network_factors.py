@@ -9,8 +9,8 @@ A run of `granular_analysis.theory.network_traced` from a state depends on facto
     normal_stiffness (M,) of the normal force of each pair at a given overlap, and of its pull
     shear_stiffness  (M,) of the shear force of each pair at a given overlap
     damping          ()   of the dashpots
-    amplitude        ()   of the displacements, turns, velocities and spins at the begin
-    phase            ()   φ by which a wave is ahead at the begin: cos φ of that motion, sin φ of its quadrature
+    amplitude        ()   of the displacements, turns, velocities and spins at the start
+    phase            ()   φ by which a wave is ahead at the start: cos φ of that motion, sin φ of its quadrature
     drives           (D,) of the signal of each drive
     delay            (D,) by which each signal is late, in units of time
 
@@ -60,10 +60,10 @@ class Run:
     ----------
     network, state : as of `granular_analysis.theory.network_state.start`; pairs are not searched again.
     step : length of a step.
-    samples, every : number of records after the begin, and the steps between two.
+    samples, every : number of records after the start, and the steps between two.
     spheres : (n,) indices of those recorded.
     contacts : (C,) pairs through which the power is recorded.
-    quadrature : (2f, N) motion at the begin of the wave that is ahead by a quarter of a period, for a phase.
+    quadrature : (2f, N) motion at the start of the wave that is ahead by a quarter of a period, for a phase.
     """
 
     network: Network

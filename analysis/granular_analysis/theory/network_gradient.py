@@ -29,10 +29,10 @@ from numpy.typing import NDArray
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_factors import Factors, Run, prepared
-from granular_analysis.theory.network_state import Pairs, acting, meetings, with_walls
-from granular_analysis.theory.network_tangents import combined, dot, length, less, scaled
+from granular_analysis.theory.network_state import Pairs, with_walls
+from granular_analysis.theory.network_tangents import combined, dot, less, scaled
 from granular_analysis.theory.network_traced import on_device
-from granular_analysis.theory.network_verlet import Carried, stepped
+from granular_analysis.theory.network_verlet import Carried, seen, slip_ratios, stepped
 
 __all__ = ["Record", "derivative", "events", "gradient", "hessian_product", "record"]
 
@@ -40,7 +40,7 @@ Floats = NDArray[np.float64]
 
 
 class Record(NamedTuple):
-    """What is recorded at the begin and after each sample.
+    """Record of a run: at the start and after each sample.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class _Looks(NamedTuple):
     """What contacts and spheres have done so far, of `Events`; (M,) but for the last.
 
     `least` is the smallest overlap while a pair touched, inf if it has not; `always` and `ever` say whether it has
-    touched since the begin, or at all; `hardest` is the largest share of the limit of friction.
+    touched since the start, or at all; `hardest` is the largest share of the limit of friction.
     """
 
     least: Any
@@ -85,15 +85,11 @@ class _Looks(NamedTuple):
 def _look(network: Network, pairs: Pairs, now: Carried) -> _Looks:
     """Return what contacts and spheres do at one moment; nothing has a slope by it."""
     now = lax.stop_gradient(now)
-    met = meetings(network, now.motion, pairs, now.begun)
-    far = [jnp.max(jnp.abs(way - begin)) for way, begin in zip(now.motion, pairs.place, strict=False)]
-    least = jnp.where(met.closed, met.overlap, jnp.inf)
-    share: Any = jnp.zeros(len(pairs.first))
-    if network.friction < np.inf:
-        acts = acting(network, pairs, met, [dot(now.memory, each) for each in met.tangents.along])
-        limit = network.friction * (acts.repulsion + 2 * pairs.normal.pull * pairs.F)
-        share = met.closed * length(acts.shear) / jnp.where(limit > 0, limit, jnp.inf)
-    return lax.stop_gradient(_Looks(least, met.closed, met.closed, share, jnp.max(jnp.stack(far))))
+    there = seen(network, pairs, now)
+    far = [jnp.max(jnp.abs(way - place)) for way, place in zip(now.motion, pairs.place, strict=False)]
+    least = jnp.where(there.closed, there.overlap, jnp.inf)
+    share = slip_ratios(network, pairs, there) / (network.friction or np.inf)  # without friction nothing is sheared
+    return lax.stop_gradient(_Looks(least, there.closed, there.closed, share, jnp.max(jnp.stack(far))))
 
 
 def _power(run: Run, pairs: Pairs, now: Carried) -> Any:
@@ -101,15 +97,14 @@ def _power(run: Run, pairs: Pairs, now: Carried) -> Any:
     network, dimension = run.network, run.network.dimension
     if not len(run.contacts):
         return jnp.zeros(0)
-    met = meetings(network, now.motion, pairs, now.begun)
-    acts = acting(network, pairs, met, [dot(now.memory, each) for each in met.tangents.along])
-    pull = less(combined(acts.shear, met.tangents.along), scaled(acts.repulsion, met.normal))
+    there = seen(network, pairs, now)
+    pull = less(combined(there.shear, there.tangents.along), scaled(there.repulsion, there.normal))
     rates = with_walls(network, now.motion[network.freedoms :])
     gains = []
     for end, arm, force in zip((pairs.first, pairs.second), pairs.radii, (pull, scaled(-1.0, pull)), strict=True):
         speed = [row[end] for row in rates]
-        lever = arm - pairs.shortened * met.overlap
-        gains.append(dot(force, speed[:dimension]) + lever * dot(acts.twist, speed[dimension:]))
+        lever = arm - pairs.shortened * there.overlap
+        gains.append(dot(force, speed[:dimension]) + lever * dot(there.twist, speed[dimension:]))
     return ((gains[1] - gains[0]) / 2)[np.asarray(run.contacts)]
 
 
@@ -134,7 +129,7 @@ def _marched(run: Run, factors: Factors) -> tuple[Record, tuple[_Looks, _Looks]]
     def part(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], Any]:
         return lax.scan(sample, carry, at)
 
-    # The way back holds the begin of each part, and of each step of the part that it runs again
+    # The way back holds the start of each part, and of each step of the part that it runs again
     many = _part(run.samples, run.every)
     shape = run.samples // many, many, run.every, *values.shape[1:]
     first = _look(network, pairs, begin)
@@ -261,7 +256,7 @@ class Events(NamedTuple):
     ----------
     parted, met : pairs (K,) that touched at the start and did not later, and the other way round.
     slid : pairs that slid.
-    nearest : smallest overlap of pairs that touch, over the mean one of those at the begin.
+    nearest : smallest overlap of pairs that touch, over the mean one of those at the start.
     hardest : largest share of the limit of friction; 0 without friction.
     farthest : largest displacement over that at which pairs are searched again.
     """

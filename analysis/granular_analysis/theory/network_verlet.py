@@ -211,6 +211,14 @@ def seen(network: Network, pairs: Pairs, now: Carried) -> Contacts:
     return acting(network, pairs, met, [dot(now.memory, each) for each in met.tangents.along])
 
 
+def slip_ratios(network: Network, pairs: Pairs, there: Contacts) -> Floats:
+    """Return the shear forces of contacts over those at which they slide with a friction of 1, (M,), 0 where open."""
+    limit = module_of(there.overlap).abs(there.repulsion)
+    if network.adheres or not (network.viscosity or network.restitution is not None):
+        limit = pairs.normal.repulsion(there.overlap, there.radius, there.closed) + 2 * pairs.normal.pull * pairs.F
+    return quotient(length(there.shear), limit, there.closed & (limit > 0), 0.0)
+
+
 def extremes(network: Network, pairs: Pairs, now: Carried, rested: Any, near: Any) -> tuple[Any, ...]:
     """Return what guards ask of the contacts of some spheres, by the names of `granular_lmp.runs.engine.Look`.
 
@@ -225,11 +233,6 @@ def extremes(network: Network, pairs: Pairs, now: Carried, rested: Any, near: An
     here, other = near[pairs.first], ends[pairs.second]
     closed = there.closed & here & other
     changed = xp.sum((there.closed != rested) * (here * 1.0 + (other & ~wall))) / 2
-    damped = network.viscosity or network.restitution is not None
-    limit = xp.abs(there.repulsion)
-    if network.adheres or not damped:
-        limit = pairs.normal.repulsion(there.overlap, there.radius, there.closed) + 2 * pairs.normal.pull * pairs.F
-    slip = quotient(length(there.shear), limit, closed & (limit > 0), 0.0)
     turning = [xp.max(xp.where(near, xp.abs(row), 0.0)) for row in resultants(pairs, there)[network.dimension :]]
     on_wall = quotient(there.overlap, pairs.overlap, closed & wall & (pairs.overlap > 0), xp.inf)
     return (
@@ -237,7 +240,7 @@ def extremes(network: Network, pairs: Pairs, now: Carried, rested: Any, near: An
         xp.min(on_wall, initial=xp.inf),
         xp.max(xp.where(closed, there.overlap, 0.0), initial=0.0),
         changed,
-        xp.max(slip, initial=0.0),
+        xp.max(xp.where(closed, slip_ratios(network, pairs, there), 0.0), initial=0.0),
         xp.sqrt(sum(each * each for each in turning)),
     )
 
@@ -259,7 +262,7 @@ def moments(
 
 
 def march(network: Network, state: State, step: float, count: int, every: int) -> Iterator[Floats]:
-    """Yield the motions (2f, N) at the begin and after each `every` of at most `count` steps."""
+    """Yield the motions (2f, N) at the start and after each `every` of at most `count` steps."""
     yield from motions(network, step, moments(network, state, step, range(0, count + 1, every)))
 
 
