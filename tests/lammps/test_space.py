@@ -1,6 +1,5 @@
 """Spheres in space: decks, records and guards of layers on a substrate and of crystals of many layers."""
 
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,6 @@ import pytest
 
 from granular_analysis.tools.compare import compare
 from granular_lmp import Record, Scene, build, run
-from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.crystal.lattices import centre, places
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.datafile import read
@@ -200,23 +198,6 @@ def test_the_angle_is_the_sum_of_the_spins(tmp_path: Path) -> None:
 # ---------------------------------------------------------------- runs
 
 
-def test_a_run_in_space_continues_to_the_same_bytes(tmp_path: Path, stop: Callable[..., None]) -> None:
-    scene = layer(
-        wave__amplitude=0.05,
-        time__duration=200.0,
-        time__timestep=0.05,
-        time__sample=1.0,
-        output__checkpoint=1e-4,
-        output__particles=50.0,
-        monitor=[{"name": "rows", "rows": [2, 4], "what": "flux"}],
-    )
-    run(scene, tmp_path / "whole")
-    stop(scene, tmp_path / "stopped")
-    resume(tmp_path / "stopped")
-    for name in ("trajectory.csv", DUMP, SNAPSHOTS, "monitor.rows.bin", "monitor.rows.contacts"):
-        assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "stopped" / name).read_bytes(), name
-
-
 @pytest.mark.more
 def test_the_program_and_two_ranks_give_the_same_as_the_module(tmp_path: Path) -> None:
     scene = layer(wave__amplitude=0.05, packing__rows=16, wave__wavenumber=QUARTER, time__duration=20.0)
@@ -375,20 +356,3 @@ def test_quiet_ends_are_of_crystals_whose_reflection_is_known() -> None:
         prepare(layer().with_values(held))
     fcc = PAPER.with_values(held | {"packing.lattice": "fcc", "packing.rows": 81, "time.duration": 10.0})
     assert "vz v_kept_z omega v_kept_turnx v_kept_turny v_kept_turnz" in build(fcc).input_text
-
-
-@pytest.mark.more
-def test_a_source_in_space_is_continued_to_the_same_bytes(tmp_path: Path, stop: Callable[..., None]) -> None:
-    sources = [
-        {"rows": [3, 3], "frequency": 0.5, "ramp": 5.0, "force": "torque_x"},
-        {"rows": [1, 1], "frequency": 0.5, "ramp": 5.0, "motion": "rotation_y"},
-        {"rows": [5, 5], "frequency": 0.5, "ramp": 5.0, "motion": "z"},
-    ]
-    scene = PAPER.with_values(
-        CUBE | {"source": sources, "output.checkpoint": 1e-4, "time.duration": 40.0, "time.timestep": 0.01}
-    )
-    run(scene, tmp_path / "whole")
-    stop(scene, tmp_path / "stopped")
-    resume(tmp_path / "stopped")
-    for name in ("trajectory.csv", DUMP):
-        assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "stopped" / name).read_bytes(), name

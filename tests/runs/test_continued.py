@@ -22,8 +22,8 @@ from tests.lammps.test_space import CUBE, layer
 from tests.pause import paused
 from tests.scene.test_faces import ENDS, LOAD, SIDES, WALLED
 from tests.scene.test_faces import SHEET as FACED
-from tests.scene.test_sources import MOVE, PUSH, TURN
-from tests.scene.test_sources import SHEET as SHAKEN
+from tests.scene.test_sources import SHAKEN
+from tests.scene.test_sources import SHEET as SOURCES
 from tests.validation.test_strikes_at_rest import WATCHED
 
 # 1200 steps; a checkpoint at each 125 of them
@@ -84,19 +84,8 @@ SCENES = {
         | {"time.duration": 150.0, "time.timestep": 0.05, "output.checkpoint": 1e-4, "output.particles": 50.0}
     ),
     "free faces": FACED.with_values(SIDES | ENDS | {"time.duration": 60.0, "output.particles": 0.0}),
-    "sources": SHAKEN.with_values(
-        {"packing.rows": 8, "packing.columns": 6, "time.duration": 60.0, "output.particles": 0.0}
-        | {"output.checkpoint": 48 * 100 / SPEED / 60}
-        | {
-            "source": [
-                PUSH | {"spheres": [[6, 5]], "cycles": 8.0},
-                MOVE,
-                TURN | {"spheres": [[1, 1]], "frequency": 0.4},
-                {"spheres": [[5, 2]], "motion": "rotation", "frequency": 0.7},
-            ]
-        }
-    ),
-    "samples": SHAKEN.with_values(
+    "sources": SHAKEN,
+    "samples": SOURCES.with_values(
         {"packing.rows": 6, "packing.columns": 6, "time.duration": 24.0, "output.particles": 0.0}
         | {"output.checkpoint": 36 * 100 / SPEED / 60}
         | {

@@ -1,7 +1,6 @@
 """Each face of a packing is held, free, periodic or a wall, in LAMMPS beside the network and the linear crystal."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,6 @@ from granular_lmp.effects.case import Case
 from granular_lmp.effects.selection import select
 from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
-from granular_lmp.runs.launch import resume
 from granular_lmp.studies.identity import names_of
 from tests.beside_network import STEPS, extrapolated, network_fields
 from tests.conftest import PAPER, latin, members
@@ -129,16 +127,6 @@ def test_a_guard_sees_the_row_that_leaves_its_wall(tmp_path: Path) -> None:
         changes = WALLED | {"effects.contact_opening": True, "source": [pull | {"amplitude": amplitude}]}
         guards = run(scene.with_values(changes), tmp_path / str(amplitude)).info["guards"]
         assert (guards["open_contacts"]["value"] > 0) == opens
-
-
-def test_a_run_between_walls_continues_to_the_same_bytes(tmp_path: Path, stop: Callable[..., None]) -> None:
-    scene = SHEET.with_values(WALLED | LOAD | {"time.duration": 150.0, "time.timestep": 0.05})
-    scene = scene.with_values({"output.checkpoint": 1e-4, "output.particles": 50.0})
-    run(scene, tmp_path / "whole")
-    stop(scene, tmp_path / "stopped")
-    resume(tmp_path / "stopped")
-    whole, stopped = ((tmp_path / name / "trajectory.csv").read_bytes() for name in ("whole", "stopped"))
-    assert whole == stopped
 
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
@@ -288,16 +276,6 @@ def test_a_crystal_that_nothing_holds_has_no_walls() -> None:
     assert prepare(SHEET.with_values(SIDES | {"packing.last": FREE})).on["walls"]
     on = {each.name: each.on for each in select(SHEET.with_values(ENDS))}
     assert Case(SHEET.with_values(ENDS), on).scene.shape.infinite is False
-
-
-def test_a_run_with_free_faces_continues_to_the_same_bytes(tmp_path: Path, stop: Any) -> None:
-    scene = SHEET.with_values(SIDES | ENDS | {"time.duration": 60.0, "output.particles": 0.0})
-    whole = run(scene, tmp_path / "whole")
-    stop(scene, tmp_path / "stopped")
-    assert resume(tmp_path / "stopped").info["status"] == "finished"
-    assert whole.folder is not None
-    for name in ("dump.centre", "trajectory.csv"):
-        assert (tmp_path / "stopped" / name).read_bytes() == (whole.folder / name).read_bytes()
 
 
 def test_no_theory_of_the_infinite_lattice_is_taken_and_each_refuses_by_name(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """Strikes alone in crystals at rest under load: scenes without [wave] whose spheres adhere or are pressed together."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +9,8 @@ import pytest
 
 from granular_analysis.theory.scenes import CRYSTAL_KEYS, Setting
 from granular_analysis.tools import compare
-from granular_lmp import Record, Scene, export, load, resume, run
+from granular_lmp import Record, Scene, export, load, run
 from granular_lmp.errors import ReadoutError, SceneError
-from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
 from granular_lmp.rest.linear import mode_of
 from granular_lmp.runs.readouts import drive_of
@@ -62,17 +60,6 @@ def test_routes_agree(watched: Record, launcher: Any, ranks: int, tmp_path: Path
     other = run(WATCHED, tmp_path / "run", launcher=launcher, ranks=ranks)
     np.testing.assert_allclose(other.displacement, watched.displacement, rtol=0, atol=1e-12)
     assert other.monitor("m").contacts.normal == pytest.approx(watched.monitor("m").contacts.normal, abs=1e-9)
-
-
-def test_a_stopped_run_is_continued_to_the_same_bytes(tmp_path: Path, stop: Callable[..., None]) -> None:
-    long = WATCHED.with_values({"time.duration": 60.0, "output.checkpoint": 117 * 200 / SPEED / 60})
-    whole = run(long, tmp_path / "whole")
-    stop(long, tmp_path / "cut")
-    cut = resume(tmp_path / "cut")
-    assert whole.folder is not None
-    assert cut.folder is not None
-    for name in ("dump.particles", "monitor.m.bin", "monitor.m.contacts"):
-        assert (cut.folder / name).read_bytes() == (whole.folder / name).read_bytes(), name
 
 
 def test_monitors_have_the_unit_of_forces_of_the_crystal(watched: Record) -> None:
