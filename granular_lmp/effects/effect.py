@@ -57,7 +57,7 @@ def _every(scene: Scene) -> bool:
 
 @dataclass(frozen=True)
 class AmongMeeting:
-    """What an effect is among spheres that meet, which nothing holds at rest.
+    """Rule, order and guards of an effect among spheres that meet, which nothing holds at rest.
 
     Attributes
     ----------

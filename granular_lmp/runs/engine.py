@@ -23,7 +23,7 @@ Integers = NDArray[np.int64]
 
 
 class Look(NamedTuple):
-    """What the guards of a deck see of all contacts at a moment, of those within the reach.
+    """Extremes of the contacts within the reach at a moment, by which the guards of a deck judge.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Motion(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What an engine is given.
+    """Spheres and step of a run, as an engine is given them.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class Setting:
 
 
 class Engine(Protocol):
-    """What steps the spheres of a deck."""
+    """Engine that steps the spheres of a deck in place of LAMMPS."""
 
     @property
     def device(self) -> str:

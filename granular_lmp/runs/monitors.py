@@ -310,7 +310,7 @@ class MonitorRecord(HasTables):
 
     @cached_property
     def of_rows(self) -> dict[str, Floats]:
-        """What a monitor of rows is for, by name, (T, R) each; nothing of other kinds."""
+        """Quantities of a monitor of rows by name, (T, R) each; none of other kinds."""
         kind = self.monitor.known
         return {name: _OF_ROWS[name](self) for name in kind.quantities} if kind.of == "row" else {}
 

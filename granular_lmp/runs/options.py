@@ -44,7 +44,7 @@ class Options:
 
     @property
     def launched(self) -> str:
-        """What takes the steps, as ``run.json`` says it."""
+        """Launcher of the run, as ``run.json`` names it."""
         return NETWORK if self.engine else "lmp" if self.program else "module"
 
     @property

@@ -9,6 +9,7 @@ import io
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from math import ceil
 from pathlib import Path
 from typing import IO, Any
@@ -85,20 +86,21 @@ class Recorder:
         if problem.scene.wave is not None and problem.scene.output.particles:
             apart = self.every * ceil(problem.scene.output.particles / clock.sample - 1e-9)
             all_spheres = np.arange(len(problem.rest.atoms))
-            self.files[SNAPSHOTS] = apart, lambda moment: self._spheres(moment, all_spheres)
+            self.files[SNAPSHOTS] = apart, partial(self._spheres, spheres=all_spheres)
 
     def _samples(self) -> dict[str, Write]:
         """Return what is written at each sample, by file."""
         problem, found = self.problem, dict[str, Write]()
         if problem.scene.wave is None:
-            found[SNAPSHOTS] = lambda moment: self._spheres(moment, problem.rest.recorded, problem.scene.output.forces)
+            forces = problem.scene.output.forces
+            found[SNAPSHOTS] = partial(self._spheres, spheres=problem.rest.recorded, forces=forces)
         else:
             found[DUMP] = self._centre
         for placed in problem.monitors:
-            name, spheres, around = placed.monitor.name, placed.spheres, placed.around
-            found[MONITOR.format(name)] = lambda moment, own=spheres: self._monitor(moment, own)  # type: ignore[misc]
+            name = placed.monitor.name
+            found[MONITOR.format(name)] = partial(self._monitor, spheres=placed.spheres)
             if placed.monitor.with_contacts:
-                found[MONITOR_CONTACTS.format(name)] = lambda moment, own=around: self._contacts(moment, own)  # type: ignore[misc]
+                found[MONITOR_CONTACTS.format(name)] = partial(self._contacts, around=placed.around)
         return found
 
     def write(self, moment: Moment, streams: dict[str, IO[Any]]) -> None:

@@ -59,7 +59,7 @@ Objective = Callable[[Record], Any]
 
 
 class _Looks(NamedTuple):
-    """What contacts and spheres have done so far, of `Events`; (M,) but for the last.
+    """Extremes of contacts and spheres so far, for `Events`; (M,) but for the last.
 
     `least` is the smallest overlap while a pair touched, inf if it has not; `always` and `ever` say whether it has
     touched since the start, or at all; `hardest` is the largest share of the limit of friction.
@@ -250,7 +250,7 @@ def _refuse(known: "Events", kinks: bool) -> None:
 
 
 class Events(NamedTuple):
-    """What contacts did in a run.
+    """Contacts that opened, closed or slid in a run, and how near others came.
 
     Attributes
     ----------

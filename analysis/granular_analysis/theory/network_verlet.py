@@ -61,7 +61,7 @@ Floats = NDArray[np.float64]
 
 
 class Carried(NamedTuple):
-    """What a step hands on to the next one; rows are (N,) each.
+    """Motion, slips and accelerations that a step hands on to the next; rows are (N,) each.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Carried(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """The motion after a number of steps.
+    """Motion after a number of steps.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class Moment(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """What a step of the length h takes of the spheres.
+    """Numbers of the spheres that a step of length h takes.
 
     Attributes
     ----------
