@@ -69,7 +69,7 @@ def add_to(commands: Commands) -> None:
         "--budget",
         type=_seconds,
         metavar="SECONDS",
-        help="start no run that would end later; the same command continues, with a budget of its own",
+        help="start no run later than this; the same command continues, with a budget of its own",
     )
     cost.add_argument(
         "--accuracy",
@@ -156,14 +156,13 @@ def _cost(options: Options) -> int:
 
     scene = scene_of(options)
     folder = options.output or f"costs/{scene.name}"
-    repeats, budget = options.repeats or 5, options.budget or inf
-    planned = plan(scene, folder, repeats=repeats, budget=budget, kernel=options.kernel)
-    say(f"{scene.name}: {len(planned.settings)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
+    planned = plan(scene, folder, repeats=options.repeats or 5, kernel=options.kernel)
+    say(f"{scene.name}: {len(planned.settings)} settings, {len(planned.todo())} runs")
     for setting, reason in planned.left_out.items():
         remark(f"left out: {setting}: {reason}")
 
     with interruptible() as bar:
-        result = measure(planned, progress=bar)
+        result = measure(planned, budget=options.budget or inf, progress=bar)
     say(text(result))
     say(f"{folder}: cost.json, cost.csv")
     if options.accuracy:
