@@ -34,7 +34,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Bytecode that is not kept is compiled again by each command, which takes half as long as its start
 unexport PYTHONDONTWRITEBYTECODE
 
-GROUPS = spectrum dispersion waves quiet scattering disorder impact published pull-off onset adhesion cost
+GROUPS = spectrum dispersion waves quiet scattering disorder impact published pull-off onset adhesion
 
 .PHONY: $(GROUPS) paper figures gallery test types processors stability guards ladders mutants witness gpu bench scale decks docs \
     tested-docs versioned-docs notebook rooms engines wheel packages floors readers clean
@@ -45,12 +45,11 @@ waves: cases = oblique standing driven sheets tones sources
 quiet: cases = quiet
 scattering: cases = scatter behind
 disorder: cases = disorder defects
-impact: cases = fronts solitary impact
+impact: cases = fronts solitary
 published: cases = dimers refraction
 pull-off: cases = pull_off
 onset: cases = onset
 adhesion: cases = adhesion_laws
-cost: cases = accuracy
 $(GROUPS): .venv/ready
 	$(BIN)/granular-analysis case $(cases)
 
