@@ -41,7 +41,7 @@ GROUPS = spectrum dispersion waves quiet scattering disorder impact published pu
 
 spectrum: cases = spectrum
 dispersion: cases = dispersion
-waves: cases = oblique standing driven sheets tones sources
+waves: cases = oblique standing driven sheets sources
 quiet: cases = quiet
 scattering: cases = scatter behind
 disorder: cases = disorder defects
