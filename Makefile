@@ -63,7 +63,7 @@ paper: .venv/ready
 # Into the repository. The bytes of a PNG depend on the versions of matplotlib and FreeType, and on last digits
 figures: paper
 	cp runs/paper/figure2.png runs/paper/figure3.png figures/
-	$(BIN)/granular-analysis case effects convergence map mixing
+	$(BIN)/granular-analysis case effects map mixing
 
 witness: .venv/ready
 	$(BIN)/python -m benchmarks.network
