@@ -27,8 +27,9 @@ from granular_lmp.lammps.monitors import contact_columns
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, MONITOR, MONITOR_CONTACTS, SNAPSHOTS, whole
 from granular_lmp.lammps.region_of_influence import distances
 from granular_lmp.problem import Problem
-from granular_lmp.runs.continuation import END, last_checkpoint, whole_checkpoints
+from granular_lmp.runs.continuation import END, NETWORK, last_checkpoint, whole_checkpoints
 from granular_lmp.runs.engine import Engine, Moment, Motion, Setting
+from granular_lmp.runs.manifest import description
 from granular_lmp.runs.observed import Observer
 from granular_lmp.runs.phases import phase
 from granular_lmp.runs.routes import Job, Route
@@ -45,6 +46,11 @@ def route_by(engine: Engine, problem: Problem, info: dict[str, Any]) -> Route:
         step = problem.units.number(problem.scene.time.step * problem.scene.scale.time, time=1)
         motion = engine.begin(Setting(problem.scene, info, begun, step, recorded, distances(problem)))
     return lambda job: _steps(motion, problem, Recorder(problem, begun, observer), job)
+
+
+def refuse_unheld(engine: Engine, problem: Problem) -> None:
+    """Raise SceneError that names what an engine does not hold of a problem with a time step."""
+    route_by(engine, problem, description(problem, [], NETWORK, 1))
 
 
 def _refuse(problem: Problem) -> None:
