@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects.freedoms import axes, turns
@@ -117,7 +118,7 @@ class Recorder:
         if moment.number % self.look == 0 or moment.number == self.last:
             streams[LOG].write(self.observer.line(moment))
 
-    def _columns(self, moment: Moment, spheres: Any, forces: bool = False) -> written.Columns:
+    def _columns(self, moment: Moment, spheres: NDArray[np.int64], forces: bool = False) -> written.Columns:
         force = moment.forces(spheres) if forces else None
         return written.columns(spheres, self.begun, moment.fields(spheres), force)
 
@@ -129,16 +130,16 @@ class Recorder:
         found = self._columns(moment, self.problem.rest.recorded)
         return written.text(moment.number, self.begun, names, [found[name] for name in names])
 
-    def _spheres(self, moment: Moment, spheres: Any, forces: bool = False) -> str:
+    def _spheres(self, moment: Moment, spheres: NDArray[np.int64], forces: bool = False) -> str:
         names = written.renamed(self.problem, "".join(f" f{axis}" for axis in axes(self.problem) if forces))
         found = self._columns(moment, spheres, forces)
         return written.text(moment.number, self.begun, names, [found[name] for name in names])
 
-    def _monitor(self, moment: Moment, spheres: Any) -> bytes:
+    def _monitor(self, moment: Moment, spheres: NDArray[np.int64]) -> bytes:
         names, found = written.renamed(self.problem), self._columns(moment, spheres)
         return written.binary(moment.number, self.begun, names, [found[name] for name in names])
 
-    def _contacts(self, moment: Moment, around: Any) -> str:
+    def _contacts(self, moment: Moment, around: NDArray[np.int64]) -> str:
         ends, values = moment.contacts(around)
         table = [*(ends + 1), *values.T]
         return written.text(moment.number, self.begun, contact_columns(self.problem.scene), table, "ENTRIES")
