@@ -1,4 +1,4 @@
-"""Scenes of the square lattice and the chain: geometry, closed forms of their waves, what is refused, and LAMMPS."""
+"""Scenes of the square lattice and the chain: geometry, closed forms of their waves, and scenes."""
 
 from dataclasses import replace
 from math import pi, sqrt
@@ -38,7 +38,6 @@ from tests.crystal.test_sphere import SILICA
 pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
 
 SPHERES = [SILICA, replace(SILICA, poisson_ratio=-0.6), replace(SILICA, poisson_ratio=0.5)]
-WAVENUMBERS = [0.1, 0.802, 2.1, 3.1]
 FROZEN = Physics(rotation=False)
 
 
@@ -267,68 +266,6 @@ def test_a_scene_knows_its_wave_number_by_the_frequency_in_its_lattice() -> None
         hertz = mode_of(declared).frequency / (2 * pi * declared.sphere.time_scale)
         found = declared.with_values({"wave.frequency": hertz}).wave.wavenumber
         assert found == pytest.approx(pi / 4, rel=1e-9)  # a bisected zero
-
-
-REFUSED: list[tuple[str, str, dict[str, Any], str]] = [
-    (
-        "chain",
-        "L",
-        {"packing.columns": 3},
-        r'packing\.columns = 3: must be 1 or "auto" with packing\.lattice = "chain"',
-    ),
-    ("square", "L", {"packing.columns": 2}, r"packing\.columns = 2: must be at least 3"),
-    ("chain", "L", {"wave.direction": "x"}, r"wave\.direction = 'x': must be \"y\" with packing\.lattice = \"chain\""),
-    ("chain", "L", {"wave.direction": 30.0}, r"wave\.direction = 30\.0: must be \"y\""),
-    ("chain", "L", {"envelope.width": 5.0}, r"envelope\.width = 5\.0: must be 0"),
-    *(
-        ("chain", mode, {"packing.contact_force": 1e-7} | more, rf"must be 0 in a chain with {cause}.*buckle")
-        for mode, more, cause in (
-            ("RT", {}, r"wave\.mode = 'RT'"),
-            ("TR", {"effects.rolling_stiffness": 10.0}, r"wave\.mode = 'TR'"),
-            ("L", {"source": [{"rows": [4, 4], "force": "x", "amplitude": 0.1}]}, "source 1: force = 'x'"),
-            ("L", {"source": [{"rows": [4, 4], "force": "torque", "amplitude": 0.1}]}, "source 1: force = 'torque'"),
-            ("L", {"packing.columns": 1, "start.state": [[4, 0, 0.0, 0.0, 0.0, 0.0, 1.0]]}, r"start\.state: a spin"),
-        )
-    ),
-    ("chain", "L", {"packing.contact_force": 1e-7, "effects.shear": False}, r"in a chain lattice where effects\.shear"),
-    (
-        "square",
-        "L",
-        {"packing.contact_force": 1e-7, "effects.shear": False},
-        r"packing\.contact_force = 1e-07: .*effects\.shear is off",
-    ),
-    ("chain", "TR", {}, r"wave\.mode = 'TR': has the frequency 0 in the chain lattice.*rolling_stiffness above 0"),
-    ("square", "TR", {"effects.shear": False}, r"wave\.mode = 'TR': has the frequency 0 .*needs effects\.shear"),
-    ("square", "L", {"disorder.radius": 1e-5, "packing.columns": 4}, r"disorder\.radius = 1e-05: .*collapse"),
-    ("square", "L", {"inclusion": [{"rows": [2, 3], "youngs_modulus": 2e11}]}, r"inclusion 1: youngs_modulus"),
-    (
-        "square",
-        "L",
-        {"packing.contact_force": 1e-7, "disorder.vacancies": 0.1, "packing.columns": 4},
-        r"packing\.contact_force = 1e-07: must be 0 in a square lattice with vacancies",
-    ),
-    (
-        "chain",
-        "L",
-        {"disorder.radius": 1e-5, "packing.relax": "fixed"},
-        r'packing\.relax = "fixed": must be "box" with disorder\.radius',
-    ),
-    (
-        "chain",
-        "L",
-        {"disorder.radius": 1e-3, "packing.rows": 40},
-        r"the chain at rest is parted at \d+ of 40 contacts",
-    ),
-    ("bcc", "L", {}, r"packing\.lattice = 'bcc': must be one of \"hexagonal\", \"square\", \"chain\""),
-]
-
-
-@pytest.mark.parametrize(("lattice", "mode", "changes", "message"), REFUSED)
-def test_what_a_lattice_cannot_be_is_refused_by_name(
-    lattice: str, mode: str, changes: dict[str, Any], message: str
-) -> None:
-    with pytest.raises((SceneError, CrystalError), match=message):
-        prepare(scene_of(lattice, mode).with_values(changes))
 
 
 def test_a_wave_that_shears_no_contact_keeps_the_shear_that_its_lattice_needs() -> None:

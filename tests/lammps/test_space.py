@@ -303,11 +303,6 @@ def _vertical(scene: Scene) -> str:
 # ---------------------------------------------------------------- sources
 
 
-def test_a_source_in_the_plane_that_leaves_it_is_refused() -> None:
-    with pytest.raises(SceneError, match=r'force = "z": leaves the plane of the spheres; needs packing.space = 3'):
-        PAPER.with_values({"wave.form": "none", "packing.rows": 21, "source": [{"rows": [10, 10], "force": "z"}]})
-
-
 CUBE: dict[str, Any] = {
     "name": "cube",
     "packing.lattice": "cubic",
