@@ -238,21 +238,6 @@ def dump_of(record: Record) -> bytes:
     return (record.folder / "dump.centre").read_bytes()
 
 
-def test_an_interrupted_run_resumes_to_the_same_bytes(whole: Record, tmp_path: Path) -> None:
-    process = started(tmp_path / "run", 5_000, *LONG_RUN)
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=200)
-    assert 0 < read_status(tmp_path / "run")["samples"] < len(whole.tau)
-    record = launch.resume(tmp_path / "run")
-    assert record.info["status"] == "finished"
-    assert dump_of(record) == dump_of(whole)
-    # Guards and clock have seen both parts
-    assert record.info["smallest_overlap"] == pytest.approx(whole.info["smallest_overlap"], rel=0.05)
-    assert record.info["wall_seconds"]["other"] > 0
-    with pytest.raises(RunFolderError, match="the run is finished; there is nothing to resume"):
-        launch.resume(tmp_path / "run")
-
-
 def is_there(group: int) -> bool:
     """Return whether a process of a group is there."""
     try:
@@ -304,17 +289,6 @@ def test_a_mended_dump_is_that_of_one_run(small: Scene, tmp_path: Path) -> None:
     dump.write_text("".join(snapshots[:4]) + "".join(snapshots[2:]) + snapshots[0][:30])
     mend_dump(dump)
     assert dump.read_text() == text
-
-
-def test_two_runs_aimed_at_one_folder_do_not_meet(small: Scene, tmp_path: Path) -> None:
-    process = started(tmp_path / "run", 5_000, *ENDLESS_RUN)
-    try:
-        with pytest.raises(RunFolderError, match="another run is at work there"):
-            run(small, tmp_path / "run", force=True)
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=200)
-    assert read_status(tmp_path / "run")["name"] == "tr_nonresonant"
 
 
 def test_progress_runs_from_start_to_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
