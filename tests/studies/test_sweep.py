@@ -26,6 +26,7 @@ from granular_lmp.lammps.outputs import CHECKPOINTS
 from granular_lmp.problem import Problem
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.folder import locked
+from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.simulation import Simulation
 from granular_lmp.studies.executors import Workers
@@ -325,7 +326,7 @@ def test_a_run_that_fails_from_its_checkpoint_again_is_begun_anew(
     part.mkdir()
     monkeypatch.setattr(module, "info_of", lambda folder: {"status": "failed"})
     monkeypatch.setattr(module, "resume", lambda *a, **o: (_ for _ in ()).throw(LammpsError("no", "run", "")))
-    assert run_point(small, part)["status"] == "finished"
+    assert run_point(small, part, Options())["status"] == "finished"
 
 
 def test_a_run_that_the_executor_refuses_fails_and_the_others_go_on(small: Scene, tmp_path: Path) -> None:
@@ -361,7 +362,7 @@ def test_a_stop_that_comes_after_the_last_step_lets_the_run_be_finished(
         return record
 
     monkeypatch.setattr(module, "run", finished)
-    assert run_point(small, tmp_path / "run")["status"] == "finished"
+    assert run_point(small, tmp_path / "run", Options())["status"] == "finished"
 
 
 def test_progress_ends_with_all_runs_and_no_time_left(small: Scene, tmp_path: Path) -> None:

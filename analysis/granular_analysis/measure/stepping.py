@@ -97,7 +97,10 @@ class NetworkEngine:
                 )
 
     def begin(self, setting: Setting) -> "Motion":
-        """Return the motion of a run; raises SceneError for what the network does not hold."""
+        """Return the motion of a run; raises SceneError for what the network does not hold.
+
+        A process that was handed the engine of another prepares its own device.
+        """
         record = Record(np.empty(0), {}, setting.scene, dict(setting.info))
         begun, size = setting.spheres, np.linalg.norm(setting.spheres.rotation, axis=1, keepdims=True)
         turn = begun.rotation
@@ -115,11 +118,18 @@ class NetworkEngine:
             begun.cell,
         )
         try:
+            if self.traced and (here := NetworkEngine.on(kind_of(self.device)).device) != self.device:
+                raise TheoryError(f"device: the engine is of {self.device}, and this process has {here}")
             if lacks := missing(NETWORK, others_of(record)):
                 raise TheoryError(f"the network leaves out {', '.join(lacks)}")
             return Motion(network_of(record, spheres, setting.recorded), setting, self.traced)
         except TheoryError as error:
             raise SceneError(str(error), because="not built") from error
+
+
+def kind_of(device: str) -> str:
+    """Return what `NetworkEngine.on` takes for a device as ``run.json`` names it."""
+    return device.split(",")[0].split()[0]
 
 
 def _free() -> float:
