@@ -1,4 +1,4 @@
-"""Scenes of the square lattice and the chain: geometry, closed forms of their waves, and scenes."""
+"""Scenes of the square lattice and the chain: closed forms of their waves, and scenes."""
 
 from dataclasses import replace
 from math import pi, sqrt
@@ -55,52 +55,13 @@ def scene_of(lattice: str, mode: str, **changes: Any) -> Scene:
     return Scene.load("tr_periodic").with_values(values | {k.replace("__", "."): v for k, v in changes.items()})
 
 
-# --- geometry --------------------------------------------------------------------------------------------------------
-
-SHAPES = [
-    Shape(9, 1, "fixed", CHAIN),
-    Shape(5, 1, "periodic", CHAIN),
-    Shape(7, 4, "fixed", SQUARE),
-    Shape(5, 3, "periodic", SQUARE),
-]
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_a_free_sphere_touches_its_neighbours_in_the_lattice_and_no_image(shape: Shape) -> None:
-    packing = packed(SILICA, shape)
-    contacts = find_contacts(packing, [SILICA], 0.0)
-    assert set(contacts.per_sphere[~packing.arrays["fixed"]]) == {2 if shape.lattice == CHAIN else 4}
-    # Coordinates of some 10 R, whose last digit is 2e-15 R
-    np.testing.assert_allclose(contacts.length, SILICA.lattice_constant, rtol=1e-13)
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_no_sphere_of_another_lattice_lies_on_a_face_of_the_cell(shape: Shape) -> None:
-    packing = packed(SILICA, shape)
-    inside = (packing.positions - packing.get_celldisp().ravel()) / packing.cell.lengths()
-    assert inside.min() > 1e-3
-    assert inside.max() < 1 - 1e-3
-    assert list(packing.pbc) == [shape.lattice == SQUARE, shape.ends == "periodic", False]
-
-
 # --- several spheres a cell ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("shape", [Shape(7, 6, "fixed", HONEYCOMB), Shape(6, 4, "periodic", HONEYCOMB)])
-def test_rows_of_two_spheres_a_cell_are_zigzags_and_each_sphere_has_three_neighbours(shape: Shape) -> None:
-    packing = packed(SILICA, shape)
-    contacts = find_contacts(packing, [SILICA], 0.0)
-    assert set(contacts.per_sphere[~packing.arrays["fixed"]]) == {3}
-    np.testing.assert_allclose(contacts.length, SILICA.lattice_constant, rtol=1e-13)  # as above
-    inside = ((packing.positions - packing.get_celldisp().ravel()) / packing.cell.lengths())[:, :2]
-    assert inside.min() > 1e-3
-    assert inside.max() < 1 - 1e-3
-    assert HONEYCOMB.fewest_columns == 4
 
 
 def test_the_waves_of_a_sheet_are_those_of_the_cell_of_two_spheres() -> None:
     sheet = packed(SILICA, Shape(6, 4, "periodic", HONEYCOMB))
     assert [each[centre(sheet)] for each in offsets(sheet)] == [0.0, 0.0]
+    assert HONEYCOMB.fewest_columns == 4
     of_sheet, _ = bloch_modes(find_contacts(sheet, [SILICA], SILICA.contact_force), SILICA, np.zeros(2))
     cell, spacings = unit_lattice(SILICA, HONEYCOMB), (HONEYCOMB.row_spacing, HONEYCOMB.column_spacing)
     vectors = [WaveVector(2 * pi * i / 4, 2 * pi * j / 6, *spacings) for i in range(2) for j in range(6)]

@@ -147,9 +147,12 @@ def test_an_assignment_is_read_as_toml_or_as_a_bare_word() -> None:
     assert [assignment(f"a={text}")[1] for text in (".1", "-1.", "+.5e-3")] == [0.1, -1.0, 5e-4]
     assert assignment("wave.mode=.") == ("wave.mode", ".")
     assert assignment("time.allow_echo=true") == ("time.allow_echo", True)
+    assert assignment("wave.amplitude=1 # half of it") == ("wave.amplitude", 1)
     for wrong in ("wave.mode", "=3", "wave.mode="):
         with pytest.raises(SceneError, match="must be KEY=VALUE"):
             assignment(wrong)
+    with pytest.raises(SceneError, match=r"wave.amplitude = '1.nname=2'"):  # one assignment sets one value
+        PAPER.with_values(dict([assignment("wave.amplitude=1\nname=2")]))
 
 
 ANYWHERE = {"packing.ends": "auto", "packing.rows": "auto", "packing.columns": "auto"}
@@ -279,12 +282,6 @@ def test_a_scene_without_a_name_is_called_after_its_file_or_folder(
 def test_a_byte_order_mark_is_no_part_of_a_scene(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_text("\ufeff" + PAPER.to_toml(), encoding="utf-8")
     assert Scene.load(tmp_path / "a.toml") == PAPER
-
-
-def test_one_assignment_sets_one_value() -> None:
-    assert assignment("wave.amplitude=1 # half of it") == ("wave.amplitude", 1)
-    with pytest.raises(SceneError, match=r"wave.amplitude = '1.nname=2'"):
-        PAPER.with_values(dict([assignment("wave.amplitude=1\nname=2")]))
 
 
 @pytest.mark.parametrize("name", ["tr_oblique", "struck_crystal", "multilayer", "test5"])

@@ -106,7 +106,6 @@ def test_forces_torques_and_motions_make_the_waves_of_the_linear_crystal(
     near, far = np.flatnonzero(apart < 4.1), np.flatnonzero(apart > 8)  # radii: next neighbours; four spheres away
     assert len(near) > 20
     assert len(far) > 40
-    # Second order is a = 1e-3 of the field times numbers of order 0.1, and the fourth order of the step less
     measured(worst(found[0], expected[0], near))
     measured(worst(found[0], expected[0], far))
     measured(worst(found[1], expected[1], np.arange(256)))

@@ -298,7 +298,7 @@ def test_a_contact_opens_where_it_is_pulled_off() -> None:
     assert opening_time(strong, 10.0, rtol=1e-8) is not None
 
 
-# --- what is refused ---
+# --- third order ---
 
 
 def test_the_figure_of_effects_names_the_law() -> None:
