@@ -11,13 +11,12 @@ from granular_analysis import second_harmonic as sh
 from granular_analysis.measure.norms import slope
 from granular_analysis.theory import bloch
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.network import Material, Network
 from granular_analysis.theory.network_state import start
-from granular_lmp import Scene
 from tests.hard.case import Case, Cases
 from tests.hard.cell import Floats
+from tests.hard.lasting import SPHERE, UNIT, crystal
 from tests.hard.stretched import BEGIN, CURVE, END, MASS, PULL, TIME, as_it_is, let_go
-from tests.hard.waves import ETA, NU, RATIOS
+from tests.hard.waves import ETA, NU
 
 jnp = pytest.importorskip("jax").numpy
 gradients = pytest.importorskip("granular_analysis.theory.network_gradient", reason="needs JAX")
@@ -30,22 +29,16 @@ SECULAR = 0.2  # share of the run from which what grows is all
 @cache
 def resonant(cycles: int, amplitude: float, duration: float) -> tuple[Any, Any]:
     """Return a run of TR at ξ = 2π·cycles/34, and what reads the complex amplitudes of its second harmonic, in D0."""
-    sphere = Scene.load("tr_resonant").sphere
-    silica = Material(sphere.youngs_modulus, sphere.poisson_ratio, sphere.work_of_adhesion)
-    row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
-    high, length = np.sqrt(3) / 2, sphere.lattice_constant
-    places = length * np.stack([column + 0.25 + row % 2 / 2, (row + 0.25) * high], axis=1)
-    alike = np.ones(len(places))
-    cell = (COLUMNS * length, ROWS * length * high)
-    network = Network(places, sphere.radius * alike, sphere.density * alike, (silica,), cell=cell)
+    network, row = crystal(ROWS, COLUMNS, shear=True), np.arange(ROWS * COLUMNS) // COLUMNS
     mode = bloch.mode("TR", 2 * np.pi * cycles / ROWS, sh.ALONG_Y, Contact(NU, overlap_ratio=ETA))
     turn = np.exp(1j * mode.wavenumber * (row + 0.25))
-    unit = amplitude * sphere.static_overlap
-    field = unit * turn[:, None] * [*(np.array([mode.p, mode.q]) @ bloch.frame(sh.ALONG_Y)), 1j * mode.f / sphere.radius]
-    way, rate = field.real, (-1j * mode.frequency / sphere.time_scale * field).real
+    unit = amplitude * SPHERE.static_overlap
+    along = np.array([mode.p, mode.q]) @ bloch.frame(sh.ALONG_Y)
+    field = unit * turn[:, None] * [*along, 1j * mode.f / SPHERE.radius]
+    way, rate = field.real, (-1j * mode.frequency / UNIT * field).real
     state = start(network, way[:, :2], rate[:, :2], way[:, 2], rate[:, 2])
     samples = round(duration)
-    run = factors.Run(network, state, STEP * sphere.time_scale, samples, round(1 / STEP), np.arange(len(places)))
+    run = factors.Run(network, state, STEP * UNIT, samples, round(1 / STEP), np.arange(len(row)))
     return run, lambda found: 2 * jnp.mean(found.motion[:, 1] * turn.conj() ** 2, axis=1) / unit
 
 

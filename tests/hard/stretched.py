@@ -36,6 +36,16 @@ def as_it_is(law: Jkr) -> None:
     """Leave a law as it is."""
 
 
+def a_thousandth_late(law: Jkr) -> None:
+    """Let contacts hold beyond the largest pull."""
+    law.end = law.end * 1.001
+
+
+def one_sided(law: Jkr) -> None:
+    """Let contacts end where they begin."""
+    law.end = 0 * law.end
+
+
 def energy(overlap: float) -> float:
     """Return the energy of a contact, 0 at the pull-off."""
     return float(CURVE.energy(CURVE.contact_radius(overlap)) - CURVE.energy(CURVE.contact_radius(END)))

