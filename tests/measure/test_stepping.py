@@ -21,9 +21,7 @@ from granular_lmp.runs.options import options_of
 from granular_lmp.runs.status import read_status, write_status
 from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import run as collide
-from granular_lmp.studies.scatter import scatter
 from granular_lmp.studies.sweep import Sweep
-from tests.studies.test_scatter import SCENE as SCATTERING
 
 BY_NUMPY = NetworkEngine("cpu, NumPy", traced=False)
 SHORT = {"time.duration": 6.0}
@@ -206,17 +204,13 @@ def test_what_the_network_does_not_hold_is_refused_by_name_before_a_file_is_writ
     assert not (tmp_path / "run").exists()
 
 
-def test_studies_of_several_runs_take_the_network(tmp_path: Path) -> None:
+def test_a_collision_takes_the_network(tmp_path: Path) -> None:
     slow = Collision.load("test2", {"collision.steps": 100})
     ours, theirs = (collide(slow, tmp_path / str(by), engine=by) for by in (BY_NUMPY, None))
     for one, other in ((ours.numbers(), theirs.numbers()), (ours.errors(), theirs.errors())):
         assert one == pytest.approx(other, rel=1e-9, abs=1e-12)
     with pytest.raises(SceneError, match=r"effects\.shear_damping"):
         collide(Collision.load("test4"), tmp_path / "test4", engine=BY_NUMPY)
-    found, expected = (scatter(SCATTERING, tmp_path / f"scatter {by}", engine=by).rows for by in (BY_NUMPY, None))
-    for mine, other in zip(found, expected, strict=True):
-        assert mine.transmission == pytest.approx(other.transmission, abs=1e-6)
-        assert mine.reflection == pytest.approx(other.reflection, abs=1e-6)
 
 
 def command(*words: str) -> int:
