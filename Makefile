@@ -41,11 +41,11 @@ GROUPS = spectrum dispersion waves quiet scattering disorder impact published pu
 
 spectrum: cases = spectrum
 dispersion: cases = dispersion
-waves: cases = oblique standing driven sheets tones sources
+waves: cases = oblique standing driven sheets sources
 quiet: cases = quiet
 scattering: cases = scatter behind
 disorder: cases = disorder defects
-impact: cases = fronts solitary impact
+impact: cases = fronts solitary
 published: cases = dimers refraction
 pull-off: cases = pull_off
 onset: cases = onset
@@ -64,7 +64,7 @@ paper: .venv/ready
 # Into the repository. The bytes of a PNG depend on the versions of matplotlib and FreeType, and on last digits
 figures: paper
 	cp runs/paper/figure2.png runs/paper/figure3.png figures/
-	$(BIN)/granular-analysis case effects convergence laws map mixing
+	$(BIN)/granular-analysis case effects map mixing
 
 witness: .venv/ready
 	$(BIN)/python -m benchmarks.network

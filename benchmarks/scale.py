@@ -94,10 +94,9 @@ def solve(scene: Scene, ranks: int, kernel: Path | None, folder: Path) -> Run:
     built = time.perf_counter()
     command = [*lmp_command(ranks), "-in", deck.input_name, "-log", LOG, "-screen", "none"]
     command += ["-var", "checkpoint", str(scene.time.steps // 2 + 1), *(library.SWITCHES if kernel else ())]
-    with library.offered(kernel) as more:
-        variables = environment(ranks) | more
-        process = subprocess.Popen(command, cwd=folder / "run", env=variables, stdin=subprocess.DEVNULL)
-        peak, processor = _wait(process)
+    variables = environment(ranks) | library.offered(kernel)
+    process = subprocess.Popen(command, cwd=folder / "run", env=variables, stdin=subprocess.DEVNULL)
+    peak, processor = _wait(process)
     ended = time.perf_counter()
     if process.returncode:
         raise LammpsError(f"exit status {process.returncode}", " ".join(command), "")

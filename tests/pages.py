@@ -1,6 +1,7 @@
 """Parts of pages that are written from code, each between two marks that name it."""
 
 import re
+from pathlib import Path
 
 
 def placed(page: str, name: str, text: str) -> str:
@@ -16,3 +17,11 @@ def placed(page: str, name: str, text: str) -> str:
     if count != 1:
         raise ValueError(f"the page has {count} places for {name!r}; must have one")
     return changed
+
+
+def write(page: Path | None, name: str, text: str) -> None:
+    """Write a text between its marks in a file, or print it where none is given."""
+    if page is None:
+        print(text)
+    else:
+        page.write_text(placed(page.read_text(encoding="utf-8"), name, text), encoding="utf-8")

@@ -11,6 +11,7 @@ from io import StringIO
 from pathlib import Path
 
 from granular_lmp.cli.entry import as_program
+from granular_lmp.cli.output import notes_of_log
 
 DOORS = {
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
@@ -50,7 +51,8 @@ def main(argv: list[str] | None = None) -> int:
         parser.error("case: cases are only in a checkout of the repository")
     sys.argv[0] = f"granular-analysis {chosen.script}"  # the name by which the script speaks of itself
     module = f"granular_analysis.tools.{chosen.script}" if chosen.script in DOORS else f"cases.{chosen.script}.case"
-    return import_module("cases.run" if chosen.script == "case" else module).main(chosen.arguments) or 0
+    with notes_of_log():
+        return import_module("cases.run" if chosen.script == "case" else module).main(chosen.arguments) or 0
 
 
 def help_texts() -> dict[str, str]:

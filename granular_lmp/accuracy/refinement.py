@@ -18,7 +18,7 @@ from typing import Any
 
 from granular_lmp.accuracy.estimates import FINEST, Estimate, combined_record
 from granular_lmp.accuracy.extrapolation import Judgement, following
-from granular_lmp.accuracy.ladder import plan
+from granular_lmp.accuracy.ladder import plan, planned
 from granular_lmp.accuracy.recorded import write_answer
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.errors import GranularError, RunInterrupted, ToleranceError
@@ -56,8 +56,12 @@ def to_tolerance(scene: Scene, folder: Path, options: Options) -> Record:
         check_floor(problem.scene, linear_signals(problem.scene))
     kernel = options.engine is None and library.chosen(options.kernel, "\n".join(contacts(problem)))
     options = replace(options, kernel=kernel)
+    if options.engine is not None:
+        from granular_lmp.runs.stepping import refuse_unheld  # kept out of start-up
+
+        refuse_unheld(options.engine, planned(problem))
     said: dict[str, Any] = {"kernel": library.description()} if options.kernel else {}
-    said |= {"device": options.engine.device} if options.engine else {}
+    said |= {"device": options.device} if options.engine else {}
     with begun(problem.scene, folder, options) as info:
         return refine(problem, folder, one_of(options, problem), options.progress, info | said)
 

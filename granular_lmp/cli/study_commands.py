@@ -2,6 +2,7 @@
 
 import argparse
 from math import inf
+from typing import Any
 
 from granular_lmp.cli.arguments import (
     Commands,
@@ -28,23 +29,8 @@ def add_to(commands: Commands) -> None:
         "run a scene with every combination of some values; called again, continue a stopped sweep",
     )
     scene_arguments(sweep)
-    sweep.add_argument(
-        "--over",
-        action="append",
-        required=True,
-        metavar="KEY=VALUES",
-        help="values of one key, wave.wavenumber=0.1:3.1:61 (first, last, how many), wave.mode=TR,RT or, of an impact, "
-        "striker.1.velocity=0.1,1; may be given more than once: every combination is run",
-    )
+    sweep_arguments(sweep, "-m granular_lmp sweep ...", required=True)
     folder_arguments(sweep, "sweep folder (default: sweeps/NAME)")
-    sweep.add_argument(
-        "--workers",
-        type=_workers,
-        default=1,
-        metavar="N",
-        help="processes, each with one run at a time (default: 1); or mpi: the ranks of "
-        "mpiexec -n RANKS python -m mpi4py.futures -m granular_lmp sweep ...",
-    )
     kernel_argument(sweep)
 
     scatter = add(
@@ -69,7 +55,7 @@ def add_to(commands: Commands) -> None:
         "--budget",
         type=_seconds,
         metavar="SECONDS",
-        help="start no run that would end later; the same command continues, with a budget of its own",
+        help="start no run later than this; the same command continues, with a budget of its own",
     )
     cost.add_argument(
         "--accuracy",
@@ -87,6 +73,26 @@ def add_to(commands: Commands) -> None:
     changes_argument(collide, "collision.spin=100")
     folder_arguments(collide, "run folder (default: runs/NAME)")
     kernel_argument(collide)
+
+
+def sweep_arguments(parser: argparse.ArgumentParser, program: str, *, required: bool = False) -> None:
+    """Add ``--over`` and ``--workers``; `sweep_of` reads them. `program` is what MPI ranks start."""
+    parser.add_argument(
+        "--over",
+        action="append",
+        required=required,
+        metavar="KEY=VALUES",
+        help="values of one key, wave.wavenumber=0.1:3.1:61 (first, last, how many), wave.mode=TR,RT or, of an impact, "
+        "striker.1.velocity=0.1,1; may be given more than once: every combination is run",
+    )
+    parser.add_argument(
+        "--workers",
+        type=_workers,
+        default=1,
+        metavar="N",
+        help="processes, each with one run at a time (default: 1); or mpi: the ranks of "
+        f"mpiexec -n RANKS python -m mpi4py.futures {program}",
+    )
 
 
 def _workers(text: str) -> int | str:
@@ -112,6 +118,11 @@ def _above_zero(text: str, what: str) -> float:
 
 
 def _sweep(options: Options) -> int:
+    return sweep_of(options, kernel=options.kernel)
+
+
+def sweep_of(options: Options, **how: Any) -> int:
+    """Run the sweep that is asked for, on LAMMPS or on an engine, and say how it went; return the exit status."""
     from granular_lmp.studies.executors import Workers, mpi_workers
     from granular_lmp.studies.sweep import sweep
     from granular_lmp.studies.sweep_points import axes
@@ -121,18 +132,14 @@ def _sweep(options: Options) -> int:
     folder = options.output or f"sweeps/{scene.name}"
 
     with interruptible() as bar, mpi_workers() if options.workers == "mpi" else Workers(options.workers) as workers:
-        more = {"executor": workers, "force": options.force, "progress": bar, "kernel": options.kernel}
-        done = sweep(scene, over, folder, remark=_note, **more)
+        more = {"executor": workers, "force": options.force, "progress": bar, **how}
+        done = sweep(scene, over, folder, **more)
     for row in {row["run"]: row for row in reversed(done.having("failed"))}.values():
         point = ", ".join(f"{key} = {row[key]!r}" for key in done.over)
         remark(f"failed: {point}: {row['message']} ({folder}/{row['run']})")
     finished = len(done.having("finished"))
     say(f"{folder}: {finished} of {len(done.rows)} runs finished; {folder}/sweep.csv")
     return 0 if finished == len(done.rows) else 1
-
-
-def _note(sentence: str) -> None:
-    remark(f"note: {sentence}")
 
 
 def _scatter(options: Options) -> int:
@@ -156,14 +163,13 @@ def _cost(options: Options) -> int:
 
     scene = scene_of(options)
     folder = options.output or f"costs/{scene.name}"
-    repeats, budget = options.repeats or 5, options.budget or inf
-    planned = plan(scene, folder, repeats=repeats, budget=budget, kernel=options.kernel)
-    say(f"{scene.name}: {len(planned.settings)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
+    planned = plan(scene, folder, repeats=options.repeats or 5, kernel=options.kernel)
+    say(f"{scene.name}: {len(planned.settings)} settings, {len(planned.todo())} runs")
     for setting, reason in planned.left_out.items():
         remark(f"left out: {setting}: {reason}")
 
     with interruptible() as bar:
-        result = measure(planned, progress=bar)
+        result = measure(planned, budget=options.budget or inf, progress=bar)
     say(text(result))
     say(f"{folder}: cost.json, cost.csv")
     if options.accuracy:

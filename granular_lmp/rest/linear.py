@@ -38,17 +38,12 @@ def viscosity_of(scene: Scene) -> float:
     return dashpot * sphere.time_scale / sphere.mass
 
 
-def starts_along_y(scene: Scene) -> bool:
-    """Return whether the wave starts as a running plane wave along y."""
-    running = scene.form.runs and not scene.envelope.finite
-    running = running and not scene.struck and not scene.source
-    return running and scene.vector.axis == "y" and scene.vector.per_row > 0
-
-
 def plane_along_y(scene: Scene) -> bool:
     """Return whether the wave is the paper's, a running plane wave along y in a perfect lattice."""
+    running = scene.form.runs and not scene.envelope.finite and not scene.struck and not scene.source
+    along_y = running and scene.vector.axis == "y" and scene.vector.per_row > 0
     paper = scene.space == 2 and scene.lattice.column_period == 1
-    return paper and scene.perfect and starts_along_y(scene) and scene.shape.infinite
+    return along_y and paper and scene.perfect and scene.shape.infinite
 
 
 def uniform_rows(scene: Scene) -> bool:

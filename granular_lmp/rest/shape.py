@@ -7,13 +7,13 @@ walls, but carries only phase advances of 2πk/rows and 2πk/columns.
 """
 
 from math import ceil, floor
-from typing import Any
 
 from granular_lmp.crystal.lattice import FASTEST_IN_PLANE
 from granular_lmp.crystal.lattices import HELD, HEXAGONAL, PERIODIC, QUIET, Lattice, Shape
 from granular_lmp.crystal.wavevector import WaveVector, snapped
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.schema import AUTO, Auto
+from granular_lmp.scene.sections import Packing
 
 # This is for lattices of one layer; `Lattice.fastest` is for any
 FASTEST_ROWS_PER_TAU = FASTEST_IN_PLANE
@@ -128,7 +128,7 @@ def _layers(layers: int | Auto, lattice: Lattice) -> int:
     return lattice.fewest_layers if lattice.solid and not lattice.film else 1
 
 
-def declared_shape(packing: Any, lattice: Lattice) -> Shape:
+def declared_shape(packing: Packing, lattice: Lattice) -> Shape:
     """Return the shape of a packing without a wave, in which nothing is "auto"."""
     size, faces = (int(packing.rows), int(packing.columns)), (_closed(packing.first), _closed(packing.last))
     return Shape(*size, packing.ends, lattice, *faces, packing.sides, _layers(packing.layers, lattice))

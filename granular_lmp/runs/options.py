@@ -48,6 +48,11 @@ class Options:
         return NETWORK if self.engine else "lmp" if self.program else "module"
 
     @property
+    def device(self) -> str | None:
+        """Device of the engine, as ``run.json`` names it; None where LAMMPS takes the steps."""
+        return self.engine.device if self.engine else None
+
+    @property
     def program(self) -> bool:
         """True if the program ``lmp`` runs the deck instead of this process."""
         return self.launcher == "lmp" or self.ranks > 1

@@ -182,11 +182,10 @@ def _watch(work: "Future[Any]", look: Callable[[], None]) -> None:
 def _run_program(program: list[str], variables: dict[str, str], kernel: Path | None, job: Job) -> None:
     command = [*program, "-in", job.input_name, *job.switches, *(library.SWITCHES if kernel else ()), "-nonbuf"]
     with (
-        library.offered(kernel) as more,
         subprocess.Popen(
             command,
             cwd=job.folder,
-            env=variables | more,
+            env=variables | library.offered(kernel),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

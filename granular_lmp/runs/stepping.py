@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects.freedoms import axes, turns
@@ -27,8 +28,9 @@ from granular_lmp.lammps.monitors import contact_columns
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, MONITOR, MONITOR_CONTACTS, SNAPSHOTS, whole
 from granular_lmp.lammps.region_of_influence import distances
 from granular_lmp.problem import Problem
-from granular_lmp.runs.continuation import END, last_checkpoint, whole_checkpoints
+from granular_lmp.runs.continuation import END, NETWORK, last_checkpoint, whole_checkpoints
 from granular_lmp.runs.engine import Engine, Moment, Motion, Setting
+from granular_lmp.runs.manifest import description
 from granular_lmp.runs.observed import Observer
 from granular_lmp.runs.phases import phase
 from granular_lmp.runs.routes import Job, Route
@@ -45,6 +47,11 @@ def route_by(engine: Engine, problem: Problem, info: dict[str, Any]) -> Route:
         step = problem.units.number(problem.scene.time.step * problem.scene.scale.time, time=1)
         motion = engine.begin(Setting(problem.scene, info, begun, step, recorded, distances(problem)))
     return lambda job: _steps(motion, problem, Recorder(problem, begun, observer), job)
+
+
+def refuse_unheld(engine: Engine, problem: Problem) -> None:
+    """Raise SceneError that names what an engine does not hold of a problem with a time step."""
+    route_by(engine, problem, description(problem, [], NETWORK, 1))
 
 
 def _refuse(problem: Problem) -> None:
@@ -111,7 +118,7 @@ class Recorder:
         if moment.number % self.look == 0 or moment.number == self.last:
             streams[LOG].write(self.observer.line(moment))
 
-    def _columns(self, moment: Moment, spheres: Any, forces: bool = False) -> written.Columns:
+    def _columns(self, moment: Moment, spheres: NDArray[np.int64], forces: bool = False) -> written.Columns:
         force = moment.forces(spheres) if forces else None
         return written.columns(spheres, self.begun, moment.fields(spheres), force)
 
@@ -123,16 +130,16 @@ class Recorder:
         found = self._columns(moment, self.problem.rest.recorded)
         return written.text(moment.number, self.begun, names, [found[name] for name in names])
 
-    def _spheres(self, moment: Moment, spheres: Any, forces: bool = False) -> str:
+    def _spheres(self, moment: Moment, spheres: NDArray[np.int64], forces: bool = False) -> str:
         names = written.renamed(self.problem, "".join(f" f{axis}" for axis in axes(self.problem) if forces))
         found = self._columns(moment, spheres, forces)
         return written.text(moment.number, self.begun, names, [found[name] for name in names])
 
-    def _monitor(self, moment: Moment, spheres: Any) -> bytes:
+    def _monitor(self, moment: Moment, spheres: NDArray[np.int64]) -> bytes:
         names, found = written.renamed(self.problem), self._columns(moment, spheres)
         return written.binary(moment.number, self.begun, names, [found[name] for name in names])
 
-    def _contacts(self, moment: Moment, around: Any) -> str:
+    def _contacts(self, moment: Moment, around: NDArray[np.int64]) -> str:
         ends, values = moment.contacts(around)
         table = [*(ends + 1), *values.T]
         return written.text(moment.number, self.begun, contact_columns(self.problem.scene), table, "ENTRIES")

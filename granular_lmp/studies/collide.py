@@ -16,6 +16,7 @@ from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.outputs import csv_text, writable
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
+from granular_lmp.runs.engine import Engine
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.collision import Collision
 
@@ -47,6 +48,8 @@ class Result:
         Run folder.
     kernel : bool
         True if the kernel computed the contact.
+    engine : Engine or None
+        What took the steps in place of LAMMPS.
     """
 
     collision: Collision
@@ -58,6 +61,7 @@ class Result:
     spin: NDArray[np.float64]
     folder: Path
     kernel: bool = False
+    engine: Engine | None = None
 
     @cached_property
     def largest_overlap(self) -> float:
@@ -137,7 +141,7 @@ class Result:
         impact = self.collision.collision
         coarse = replace(self.collision, collision=replace(impact, steps=impact.steps // 2))
         with tempfile.TemporaryDirectory() as folder:
-            other = run(coarse, Path(folder) / "coarse", kernel=self.kernel)
+            other = run(coarse, Path(folder) / "coarse", kernel=self.kernel, engine=self.engine)
         if other.sticks != self.sticks:
             words = ("part", "stick")
             raise SceneError(
@@ -162,11 +166,18 @@ def scene_of(collision: Collision) -> Scene:
         raise SceneError(f"collision: as a scene, {error}", because=error.because) from error
 
 
-def run(collision: Collision, folder: str | Path, *, force: bool = False, kernel: bool | None = None) -> Result:
+def run(
+    collision: Collision,
+    folder: str | Path,
+    *,
+    force: bool = False,
+    kernel: bool | None = None,
+    engine: Engine | None = None,
+) -> Result:
     """Run the scene of a collision in `folder`, which is created, and return its course.
 
-    The folder is a run folder as any other, and holds ``collision.toml`` and ``collision.csv`` too. `kernel` is that of
-    `granular_lmp.run`.
+    The folder is a run folder as any other, and holds ``collision.toml`` and ``collision.csv`` too. `kernel` and
+    `engine` are those of `granular_lmp.run`.
 
     Raises
     ------
@@ -178,8 +189,8 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False, kernel
         As in `granular_lmp.run`.
     """
     folder = absolute(folder)
-    record = run_scene(scene_of(collision), folder, force=force, kernel=kernel)
-    result = course(collision, record, folder)
+    record = run_scene(scene_of(collision), folder, force=force, kernel=kernel, engine=engine)
+    result = replace(course(collision, record, folder), engine=engine)
     with writable(folder):
         (folder / DECLARED).write_text(collision.to_toml(full=True), encoding="utf-8")
         (folder / COURSE).write_text(_table(result), encoding="utf-8")

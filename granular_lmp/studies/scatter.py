@@ -15,6 +15,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import astuple, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from granular_lmp.rest.linear import physics_of, unit_contacts
 from granular_lmp.rest.scene import Scene
 from granular_lmp.rest.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.runs.directory import absolute
+from granular_lmp.runs.engine import Engine
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.forms import STILL
@@ -140,6 +142,7 @@ def scatter(
     force: bool = False,
     progress: Progress | None = None,
     kernel: bool | None = None,
+    engine: Engine | None = None,
 ) -> Scatter:
     """Run a scene with and without its inclusions, and return what passes them and what comes back.
 
@@ -158,7 +161,7 @@ def scatter(
         Run again in an existing folder.
     progress : callable, optional
         Callback ``progress(step, steps)`` of each run.
-    kernel : bool, optional
+    kernel, engine : optional
         As in `granular_lmp.run`.
 
     Raises
@@ -197,12 +200,13 @@ def scatter(
     chosen = inner[np.unique(np.round(np.linspace(0, len(inner) - 1, tones)).astype(int))] if tones else inner[:0]
     runs = [(scene, "", frequencies)]
     runs += [(_as_tone(scene, float(each)), f"tone_{k}_", np.array([each])) for k, each in enumerate(chosen, 1)]
+    how: dict[str, Any] = {"force": force, "progress": progress, "kernel": kernel, "engine": engine}
     rows: list[Row] = []
     with locked(folder, make=True, force=force):
         _clear_study(folder)
         for each, prefix, at in runs:
             normal, scattered = (
-                run(one, folder / f"{prefix}{name}", force=force, progress=progress, kernel=kernel).snapshots()
+                run(one, folder / f"{prefix}{name}", **how).snapshots()
                 for name, one in ((NORMALISATION, each.with_values({"inclusion": []})), (INCLUSIONS, each))
             )
             rows += _compare(prepare(each), normal, scattered, at)

@@ -5,11 +5,13 @@ scene) and ``sweep.csv`` (a line for each run). A sweep that was stopped, or is 
 runs what is missing, and continues interrupted runs.
 """
 
+import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -23,9 +25,12 @@ from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunI
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import SWEEP, csv_text, replace_text, writable
+from granular_lmp.problem import Problem
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
+from granular_lmp.runs.engine import Engine
 from granular_lmp.runs.folder import locked
+from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import Record, optional_package, write_status
 from granular_lmp.scene.schema import plain_value
 from granular_lmp.studies.executors import Here, stop_requested, terminable
@@ -44,6 +49,8 @@ from granular_lmp.studies.sweep_rows import (
 )
 
 __all__ = ["Sweep", "sweep"]
+
+_log = logging.getLogger(__name__)
 
 Progress = Callable[[int, int, float], None]
 
@@ -105,8 +112,8 @@ class Sweep(HasCard):
             raise RunFolderError(f"{folder}: not a sweep folder (there is no {SWEEP})")
         scene, over = Scene.from_dict(request["scene"]), request["over"]
         grid = points(scene, over, folder / RUNS)
-        made = {point.run: point.of_run for point in grid}
-        rows = {name: row_of(folder / RUNS / name, each) for name, each in made.items()}
+        made, device = {point.run: point.of_run for point in grid}, request.get("device")
+        rows = {name: row_of(folder / RUNS / name, each, device) for name, each in made.items()}
         return cls(folder, scene, over, table_of(grid, rows), remarks(each.scene for each in grid))
 
     @property
@@ -205,10 +212,12 @@ def sweep(
     executor: Executor | None = None,
     force: bool = False,
     progress: Progress | None = None,
-    remark: Callable[[str], None] | None = None,
     kernel: bool | None = None,
+    engine: Engine | None = None,
 ) -> Sweep:
     """Run `scene` with every combination of the values in `over`; finished runs are not repeated.
+
+    `Sweep.notes` are said in the log, at level INFO, before the first run.
 
     A run that fails has its message in its row, and the others continue. If the sweep is started again, failed runs
     are repeated and interrupted ones continue from their last checkpoint.
@@ -229,15 +238,16 @@ def sweep(
         used.
     progress : callable, optional
         Callback ``progress(runs done, runs, seconds left)``.
-    remark : callable, optional
-        Callback for each of `Sweep.notes`, before the first run.
     kernel : bool, optional
         As in `granular_lmp.run`. Runs that are finished are kept, with it or without, as their numbers are the same.
+    engine : Engine, optional
+        As in `granular_lmp.run`. A sweep is continued by what began it, and with `force` all runs of another are made
+        again. Processes of an executor get a pickled copy.
 
     Raises
     ------
     SceneError
-        If a key or a value is not allowed, before anything is written.
+        If a key or a value is not allowed, or the engine does not hold a point, before anything is written.
     RunFolderError
         If the folder exists and is not that of this sweep (without `force`), or another sweep is at work in it.
     LammpsMissingError
@@ -255,15 +265,15 @@ def sweep(
     if kernel:
         library.built()
     asked = {key: plain_value([*values]) for key, values in over.items()}
-    request = {"over": asked, "scene": scene.given()}
-    grid = points(scene, asked, folder / RUNS)
+    options = Options(kernel=kernel, engine=engine)
+    request = {"over": asked, "scene": scene.given(), **({} if engine is None else {"device": engine.device})}
+    grid = points(scene, asked, folder / RUNS, _refusal(engine))
     made, notes = {point.run: point.of_run for point in grid}, remarks(each.scene for each in grid)
     with locked(folder, make=True, force=True):
         claim(folder, request, force)
-        rows = {name: row_of(folder / RUNS / name, each) for name, each in made.items()}
-        if remark is not None:
-            for note in notes:
-                remark(note)
+        rows = {name: row_of(folder / RUNS / name, each, options.device) for name, each in made.items()}
+        for note in notes:
+            _log.info("%s", note)
 
         def save() -> Sweep:
             done = Sweep(folder, scene, asked, table_of(grid, rows), notes)
@@ -271,13 +281,13 @@ def sweep(
             return done
 
         todo = {name: each for name, each in made.items() if rows[name]["status"] != "finished"}
-        if todo and kernel is None and library.is_built():  # runs in other processes say nothing here
-            library.say_taken()
+        if todo and engine is None and kernel is None and library.is_built():
+            library.say_taken()  # runs in other processes say nothing here
         cost = {name: sphere_steps(each) + _OVERHEAD for name, each in todo.items()}
         total = left = sum(cost.values())
         started = saved = time.monotonic()
         try:
-            for name, row in _results(folder / RUNS, todo, executor or Here(), kernel):
+            for name, row in _results(folder / RUNS, todo, executor or Here(), options):
                 rows[name] = row
                 left -= cost.pop(name)
                 if progress is not None:
@@ -286,7 +296,8 @@ def sweep(
                     save()
                     saved = time.monotonic()
         except (KeyboardInterrupt, RunInterrupted) as error:
-            rows |= {name: row_of(folder / RUNS / name, made[name]) for name in cost}  # some runs may have ended since
+            # Some runs may have ended since
+            rows |= {name: row_of(folder / RUNS / name, made[name], options.device) for name in cost}
             finished = sum(row["status"] == "finished" for row in rows.values())
             raise RunInterrupted(
                 f"{folder}: interrupted; {finished} of {len(rows)} runs are finished and kept, "
@@ -297,9 +308,16 @@ def sweep(
     return done
 
 
-def _results(
-    folder: Path, todo: dict[str, Scene], executor: Executor, kernel: bool | None
-) -> Iterator[tuple[str, Point]]:
+def _refusal(engine: Engine | None) -> Callable[[Problem], None] | None:
+    """Return what refuses problems that an engine does not hold."""
+    if engine is None:
+        return None
+    from granular_lmp.runs.stepping import refuse_unheld  # LAMMPS does without
+
+    return partial(refuse_unheld, engine)
+
+
+def _results(folder: Path, todo: dict[str, Scene], executor: Executor, options: Options) -> Iterator[tuple[str, Point]]:
     """Yield name and row of each run as it ends.
 
     The futures are polled, because the futures of some executors have no callbacks.
@@ -314,11 +332,11 @@ def _results(
         look_at = started + max(_LOOK, 20 * (time.monotonic() - started))  # polling takes at most 5 % of the time
         for future in ready:
             name = waiting.pop(future)
-            yield name, _result(todo[name], folder / name, future)
+            yield name, _result(todo[name], folder / name, options, future)
 
     try:
         for name, scene in todo.items():
-            waiting[_submitted(executor, scene, folder / name, kernel)] = name
+            waiting[_submitted(executor, scene, folder / name, options)] = name
             if time.monotonic() > look_at:
                 yield from done()
         while waiting:
@@ -329,10 +347,10 @@ def _results(
             future.cancel()
 
 
-def _submitted(executor: Executor, scene: Scene, folder: Path, kernel: bool | None) -> "Future[Point]":
+def _submitted(executor: Executor, scene: Scene, folder: Path, options: Options) -> "Future[Point]":
     """Return the future of a run; of one that fails at once or is refused, a future that holds the error."""
     try:
-        return executor.submit(run_point, scene, folder, kernel)
+        return executor.submit(run_point, scene, folder, options)
     except RunInterrupted:
         raise
     except Exception as error:  # also of a batch system that takes no more jobs
@@ -341,7 +359,7 @@ def _submitted(executor: Executor, scene: Scene, folder: Path, kernel: bool | No
         return future
 
 
-def run_point(scene: Scene, folder: Path, kernel: bool | None = None) -> Point:
+def run_point(scene: Scene, folder: Path, options: Options) -> Point:
     """Do one run of a sweep, or the rest of it, and return its row; the executor calls this function.
 
     Raises
@@ -356,37 +374,38 @@ def run_point(scene: Scene, folder: Path, kernel: bool | None = None) -> Point:
 
     try:
         with terminable():
-            record = _continued(scene, folder, heed, kernel)
+            record = _continued(scene, folder, replace(options, progress=heed))
     except RunInterrupted:
         raise
     except GranularError as error:  # as a row: an exception of several arguments cannot be sent between processes
-        return row_of(folder, scene) | {"status": "failed", "message": str(error)}
+        return row_of(folder, scene, options.device) | {"status": "failed", "message": str(error)}
     return summary_of(scene, record.info, record)
 
 
-def _continued(scene: Scene, folder: Path, heed: Callable[[int, int], None], kernel: bool | None) -> Record:
-    """Continue a run from its checkpoint, however it ended, or begin it."""
-    status = info_of(folder).get("status", "finished")
-    if status != "finished":
+def _continued(scene: Scene, folder: Path, options: Options) -> Record:
+    """Continue a run from its checkpoint, however it ended, or begin it; one of another engine is begun again."""
+    info = info_of(folder)
+    status = info.get("status", "finished")
+    if status != "finished" and info.get("device") == options.device:
         # It has no checkpoint, or failed by a guard; what failed otherwise may fail from its checkpoint again
         with suppress(RunFolderError, *([LammpsError] if status == "failed" else [])):
-            return resume(folder, progress=heed)
-    return run(scene, folder, force=True, progress=heed, kernel=kernel)
+            return resume(folder, progress=options.progress, engine=options.engine)
+    return run(scene, folder, force=True, progress=options.progress, kernel=options.kernel, engine=options.engine)
 
 
-def _result(scene: Scene, folder: Path, future: "Future[Point]") -> Point:
+def _result(scene: Scene, folder: Path, options: Options, future: "Future[Point]") -> Point:
     """Return the row of a run; if its process died, write the reason into its folder."""
     try:
         return future.result()
     except RunInterrupted:
-        return row_of(folder, scene)
+        return row_of(folder, scene, options.device)
     except Exception as error:  # the executor or the machine failed: this run did, the others continue
         message = str(error) if isinstance(error, GranularError) else f"{type(error).__name__}: {error}"
         message = " ".join(message.split())
     info = info_of(folder)
     if info.get("status") == "finished":  # only its answer was lost
-        return row_of(folder, scene)
+        return row_of(folder, scene, options.device)
     if info:
         with suppress(OSError):
             write_status(folder, info | {"status": "failed", "message": message})
-    return row_of(folder, scene) | {"status": "failed", "message": message}
+    return row_of(folder, scene, options.device) | {"status": "failed", "message": message}

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
@@ -11,7 +11,7 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from granular_lmp.accuracy.ladder import planned_steps
+from granular_lmp.accuracy.ladder import planned, planned_steps
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.problem import Problem, prepare
@@ -95,10 +95,16 @@ class GridPoint:
     of_run: Scene
 
 
-def points(scene: Scene, over: Mapping[str, list[Any]], runs: Path | None = None) -> list[GridPoint]:
+def points(
+    scene: Scene,
+    over: Mapping[str, list[Any]],
+    runs: Path | None = None,
+    refuse: Callable[[Problem], None] | None = None,
+) -> list[GridPoint]:
     """Return every point of the outer product of `over`, the last key running fastest.
 
     `runs` is the folder of the runs, where that is there already: points that share a run take one that is there.
+    `refuse` raises SceneError for the problem of a point, with its time step, that is not to be run.
 
     Raises
     ------
@@ -122,6 +128,8 @@ def points(scene: Scene, over: Mapping[str, list[Any]], runs: Path | None = None
             one = scene.with_values(asked)
             problem = prepare(one)
             planned_steps(problem)  # raises if a tolerance takes too many
+            if refuse is not None:
+                refuse(planned(problem))
         except SceneError as error:
             said = ", ".join(f"{key} = {shown(value)}" for key, value in asked.items())
             raise SceneError(f"{error} (in the sweep at {said})", because=error.because) from error

@@ -1,4 +1,4 @@
-"""The request of a sweep folder, ``sweep.json``: its scene and the values of its keys."""
+"""The request of a sweep folder, ``sweep.json``: its scene, the values of its keys, and what engine takes the steps."""
 
 import json
 from pathlib import Path
@@ -16,6 +16,11 @@ TABLE = "sweep.csv"
 def claim(folder: Path, request: dict[str, Any], force: bool) -> None:
     """Write the request into the folder, or raise RunFolderError if it belongs to another sweep or run."""
     there = read_request(folder)
+    if there is not None and not force and (by := by_whom(there)) != by_whom(request):
+        raise RunFolderError(
+            f"{folder}: holds a sweep by {by}, which {by} alone continues, not {by_whom(request)}; "
+            "choose another folder or say force=True"
+        )
     if there is not None and not force and _identity(there) != _identity(request):
         asked = ", ".join(f"{key} ({len(values)})" for key, values in there["over"].items())
         raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say force=True")
@@ -35,6 +40,11 @@ def _identity(request: dict[str, Any]) -> str:
     return json.dumps([list(over.items()), scene_hash(Scene.from_dict(request["scene"]).with_values(first))])
 
 
+def by_whom(request: dict[str, Any]) -> str:
+    """Return what takes the steps of the runs."""
+    return f"the network ({request['device']})" if "device" in request else "LAMMPS"
+
+
 def read_request(folder: Path) -> dict[str, Any] | None:
     """Return the contents of ``sweep.json``, or None without the file."""
     path = folder / SWEEP
@@ -48,4 +58,4 @@ def read_request(folder: Path) -> dict[str, Any] | None:
         return None
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise RunFolderError(f"{path}: cannot be read: {one_line(error)}") from error
-    return {"over": request["over"], "scene": request["scene"]}
+    return {key: request[key] for key in ("over", "scene", "device") if key in request}

@@ -84,9 +84,14 @@ def table_of(grid: list[GridPoint], rows: dict[str, Point]) -> list[Point]:
     return [values(each) | {"run": f"{RUNS}/{each.run}"} | empty | rows[each.run] for each in grid]
 
 
-def row_of(folder: Path, scene: Scene) -> Point:
-    """Return what the table says of the run folder of a scene, or of one that is not there."""
+def row_of(folder: Path, scene: Scene, device: str | None) -> Point:
+    """Return what the table says of the run folder of a scene, or of one that is not there.
+
+    A run on another device than that of a sweep's engine, or by LAMMPS, is not that of the sweep.
+    """
     info, record = info_of(folder), None
+    if info.get("status") == "finished" and info.get("device") != device:
+        info = {}
     if info.get("status") == "finished":
         try:
             record = Record.load(folder)

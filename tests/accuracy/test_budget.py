@@ -86,7 +86,6 @@ def test_the_time_step_s_part_is_the_error_of_the_stepped_lattice(scene: Scene, 
     line = known.error_budget(scene, dict(zip(NAMES, exact.T, strict=True)))[0]
     for i, name in enumerate(NAMES):
         if line[name] is not None:
-            # The law is that of the phase of the linear wave; the envelope and a² = 0.04 are a few per cent more
             measured(line[name] / relative_error(record[:, i], exact[:, i]) - 1)
     assert line["p"] is not None
     (other,) = stepped([wave], 20)

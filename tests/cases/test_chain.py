@@ -12,7 +12,6 @@ from cases.solitary.chain import (
     compressed,
     energies,
     linear_stiffness,
-    momentum,
     normal_modes,
     overlaps,
     spheres,
@@ -118,7 +117,7 @@ def test_energy_and_momentum_are_conserved() -> None:
     chain, rng = diatomic(9, 3.0), np.random.default_rng(3)
     u, v = np.zeros(9), 0.3 * rng.standard_normal(9)
     us, vs = march(chain, u, v, 0.02, 500, SIXTH, every=100)
-    assert momentum(chain, vs) == pytest.approx(momentum(chain, v), rel=0, abs=1e-12)  # forces cancel in pairs
+    assert vs @ chain.mass == pytest.approx(v @ chain.mass, rel=0, abs=1e-12)  # forces cancel in pairs
     # Contacts stay closed, so the error is of order 6: 1e-11 at this step
     assert energies(chain, us, vs).sum(axis=1) == pytest.approx(energies(chain, u, v).sum(), rel=1e-9)
 
@@ -143,23 +142,6 @@ def test_the_gap_of_the_bands_is_that_of_the_modes_of_a_long_chain() -> None:
     assert frequencies[frequencies <= low * 1.0001].max() == pytest.approx(low, rel=1e-4)
     assert frequencies[frequencies >= high * 0.9999].min() == pytest.approx(high, rel=1e-4)
     assert frequencies.max() == pytest.approx(top, rel=1e-4)
-
-
-def test_a_kicked_chain_is_silent_in_the_gap() -> None:
-    chain = diatomic(83, 2.963)
-    low, high, top = bands((2.963, 1.0), linear_stiffness(chain)[1])
-    v = 1e-4 * np.random.default_rng(2).standard_normal(83)
-    _, vs = march(chain, np.zeros(83), v - np.mean(v), 0.4, 2048, SIXTH, every=2)
-    power = np.sum(np.abs(np.fft.rfft(vs * np.hanning(1024)[:, None], axis=0)) ** 2, axis=1)
-    frequency = 2 * np.pi * np.fft.rfftfreq(1024, 0.8)
-
-    def share(lowest: float, highest: float) -> float:
-        return float(power[(frequency > lowest) & (frequency < highest)].sum() / power.sum())
-
-    # Hann's window leaks 1e-6 of a line at a distance of 5 %; the quadratic force makes 1e-8
-    assert share(1.05 * low, 0.97 * high) < 1e-5
-    assert share(0.9 * low, 0.97 * high) > 1e-2  # a gap that began below the edge is seen
-    assert share(-1.0, 1.05 * low) + share(0.97 * high, 1.05 * top) == pytest.approx(1, abs=1e-5)
 
 
 def test_modes_are_normalised_and_move_with_their_frequency() -> None:

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cases.impact.chain_damping import damping_ratio, decay, power
 from cases.solitary.chain import (
     Chain,
     acceleration,
@@ -16,7 +15,8 @@ from cases.solitary.chain import (
     normal_modes,
     uniform,
 )
-from cases.solitary.chain_motion import SIXTH, collision_time, follow, integrate, march, peak
+from cases.solitary.chain_motion import SIXTH, collision_time, integrate, march, peak
+from cases.solitary.damping import damping_ratio, decay, power
 from cases.solitary.travelling import solitary_wave
 from tests.conftest import latin, members
 
@@ -159,7 +159,6 @@ def test_what_dashpots_do_not_go_with_is_refused_by_name() -> None:
         (lambda: acceleration(chain, v), "restitution = 0.9: the acceleration needs the velocities"),
         (lambda: march(chain, 0 * v, v, 0.1, 10, SIXTH), "restitution = 0.9: needs VERLET and a positive step"),
         (lambda: march(chain, 0 * v, v, -0.1, 10), "needs VERLET and a positive step, not step = -0.1"),
-        (lambda: follow(chain, 0 * v, v, 0.1, 10), "restitution = 0.9: must be 1 in a window"),
         (lambda: normal_modes(chain), "damped vibrations have no normal modes"),
         (lambda: decay(1.5), "restitution must be above 0 and at most 1, not 1.5"),
     ):

@@ -1,25 +1,22 @@
-"""How a chain is integrated: orders, conservation, scaling, the window that moves along, and times of peaks."""
+"""How a chain is integrated: orders, conservation, scaling, and times of peaks."""
 
 import re
 
 import numpy as np
 import pytest
 
-from cases.impact.case import collision_error, energy_errors
-from cases.solitary.chain import Chain, compressed, uniform
+from cases.solitary.chain import Chain, compressed, energies, uniform
 from cases.solitary.chain_motion import (
     SIXTH,
     VERLET,
     Scheme,
     collision_time,
     first_peak,
-    follow,
     integrate,
     march,
     peak,
 )
 from tests.cases.test_chain import diatomic
-from tests.conftest import members
 
 T = collision_time(1.0, 1.0, 1.0)
 
@@ -45,6 +42,15 @@ def test_the_order_of_smooth_motion(scheme: Scheme, order: int, steps: list[int]
     assert slope(steps, errors) == pytest.approx(order, abs=0.1)
 
 
+def collision_error(steps: int, scheme: Scheme) -> float:
+    """Return the error of the velocity after a collision, root mean square over where in a step the contact begins."""
+    step, phases = T / steps, np.arange(64) / 64
+    u, v = np.zeros((64, 2)), np.zeros((64, 2))
+    u[:, 0], v[:, 0] = -step * phases, 1.0
+    _, (found,) = march(uniform(2), u, v, step, steps + steps // 2, scheme)
+    return float(np.sqrt(np.mean((found[:, 1] - 1) ** 2)))
+
+
 @pytest.mark.parametrize("scheme", [VERLET, SIXTH], ids=["second", "sixth"])
 def test_where_contacts_close_and_open_the_order_is_five_halves(scheme: Scheme) -> None:
     steps = [40, 80, 160]
@@ -61,6 +67,19 @@ def test_dop853_and_the_sixth_order_agree_where_contacts_open() -> None:
     assert np.max(np.abs(adaptive - stepped)) < 5e-7
     _, (coarse,) = march(chain, 0 * v, v, T / 20, 8 * 20, VERLET)
     assert np.max(np.abs(adaptive - coarse)) > 1e-3
+
+
+def test_the_good_values_of_the_module_have_the_errors_that_it_says() -> None:
+    v = struck(20)
+    _, (exact,) = integrate(uniform(20), 0 * v, v, [12 * T], 1e-13)
+
+    def error(steps: int, scheme: Scheme) -> float:
+        _, (found,) = march(uniform(20), 0 * v, v, T / steps, 12 * steps, scheme)
+        return float(np.max(np.abs(found - exact)))
+
+    assert error(80, VERLET) == pytest.approx(1.4e-4, rel=0.05)
+    assert error(20, SIXTH) < 1e-5
+    assert np.max(np.abs(integrate(uniform(20), 0 * v, v, [12 * T], 1e-10)[1][0] - exact)) < 1e-7
 
 
 def test_dop853_has_no_units() -> None:
@@ -99,8 +118,20 @@ def test_the_scaling_with_the_velocity_is_exact(power: int) -> None:
 # --- long runs --------------------------------------------------------------------------------------------------------
 
 
+def energy_errors(force: float, steps: int, per_collision: int, samples: int) -> np.ndarray:
+    """Return the relative energy error (samples,) of ten spheres between rigid walls by velocity Verlet.
+
+    force : that compresses the row; with 1 its contacts do not open, with 0 they open at every impact.
+    """
+    stiffness = np.ones(11)
+    stiffness[[0, -1]] = 2 * np.sqrt(2)  # a sphere on a rigid plane over two such spheres
+    chain, v = compressed(np.ones(10), stiffness, force), struck(10)
+    us, vs = march(chain, 0 * v, v, T / per_collision, steps, VERLET, every=steps // samples)
+    return energies(chain, us, vs).sum(axis=1) / 0.5 - 1
+
+
 def test_the_energy_of_closed_contacts_does_not_drift() -> None:
-    errors = energy_errors(1.0, 40_000, 50, samples=400)
+    errors = energy_errors(1.0, 40_000, 50, 400)
     first, last = errors[:100].mean(), errors[-100:].mean()
     # Symplectic: an offset of 1.3e-3 that swings by 4e-4; means of 100 samples differ by a tenth of that
     assert abs(last - first) < 1e-4
@@ -108,7 +139,7 @@ def test_the_energy_of_closed_contacts_does_not_drift() -> None:
 
 
 def test_the_energy_of_contacts_that_open_wanders_by_their_events() -> None:
-    coarse, fine = (np.std(energy_errors(0.0, 200 * n, n, samples=200)) for n in (20, 80))
+    coarse, fine = (np.std(energy_errors(0.0, 200 * n, n, 200)) for n in (20, 80))
     # Each event adds an error at random: 4^{5/2} = 32 times less with a quarter of the step; one run is one sample
     assert 6 < coarse / fine < 200
 
@@ -119,72 +150,6 @@ def test_the_motion_runs_backward_to_its_start() -> None:
     (u0,), (v0,) = march(chain, u1, v1, -0.1, 200, SIXTH)
     assert u0 == pytest.approx(0 * v, abs=1e-11)  # rounding of 3600 evaluations
     assert v0 == pytest.approx(v, abs=1e-11)
-
-
-# --- the window -------------------------------------------------------------------------------------------------------
-
-
-def changed(count: int, contact: tuple[int, float] | None = None, **masses: float) -> Chain:
-    """Return equal spheres but for the stiffness of one contact, and the mass of the `first` or the `fortieth` last."""
-    chain = uniform(count)
-    mass, stiffness = chain.mass.copy(), chain.stiffness.copy()
-    if contact:
-        stiffness[contact[0]] = contact[1]
-    for place, value in masses.items():
-        mass[{"first": 0, "fortieth": -40}[place]] = value
-    return compressed(mass, stiffness)
-
-
-@pytest.mark.parametrize(
-    ("chain", "finer", "steps", "back"),
-    [
-        (changed(300), 20, 2000, False),
-        (changed(60, first=20.0), 20, 600, False),  # a heavy striker pushes on: no sphere is left behind
-        (changed(160, (-1, 8**0.5)), 12, 1500, True),  # a wall throws the wave back
-        (changed(160, fortieth=50.0), 12, 1500, True),
-    ],
-    ids=["alone", "heavy striker", "wall", "heavy sphere"],
-)
-def test_the_window_gives_what_the_whole_chain_does(chain: Chain, finer: int, steps: int, back: bool) -> None:
-    v = struck(len(chain))
-    (us,), (vs,) = march(chain, 0 * v, v, T / finer, steps)
-    u, w = follow(chain, 0 * v, v, T / finer, steps)
-    assert not back or np.argmin(vs) < 80  # it has come back by more than the window is long
-    # The residue, 1e-13 of the velocity, of a few contacts, at each of which it is lost
-    assert np.max(np.abs(w - vs)) < (1e-11 if back else 1e-12)
-    assert np.max(np.abs(u - us)) < (1e-8 if back else 1e-9)  # what flies for 2000 steps sums its rounding
-
-
-@pytest.mark.parametrize(
-    ("count", "steps", "passed"), members([(1_000, 4_600, 780), (10_000, 56_000, 9000)], (10_000, 56_000, 9000))
-)
-def test_a_wave_runs_through_up_to_ten_thousand_spheres_unchanged(count: int, steps: int, passed: int) -> None:
-    step = T / 12
-    chain, v = uniform(count), struck(count)
-    early = follow(chain, 0 * v, v, step, 1000)
-    late = follow(chain, *early, step, steps)
-
-    def crest(state: tuple[np.ndarray, np.ndarray]) -> tuple[int, float]:
-        sphere = int(np.argmax(state[1])) + 4
-        near = slice(sphere - 20, sphere + 20)
-        _, vs = march(uniform(40), state[0][near] - state[0][sphere + 10], state[1][near], step, 60, every=1)
-        return sphere, peak(np.arange(60), vs[:, 20])[0]
-
-    (first, before), (last, after) = crest(early), crest(late)
-    assert last - first > passed
-    # Velocity Verlet has a solitary wave too; peaks between samples of T/12 are found to 1e-6
-    assert after == pytest.approx(before, rel=3e-6)
-
-
-def test_a_chain_at_rest_stays_so() -> None:
-    u, v = follow(uniform(10), np.zeros(10), np.zeros(10), 0.1, 10)
-    assert not u.any()
-    assert not v.any()
-
-
-def test_a_clearance_that_is_too_small_is_refused() -> None:
-    with pytest.raises(RuntimeError, match="take a larger clearance"):
-        follow(uniform(100), np.zeros(100), struck(100), T / 20, 2000, clearance=2)
 
 
 # --- peaks ------------------------------------------------------------------------------------------------------------
@@ -207,8 +172,6 @@ def test_what_cannot_be_done_is_refused_by_name() -> None:
         (lambda: march(uniform(5), v, v, 0.1, 0), "steps must be a positive multiple"),
         (lambda: integrate(uniform(5), 0 * v, 0 * v, [1.0]), "the chain is at rest"),
         (lambda: integrate(uniform(1), np.zeros(1), np.ones(1), [1.0]), "the chain has no contact"),
-        (lambda: follow(uniform(5, 1.0), 0 * v, v, 0.1, 10), "spheres that just touch"),
-        (lambda: follow(uniform(5), 0 * v, v, -0.1, 10), "step must be positive, not -0.1"),
         (lambda: collision_time(1.0, 1.0, 0.0), "must be positive, not 1.0, 1.0, 0.0"),
     ):
         with pytest.raises(ValueError, match=re.escape(message)):

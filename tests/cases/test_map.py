@@ -35,27 +35,14 @@ def test_the_map_is_written_for_any_material(tmp_path, poisson_ratio, monkeypatc
     assert target.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(
-    ("options", "contact", "title"),
-    [
-        ([], Contact(SILICA), r"$\nu$ = 0.17, solid spheres"),
-        (
-            ["--overlap-ratio", "0.05", "--prestress", "0.25"],
-            Contact(SILICA, overlap_ratio=0.05, prestress=0.25),
-            r"$\nu$ = 0.17, solid spheres, overlap $\Delta_0/2R$ = 0.05, compression bears 25% of the contact force",
-        ),
-    ],
-)
-def test_the_map_draws_the_lattice_of_its_options(options, contact, title, monkeypatch):
+def test_the_map_draws_the_second_harmonic(monkeypatch):
     monkeypatch.setattr(zone_map, "POINTS", 16)
     drawn = []
     monkeypatch.setattr(runner, "save", lambda figure, path: drawn.append(figure))
-    zone_map.main(options)
-    (legend,) = drawn[0].legends
-    assert legend.get_title().get_text() == title
+    zone_map.main([])
     k = zone_map.wave_vectors(16)
     for branch, panel in enumerate(drawn[0].axes[:3]):
-        expected = np.linalg.norm(second_harmonic_amplitude(k, branch, contact), axis=-1)
+        expected = np.linalg.norm(second_harmonic_amplitude(k, branch, Contact(SILICA)), axis=-1)
         # Here ε is divided out before the norm is taken: a rounding or two apart
         np.testing.assert_allclose(panel.images[0].get_array(), expected, rtol=1e-14)
 
@@ -63,7 +50,7 @@ def test_the_map_draws_the_lattice_of_its_options(options, contact, title, monke
 def locations_on_the_page() -> list[tuple[float, float, float, float]]:
     """Return overlap ratio, prestress, resonance and antiresonance of each row of the table below the map."""
     lines = (Path(__file__).parents[2] / "analysis" / "cases" / "map" / "README.md").read_text("utf-8").splitlines()
-    first = next(i for i, line in enumerate(lines) if line.startswith("| `--overlap-ratio`")) + 2
+    first = next(i for i, line in enumerate(lines) if line.startswith("| η |")) + 2
     rows = []
     while lines[first].startswith("|"):
         rows.append(tuple(float(cell) for cell in lines[first].strip("|").split("|")))
@@ -92,15 +79,6 @@ def test_the_map_has_the_resonance_and_the_antiresonance_of_its_page(
         assert second_harmonic.antiresonance(contact.closed) == pytest.approx(antiresonance, abs=half)
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (["--poisson-ratio", "0.7"], "poisson_ratio = 0.7 is outside [-1, 0.5]"),
-        (["--overlap-ratio", "0.2"], "overlap_ratio = 0.2 is outside [0, 0.1]"),
-        (["--overlap-ratio", "0.01", "--prestress", "1.5"], "prestress = 1.5 is outside [0, 1]"),
-        (["--prestress", "1"], "--prestress 1: needs --overlap-ratio above 0"),
-    ],
-)
-def test_the_map_refuses_a_lattice_that_is_none(options, said):
-    with pytest.raises(SystemExit, match=re.escape(said)):
-        zone_map.main(options)
+def test_the_map_refuses_a_lattice_that_is_none():
+    with pytest.raises(SystemExit, match=re.escape("poisson_ratio = 0.7 is outside [-1, 0.5]")):
+        zone_map.main(["--poisson-ratio", "0.7"])

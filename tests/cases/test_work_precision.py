@@ -47,7 +47,7 @@ def study() -> Study:
         setting(0.1, 1e-2, name="0.1"),
         setting(0.4, 1e-3, name="0.05"),
         setting(0.2, 5e-5, TOLERANCE, "1e-03"),
-        setting(0.15, 9e-4, "Richardson pair", "0.5 + 0.25"),
+        setting(0.15, 9e-4, TOLERANCE, "1e-02"),
         setting(20.0, 1.0, "strip or sheet", "sheet"),
     ]
     return Study(settings, setting(9.0, 1e-8, "reference"), record)
@@ -105,11 +105,13 @@ def content(study: Study) -> dict[str, Any]:
         errors = {f"error_{name}": value for name, value in s.error.items()}
         return {"knob": s.family, "setting": s.name, "repeats": 1} | times | errors
 
-    return {"reference": row(study.reference), "points": [*map(row, study.settings), {"repeats": 0}]}
+    points = [*map(row, study.settings), {"repeats": 0}]
+    return {"reference": row(study.reference) | {"runs": ["coarse", "fine"], "order": 2}, "points": points}
 
 
 def written(study: Study, folder: Path, record: Record) -> None:
-    leave_folder(record, folder / "reference")
+    for name, step in (("coarse", 0.1), ("fine", 0.05)):
+        leave_folder(replace(record, scene=record.scene.with_values({"time.timestep": step})), folder / name)
     (folder / "cost.json").write_text(json.dumps(content(study)))
 
 

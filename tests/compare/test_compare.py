@@ -138,15 +138,6 @@ def test_the_best_theory_is_at_most_twice_as_far_off_as_any_other(
     assert (np.array(off[expected]) <= 2 * least + 1e-6).all(), off
 
 
-def test_what_has_not_converged_is_not_taken() -> None:
-    def chosen(**changes: object) -> str:
-        scene = PAPER.with_values({f"wave.{key}": value for key, value in changes.items()})
-        return best(wave_of(Record.of_centre(TAU, TAU, TAU, TAU, scene)), TAU)
-
-    assert chosen(amplitude=5.0) != "hierarchy"  # contacts open: no order is smaller than the one before
-    assert chosen(amplitude=0.2) == "hierarchy"
-
-
 STEEL = Contact(0.3, overlap_ratio=2.5e-4)
 
 

@@ -130,27 +130,6 @@ def test_the_table_of_the_page_is_what_the_command_prints(capsys: pytest.Capture
     assert not agree(shown, shown[1:])
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["-3"], r"frequency is -3\.0; allowed: from 1e-15 to 1e15"),
-        (["1e6", "--opening", "90"], r"frequency is 1e\+06; allowed: 4\.743e\+07 Hz and above"),
-        (["5e7", "--second", "0"], r"second is 0\.0; allowed: from 1e-15"),
-        (["5e7", "--radius", "nan"], "radius is nan; allowed: from 1e-15"),
-        (["5e7", "--work-of-adhesion", "-1"], r"work_of_adhesion is -1\.0; allowed: 0 or above"),
-        (["5e7", "--work-of-adhesion", "1e6"], r"work_of_adhesion is 1000000\.0; .* below 0\.099 of a diameter"),
-        (["5e7", "--poisson-ratio", "0.6"], r"poisson_ratio is 0\.6; allowed: above -1, up to 0\.5"),
-        (["5e7", "--poisson-ratio", "-1"], r"poisson_ratio is -1\.0; allowed: above -1"),
-        (["5e7", "--opening", "inf"], r"directions and openings are \[.*inf\]; allowed: degrees"),
-        (["5e7", "--amplitude", "1"], r"amplitude is 1\.0; allowed: above 0, below 1"),
-    ],
-)
-def test_bad_input_is_named(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="2"):
-        main(arguments)
-    assert re.search(said, " ".join(capsys.readouterr().err.split()))
-
-
 def test_a_single_wave_grows_as_the_exchange_with_its_second_harmonic_says() -> None:
     (each,) = (one for one in found(HERTZ) if np.allclose(one.pair.first.wavevector, one.pair.second.wavevector))
     contact = Contact.of(each.sphere)

@@ -1,4 +1,4 @@
-"""Crystals at rest: force balance, closed forms of few spheres, and which contacts there are.
+"""Crystals at rest in the plane and in space: force balance, closed forms of few spheres, and which contacts there are.
 
 Lengths in Δ0 and forces in k1 Δ0 of `SILICA`, where nothing else is said.
 """
@@ -17,11 +17,12 @@ from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.disorder import AVALANCHES, WAYS, WHOLE, Disorder, Inclusion, imperfect
 from granular_lmp.crystal.equilibrium import BALANCED, Equilibrium, relax
 from granular_lmp.crystal.factors import dissection
-from granular_lmp.crystal.lattices import Shape, packed
+from granular_lmp.crystal.lattices import LATTICES, Shape, packed
 from granular_lmp.crystal.let_go import SETTLED, let_go_near
 from granular_lmp.crystal.potential import box_load, potential_of
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.tangent import Tangent
+from granular_lmp.crystal.walls import Face, Wall
 from granular_lmp.errors import CrystalError
 from granular_lmp.rest.at_rest import crystal_of
 from granular_lmp.rest.scene import Scene
@@ -40,25 +41,52 @@ def spread(s: float, seed: int = 1, **other: float) -> Disorder:
     return Disorder(radius=s * SILICA.overlap_ratio, seed=seed, **other)
 
 
+FLOOR, CEILING = (Face(Wall(SILICA, SILICA), way * np.eye(3)[2], Wall(SILICA, SILICA).overlap) for way in (-1, 1))
+FILM = LATTICES["fcc [11-2]"].layered(3)
+CRYSTALS = {
+    "sheet in the plane": (Shape(12, 10, "periodic"), ()),
+    "strip in the plane": (Shape(13, 10, "fixed"), ()),
+    "layer": (Shape(12, 10, "periodic"), (FLOOR,)),
+    "layer between held rows": (Shape(13, 10, "fixed"), (FLOOR,)),
+    "honeycomb": (Shape(12, 10, "periodic", LATTICES["honeycomb"]), (FLOOR,)),
+    "chain": (Shape(20, 1, "periodic", LATTICES["chain"]), (FLOOR,)),
+    "fcc": (Shape(6, 4, "periodic", LATTICES["fcc [001]"], layers=4), ()),
+    "hcp": (Shape(6, 4, "periodic", LATTICES["hcp c"], layers=4), ()),
+    "film": (Shape(6, 4, "periodic", FILM, layers=3), (FLOOR,)),
+    "film between two plates": (Shape(6, 4, "periodic", FILM, layers=3), (FLOOR, CEILING)),
+}
+PLANE = {"sheet in the plane": 2, "strip in the plane": 2}  # axes; all others have three
+WITHOUT_WALLS = [*PLANE, "fcc"]
+
+
 @cache
-def disordered(
-    s: float, rows: int = 12, columns: int = 10, seed: int = 1, ends: str = "periodic", **how: object
-) -> Equilibrium:
-    return relax(*imperfect(packed(SILICA, Shape(rows, columns, ends)), SILICA, spread(s, seed)), **how)  # type: ignore[arg-type]
+def at_rest(name: str, s: float, sphere: Sphere = SILICA, vacancies: float = 0.0, **how: object) -> Equilibrium:
+    """Return a crystal of the list with a disorder, at rest under the load of its lattice."""
+    shape, faces = CRYSTALS[name]
+    lattice, axes = packed(sphere, shape), PLANE.get(name, 3)
+    load = box_load(lattice, sphere, axes=axes) if sphere is HERTZ else None
+    crystal = imperfect(lattice, sphere, spread(s, vacancies=vacancies))
+    return relax(*crystal, load=load, faces=faces, space=axes == 3, **how)  # type: ignore[arg-type]
+
+
+@cache
+def disordered(s: float, seed: int = 1, **how: object) -> Equilibrium:
+    return relax(*imperfect(packed(SILICA, Shape(12, 10, "periodic")), SILICA, spread(s, seed)), **how)  # type: ignore[arg-type]
 
 
 def forces(rest: Equilibrium) -> np.ndarray:
-    """Return the forces of the contacts on the spheres, (N, 2), in k1 Δ0."""
-    push = (rest.contacts.contact_force[:, None] * rest.contacts.normals)[:, :2] / FORCE
-    total = np.zeros((len(rest.lattice), 2))
-    np.add.at(total, rest.contacts.j, push)
-    np.add.at(total, rest.contacts.i, -push)
+    """Return the forces of the contacts on the spheres, (N, 3), in k1 Δ0."""
+    contacts = rest.contacts
+    push, pairs = contacts.contact_force[:, None] * contacts.normals / FORCE, ~contacts.on_wall
+    total = np.zeros((len(rest.lattice), 3))
+    np.add.at(total, contacts.j[pairs], push[pairs])
+    np.add.at(total, contacts.i, -push)
     return total
 
 
 def cluster(positions: list[list[float]], radius: list[float]) -> ase.Atoms:
-    """Return free spheres in no box."""
-    crystal = ase.Atoms(f"X{len(radius)}", positions=positions, cell=[20, 20, 2])
+    """Return free spheres in no box; the lowest touch the floor as spheres of the reference radius do."""
+    crystal = ase.Atoms(f"X{len(radius)}", positions=positions, cell=[20, 20, 20])
     crystal.set_array("radius", np.array(radius))
     return crystal
 
@@ -66,27 +94,34 @@ def cluster(positions: list[list[float]], radius: list[float]) -> ase.Atoms:
 # --- at rest ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("ends", ["periodic", "fixed"])
-@pytest.mark.parametrize("sphere", [SILICA, HERTZ], ids=["adhesive", "compressed"])
-def test_a_perfect_lattice_is_returned_as_it_is(sphere: Sphere, ends: str) -> None:
-    lattice = packed(sphere, Shape(20, 16, ends))
-    rest = relax(*imperfect(lattice, sphere), load=box_load(lattice, sphere))
+@pytest.mark.parametrize(
+    ("name", "sphere"),
+    [*((name, SILICA) for name in CRYSTALS), *((name, HERTZ) for name in WITHOUT_WALLS)],
+    ids=lambda value: value if isinstance(value, str) else "compressed" if value is HERTZ else "adhesive",
+)
+def test_a_perfect_crystal_is_returned_as_it_is(name: str, sphere: Sphere) -> None:
+    rest, (shape, faces) = at_rest(name, 0.0, sphere), CRYSTALS[name]
     assert not rest.displacement.any()
     assert not rest.strain.any()
-    assert (rest.crystal.positions == lattice.positions).all()
+    assert (rest.crystal.positions == packed(sphere, shape).positions).all()
     assert rest.steps == 0
-    assert len(rest.contacts) == len(find_contacts(lattice, [sphere]))
+    assert np.count_nonzero(~rest.contacts.on_wall) == len(find_contacts(packed(sphere, shape), [sphere]))
+    assert np.count_nonzero(rest.contacts.on_wall) == sum(shape.spheres // shape.layers for _ in faces)
 
 
-@pytest.mark.parametrize(("s", "ends", "by"), latin([0.12, 0.8, 4.0, 12.0], ["periodic", "fixed"], WAYS))
-def test_no_force_is_left_on_any_free_sphere_nor_on_the_box(s: float, ends: str, by: str) -> None:
-    rest = disordered(s, ends=ends, by=by)
+@pytest.mark.parametrize(
+    ("s", "name", "by"), [*latin([0.12, 0.8, 4.0, 12.0], PLANE, WAYS), *latin([0.12, 2.0], CRYSTALS, WAYS)]
+)
+def test_no_force_is_left_on_any_free_sphere_nor_on_the_box(s: float, name: str, by: str) -> None:
+    rest = at_rest(name, s, by=by)
     free = ~rest.lattice.arrays["fixed"]
     assert rest.residual <= BALANCED
     # The forces of the record are those of the relaxation, rounded once more
     assert np.abs(forces(rest)[free]).max() < BALANCED + ROUNDED
-    assert np.abs(rest.box_load).max() < 2 * BALANCED * len(rest.lattice) * FORCE * 2 * SILICA.radius
-    assert not rest.displacement[~free].any()
+    assert np.abs(rest.box_load[:2]).max() < 2 * BALANCED * len(rest.lattice) * FORCE * 2 * SILICA.radius
+    assert len(rest.box_load) == PLANE.get(name, 3)
+    assert not rest.displacement[~free, :2].any()
+    assert rest.lifted == 0
     assert f"{RULES[by].in_words}; the box breathes" in rest.protocol
 
 
@@ -144,15 +179,14 @@ def test_a_jkr_crystal_comes_to_rest(by: str) -> None:
     assert rest.residual <= BALANCED
 
 
-@pytest.mark.parametrize(("ends", "by"), latin(["periodic", "fixed"], WAYS))
-def test_a_compressed_crystal_bears_the_load_of_its_lattice(ends: str, by: str) -> None:
-    lattice = packed(HERTZ, Shape(12, 10, ends))
-    load = box_load(lattice, HERTZ)
-    rest = relax(*imperfect(lattice, HERTZ, spread(0.4, vacancies=0.02)), load=load, by=by)
+@pytest.mark.parametrize(("name", "by"), latin(WITHOUT_WALLS, WAYS))
+def test_a_compressed_crystal_bears_the_load_of_its_lattice(name: str, by: str) -> None:
+    rest, axes = at_rest(name, 0.4, HERTZ, vacancies=0.02, by=by), PLANE.get(name, 3)
     assert rest.residual <= BALANCED
     # The load is T (1 + e), as the force on the faces is held and the distances breathe
-    np.testing.assert_allclose(rest.box_load / (1 + rest.strain[:2]), load, rtol=1e-8)
-    assert np.abs(rest.strain[:2]).min() > 1e-6
+    load = box_load(packed(HERTZ, CRYSTALS[name][0]), HERTZ, axes=axes)
+    np.testing.assert_allclose(rest.box_load / (1 + rest.strain[:axes]), load, rtol=1e-8)
+    assert np.abs(rest.strain[:axes]).min() > 1e-7
 
 
 def test_the_energy_never_rises_while_forces_are_balanced_and_ends_below_its_start() -> None:
@@ -282,18 +316,48 @@ def test_the_spread_over_the_overlap_alone_decides_how_many_contacts_there_are(s
     assert abs(np.mean(contacts[0]) - expected) < 4 * deviation * np.sqrt(1020 / 120 / 8)
 
 
-@pytest.mark.parametrize("by", WAYS)
-def test_the_rest_is_stable(by: str) -> None:
-    rest = disordered(1.2, by=by)
-    potential = potential_of(rest.lattice, (SILICA,), np.zeros(2), breathes=True)
-    u, e = rest.displacement[:, :2] / UNIT, rest.strain[:2]
+@pytest.mark.parametrize("name", ["sheet in the plane", "layer", "film between two plates", "fcc"])
+def test_stiffness_is_the_derivative_of_the_force(name: str) -> None:
+    (shape, faces), axes = CRYSTALS[name], PLANE.get(name, 3)
+    crystal, materials = imperfect(packed(SILICA, shape), SILICA, spread(0.3))
+    potential = potential_of(crystal, materials, np.zeros(axes), breathes=True, faces=faces)
+    random, u = np.random.default_rng(3), potential.start().u
+    u, e = u + random.uniform(-0.1, 0.1, u.shape), random.uniform(-1e-5, 1e-5, axes)
+    du, de = random.uniform(-1, 1, u.shape), random.uniform(-1, 1, axes) / potential.neighbour
+    u[len(crystal) :] = du[len(crystal) :] = 0.0  # a wall does not move
+    e, de = e * potential.breathing, de * potential.breathing
+    state, h = potential.at(u, e), 1e-4
+    tangent = Tangent.of(potential, state)
+    more, less = (potential.state(state.pairs, u + sign * h * du, e + sign * h * de) for sign in (1, -1))
+    force = -(more.force - less.force) / (2 * h)
+    stress = -(more.stress - less.stress) / (2 * h)
+    predicted = tangent.by_u @ du.ravel() + tangent.by_both @ de
+    # Central differences: the third derivative of a contact is of order 1, h² = 1e-8
+    np.testing.assert_allclose(force.ravel(), predicted, rtol=0, atol=1e-6)
+    predicted = tangent.by_both.T @ du.ravel() + tangent.by_e @ de
+    breathing = potential.breathing
+    np.testing.assert_allclose(stress[breathing], predicted[breathing], rtol=0, atol=1e-6 * np.abs(predicted).max())
+    assert not stress[~breathing].any()
+
+
+@pytest.mark.parametrize(
+    ("name", "by"),
+    [*(("sheet in the plane", by) for by in WAYS), *((name, WHOLE) for name in ("layer", "fcc", "film"))],
+)
+def test_the_rest_is_stable(name: str, by: str) -> None:
+    rest, axes, faces = at_rest(name, 1.2, by=by), PLANE.get(name, 3), CRYSTALS[name][1]
+    potential = potential_of(rest.lattice, (SILICA,), np.zeros(axes), breathes=not faces, faces=faces)
+    u, e = np.zeros((len(potential.free), axes)), rest.strain[:axes]
+    u[: len(rest.lattice)] = rest.displacement[:, :axes] / UNIT
     tangent = Tangent.of(potential, potential.at(u, e))
     scale = potential.neighbour * np.sqrt(len(u))
     by_both, by_e = tangent.by_both / scale, tangent.by_e / scale**2
-    values = np.linalg.eigvalsh(np.block([[tangent.by_u.toarray(), by_both], [by_both.T, by_e]]))
-    # Two translations are free; contacts that push turn spheres with a stiffness of Δ0/2R, which lowers others by it
+    whole = np.block([[tangent.by_u.toarray(), by_both], [by_both.T, by_e]])
+    values = np.linalg.eigvalsh(tangent.by_u.toarray() if faces else whole)
+    # Translations are free; contacts that push turn spheres with a stiffness of Δ0/2R, which lowers others by it
     assert values[0] > -1e-9
-    assert (np.abs(values) < 1e-9).sum() == 2
+    if name in PLANE:
+        assert (np.abs(values) < 1e-9).sum() == 2
 
 
 @pytest.mark.parametrize("seed", members([1, 3, 9], 1, 9))
@@ -350,6 +414,9 @@ def test_crystals_that_cannot_come_to_rest_are_refused_by_name() -> None:
     raised.positions[3, 2] = 0.1
     with pytest.raises(CrystalError, match="not a sheet in the plane"):
         relax(raised, [SILICA])
+    for how in ({"space": True}, {"faces": [FLOOR]}):
+        with pytest.raises(CrystalError, match=r"friction = 0\.3: must be 0 in space and beside walls"):
+            relax(*imperfect(lattice, SILICA, spread(0.01)), friction=0.3, **how)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("by", WAYS)

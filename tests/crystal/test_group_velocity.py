@@ -67,7 +67,6 @@ def test_long_waves_have_round_fronts_at_the_speeds_of_sound(measured: Measure) 
     assert set(found) == {"L", "TR"}
     for name, velocity in found.items():
         sound = bloch_mode(LATTICE, SILICA, WaveVector.of(1e-3), name).frequency / 1e-3 * ROW
-        # Dispersion is of second order in ξ = 0.06 to 0.09
         measured(np.abs(np.hypot(*velocity.T) / sound - 1).max())
 
 

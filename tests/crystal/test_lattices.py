@@ -1,4 +1,4 @@
-"""Scenes of the square lattice and the chain: geometry, closed forms of their waves, what is refused, and LAMMPS."""
+"""Scenes of the square lattice and the chain: closed forms of their waves, and scenes."""
 
 from dataclasses import replace
 from math import pi, sqrt
@@ -38,7 +38,6 @@ from tests.crystal.test_sphere import SILICA
 pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
 
 SPHERES = [SILICA, replace(SILICA, poisson_ratio=-0.6), replace(SILICA, poisson_ratio=0.5)]
-WAVENUMBERS = [0.1, 0.802, 2.1, 3.1]
 FROZEN = Physics(rotation=False)
 
 
@@ -56,52 +55,13 @@ def scene_of(lattice: str, mode: str, **changes: Any) -> Scene:
     return Scene.load("tr_periodic").with_values(values | {k.replace("__", "."): v for k, v in changes.items()})
 
 
-# --- geometry --------------------------------------------------------------------------------------------------------
-
-SHAPES = [
-    Shape(9, 1, "fixed", CHAIN),
-    Shape(5, 1, "periodic", CHAIN),
-    Shape(7, 4, "fixed", SQUARE),
-    Shape(5, 3, "periodic", SQUARE),
-]
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_a_free_sphere_touches_its_neighbours_in_the_lattice_and_no_image(shape: Shape) -> None:
-    packing = packed(SILICA, shape)
-    contacts = find_contacts(packing, [SILICA], 0.0)
-    assert set(contacts.per_sphere[~packing.arrays["fixed"]]) == {2 if shape.lattice == CHAIN else 4}
-    # Coordinates of some 10 R, whose last digit is 2e-15 R
-    np.testing.assert_allclose(contacts.length, SILICA.lattice_constant, rtol=1e-13)
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_no_sphere_of_another_lattice_lies_on_a_face_of_the_cell(shape: Shape) -> None:
-    packing = packed(SILICA, shape)
-    inside = (packing.positions - packing.get_celldisp().ravel()) / packing.cell.lengths()
-    assert inside.min() > 1e-3
-    assert inside.max() < 1 - 1e-3
-    assert list(packing.pbc) == [shape.lattice == SQUARE, shape.ends == "periodic", False]
-
-
 # --- several spheres a cell ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("shape", [Shape(7, 6, "fixed", HONEYCOMB), Shape(6, 4, "periodic", HONEYCOMB)])
-def test_rows_of_two_spheres_a_cell_are_zigzags_and_each_sphere_has_three_neighbours(shape: Shape) -> None:
-    packing = packed(SILICA, shape)
-    contacts = find_contacts(packing, [SILICA], 0.0)
-    assert set(contacts.per_sphere[~packing.arrays["fixed"]]) == {3}
-    np.testing.assert_allclose(contacts.length, SILICA.lattice_constant, rtol=1e-13)  # as above
-    inside = ((packing.positions - packing.get_celldisp().ravel()) / packing.cell.lengths())[:, :2]
-    assert inside.min() > 1e-3
-    assert inside.max() < 1 - 1e-3
-    assert HONEYCOMB.fewest_columns == 4
 
 
 def test_the_waves_of_a_sheet_are_those_of_the_cell_of_two_spheres() -> None:
     sheet = packed(SILICA, Shape(6, 4, "periodic", HONEYCOMB))
     assert [each[centre(sheet)] for each in offsets(sheet)] == [0.0, 0.0]
+    assert HONEYCOMB.fewest_columns == 4
     of_sheet, _ = bloch_modes(find_contacts(sheet, [SILICA], SILICA.contact_force), SILICA, np.zeros(2))
     cell, spacings = unit_lattice(SILICA, HONEYCOMB), (HONEYCOMB.row_spacing, HONEYCOMB.column_spacing)
     vectors = [WaveVector(2 * pi * i / 4, 2 * pi * j / 6, *spacings) for i in range(2) for j in range(6)]
@@ -267,68 +227,6 @@ def test_a_scene_knows_its_wave_number_by_the_frequency_in_its_lattice() -> None
         hertz = mode_of(declared).frequency / (2 * pi * declared.sphere.time_scale)
         found = declared.with_values({"wave.frequency": hertz}).wave.wavenumber
         assert found == pytest.approx(pi / 4, rel=1e-9)  # a bisected zero
-
-
-REFUSED: list[tuple[str, str, dict[str, Any], str]] = [
-    (
-        "chain",
-        "L",
-        {"packing.columns": 3},
-        r'packing\.columns = 3: must be 1 or "auto" with packing\.lattice = "chain"',
-    ),
-    ("square", "L", {"packing.columns": 2}, r"packing\.columns = 2: must be at least 3"),
-    ("chain", "L", {"wave.direction": "x"}, r"wave\.direction = 'x': must be \"y\" with packing\.lattice = \"chain\""),
-    ("chain", "L", {"wave.direction": 30.0}, r"wave\.direction = 30\.0: must be \"y\""),
-    ("chain", "L", {"envelope.width": 5.0}, r"envelope\.width = 5\.0: must be 0"),
-    *(
-        ("chain", mode, {"packing.contact_force": 1e-7} | more, rf"must be 0 in a chain with {cause}.*buckle")
-        for mode, more, cause in (
-            ("RT", {}, r"wave\.mode = 'RT'"),
-            ("TR", {"effects.rolling_stiffness": 10.0}, r"wave\.mode = 'TR'"),
-            ("L", {"source": [{"rows": [4, 4], "force": "x", "amplitude": 0.1}]}, "source 1: force = 'x'"),
-            ("L", {"source": [{"rows": [4, 4], "force": "torque", "amplitude": 0.1}]}, "source 1: force = 'torque'"),
-            ("L", {"packing.columns": 1, "start.state": [[4, 0, 0.0, 0.0, 0.0, 0.0, 1.0]]}, r"start\.state: a spin"),
-        )
-    ),
-    ("chain", "L", {"packing.contact_force": 1e-7, "effects.shear": False}, r"in a chain lattice where effects\.shear"),
-    (
-        "square",
-        "L",
-        {"packing.contact_force": 1e-7, "effects.shear": False},
-        r"packing\.contact_force = 1e-07: .*effects\.shear is off",
-    ),
-    ("chain", "TR", {}, r"wave\.mode = 'TR': has the frequency 0 in the chain lattice.*rolling_stiffness above 0"),
-    ("square", "TR", {"effects.shear": False}, r"wave\.mode = 'TR': has the frequency 0 .*needs effects\.shear"),
-    ("square", "L", {"disorder.radius": 1e-5, "packing.columns": 4}, r"disorder\.radius = 1e-05: .*collapse"),
-    ("square", "L", {"inclusion": [{"rows": [2, 3], "youngs_modulus": 2e11}]}, r"inclusion 1: youngs_modulus"),
-    (
-        "square",
-        "L",
-        {"packing.contact_force": 1e-7, "disorder.vacancies": 0.1, "packing.columns": 4},
-        r"packing\.contact_force = 1e-07: must be 0 in a square lattice with vacancies",
-    ),
-    (
-        "chain",
-        "L",
-        {"disorder.radius": 1e-5, "packing.relax": "fixed"},
-        r'packing\.relax = "fixed": must be "box" with disorder\.radius',
-    ),
-    (
-        "chain",
-        "L",
-        {"disorder.radius": 1e-3, "packing.rows": 40},
-        r"the chain at rest is parted at \d+ of 40 contacts",
-    ),
-    ("bcc", "L", {}, r"packing\.lattice = 'bcc': must be one of \"hexagonal\", \"square\", \"chain\""),
-]
-
-
-@pytest.mark.parametrize(("lattice", "mode", "changes", "message"), REFUSED)
-def test_what_a_lattice_cannot_be_is_refused_by_name(
-    lattice: str, mode: str, changes: dict[str, Any], message: str
-) -> None:
-    with pytest.raises((SceneError, CrystalError), match=message):
-        prepare(scene_of(lattice, mode).with_values(changes))
 
 
 def test_a_wave_that_shears_no_contact_keeps_the_shear_that_its_lattice_needs() -> None:

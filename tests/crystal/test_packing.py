@@ -9,7 +9,7 @@ from ase.visualize.plot import plot_atoms
 from matplotlib.figure import Figure
 
 from granular_lmp.crystal.contacts import find_contacts
-from granular_lmp.crystal.lattices import Shape, centre, lattice_constant, packed
+from granular_lmp.crystal.lattices import CHAIN, HONEYCOMB, SQUARE, Shape, centre, lattice_constant, packed
 from tests.crystal.test_sphere import SILICA
 
 pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
@@ -22,31 +22,40 @@ SHAPES = [
     Shape(4, 3, "periodic"),
     Shape(10, 5, "periodic"),
 ]
+OTHERS = [
+    Shape(9, 1, "fixed", CHAIN),
+    Shape(5, 1, "periodic", CHAIN),
+    Shape(7, 4, "fixed", SQUARE),
+    Shape(5, 3, "periodic", SQUARE),
+    Shape(7, 6, "fixed", HONEYCOMB),
+    Shape(6, 4, "periodic", HONEYCOMB),
+]
+NEIGHBOURS = {"hexagonal": 6, "square": 4, "honeycomb": 3, "chain": 2}
+of_each = pytest.mark.parametrize("shape", [*SHAPES, *OTHERS], ids=lambda each: f"{each.lattice.name} {each.rows}")
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_every_free_sphere_touches_six_neighbours_at_the_equilibrium_distance(shape: Shape) -> None:
+@of_each
+def test_every_free_sphere_touches_its_neighbours_at_the_equilibrium_distance_and_no_image(shape: Shape) -> None:
     packing = packed(SILICA, shape)
-    contacts = find_contacts(packing, [SILICA])
-    assert (contacts.per_sphere[~packing.arrays["fixed"]] == 6).all()
+    contacts = find_contacts(packing, [SILICA], 0.0)
+    assert set(contacts.per_sphere[~packing.arrays["fixed"]]) == {NEIGHBOURS[shape.lattice.name]}
     # The coordinates reach 174 R, whose last digit is 3e-14 R
     np.testing.assert_allclose(contacts.length / SILICA.radius, SPACING, atol=1e-13)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@of_each
 def test_no_sphere_lies_on_or_beyond_a_face_of_the_cell(shape: Shape) -> None:
     packing = packed(SILICA, shape)
-    low = packing.get_celldisp().ravel()
-    inside = (packing.positions - low) / packing.cell.lengths()
+    inside = (packing.positions - packing.get_celldisp().ravel()) / packing.cell.lengths()
     assert inside.min() > 1e-3
     assert inside.max() < 1 - 1e-3
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@of_each
 def test_arrays_number_rows_and_columns_and_hold_the_ends(shape: Shape) -> None:
     packing = packed(SILICA, shape)
     assert len(packing) == shape.rows * shape.columns
-    assert list(packing.pbc) == [True, shape.ends == "periodic", False]
+    assert list(packing.pbc) == [shape.lattice != CHAIN, shape.ends == "periodic", False]
     held = np.unique(packing.arrays["row"][packing.arrays["fixed"]]).tolist()
     assert held == ([] if shape.ends == "periodic" else [0, shape.rows - 1])
     assert (packing.arrays["radius"] == 1).all()

@@ -14,7 +14,6 @@ from granular_lmp.crystal.lattices import Shape, packed, unit_lattice
 from granular_lmp.crystal.mode import Physics
 from granular_lmp.crystal.modes import bloch_modes, highest_frequency
 from granular_lmp.crystal.stability import frequency_bound
-from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
 from tests.conftest import PAPER
 from tests.manual import Measure, Mutant, differing, verifies
@@ -115,20 +114,6 @@ def test_twisting_changes_no_byte_of_a_record_in_the_plane(tmp_path: Path, measu
     free, twisting = ((tmp_path / name / "dump.centre").read_bytes() for name in ("free", "twisting"))
     assert "twisting marshall" in next((tmp_path / "twisting").glob("in.*")).read_text()
     measured(differing(free, twisting))
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"effects.rolling": True}, "effects.rolling = true: needs effects.rolling_stiffness above 0, N/m"),
-        ({"effects.rolling_stiffness": 1.0}, "effects.rolling_friction = 0.0: must be above 0 with effects.rolling on"),
-        ({"effects.twisting": True, "effects.rotation": False}, "effects.twisting = true: needs effects.rotation"),
-    ],
-)
-def test_what_is_missing_is_named(changes: dict[str, object], message: str) -> None:
-    scene = CELL.with_values({"wave.mode": "TR"} | changes)
-    with pytest.raises(SceneError, match=message):
-        prepare(scene)
 
 
 def test_no_theory_holds_rolling_and_compare_says_so(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from granular_analysis.theory.scenes import Setting
 from granular_lmp import Scene, prepare
 from granular_lmp.crystal import stiffnesses
 from granular_lmp.crystal.contacts import FACTORS
-from granular_lmp.errors import SceneError
 from granular_lmp.lammps.laws import of_pair
 
 BASE = Scene.load("tr_periodic").with_values(
@@ -131,32 +130,3 @@ def test_a_measured_normal_stiffness_leaves_the_shear_force_also_under_a_load() 
     assert measured.normal_stiffness == pytest.approx(700.0, rel=1e-12)
     deeper = np.sqrt(measured.static_overlap / pressed.sphere.static_overlap)
     assert measured.shear_stiffness == pytest.approx(deeper * pressed.sphere.shear_stiffness, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"pair": [{"of": [0, 0], "normal_stiffness": 1.0}]}, r"pair 1: of = \[0, 0\]: must be two kinds"),
-        (LAYERS | {"pair": [{"of": [0, 2], "normal_stiffness": 1.0}]}, "at most 1, the number of tables"),
-        (LAYERS | {"pair": [{"of": [0, 1]}]}, "normal_stiffness, shear_stiffness: missing"),
-        (LAYERS | {"pair": [PAIRS[0], {"of": [0, 1], "shear_stiffness": 1.0}]}, "pair 2: of = .* declared twice"),
-        ({"inclusion": [{"rows": [3, 3], "vacancy": True}], "pair": [PAIRS[0]]}, "must not be of vacancies"),
-        (
-            {"contact.normal_stiffness": 400.0, "effects.adhesion": False},
-            r"packing\.contact_force = 0\.0: must be above 0",
-        ),
-        ({"disorder.stiffness": 0.4}, r"disorder\.stiffness = 0\.4: must be a number in \[0, 0\.3\]"),
-        (
-            {"disorder.stiffness": 0.1, "packing.lattice": "square", "packing.contact_force": 1e-7},
-            r"contact_force = 1e-07: must be 0 with disorder\.stiffness = 0\.1 and packing\.lattice = \"square\"",
-        ),
-    ],
-)
-def test_what_has_no_stiffness_is_refused_by_name(changes: dict[str, Any], says: str) -> None:
-    with pytest.raises(SceneError, match=says):
-        BASE.with_values(changes)
-
-
-def test_an_impact_has_no_stiffness_at_rest() -> None:
-    with pytest.raises(SceneError, match=r"disorder\.stiffness: has stiffnesses at rest under load"):
-        Scene.load("solitary_chain").with_values({"disorder.stiffness": 0.1})

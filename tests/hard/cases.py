@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from importlib import import_module
 from math import pi
+from typing import Any
 
 from granular_analysis.second_harmonic import ModeName
-from tests.hard import damped, space, struck_sheets
+from tests.hard import damped, grazing, space, stretched, struck_sheets
 from tests.hard.breathers import breathes
 from tests.hard.breathers import order as order_of_breathers
 from tests.hard.case import Cases
@@ -24,6 +26,14 @@ from tests.hard.zone import ENDS, MODES, degenerate, end
 
 Measure = Callable[[], Cases]
 ROUGH = ("secant", "incremental")
+
+
+def by_jax(module: str, measure: str, *values: Any, **named: Any) -> Cases:
+    """Return the cases of a module that needs JAX, which is an extra and slow to import."""
+    cases: Cases = getattr(import_module(f"tests.hard.{module}"), measure)(*values, **named)
+    return cases
+
+
 DEGENERATE: tuple[tuple[ModeName, float], ...] = (("L", 0.0), ("TR", 0.0), ("L", 0.4), ("RT", 0.4))
 
 FAST: Mapping[str, Measure] = {
@@ -81,6 +91,19 @@ FAST: Mapping[str, Measure] = {
     "spheres that leave their substrate": partial(space.leaving, duration=6.0),
     "a layer for long": partial(space.kept, 10_000),
     "a layer that buckles": space.buckling,
+    **{
+        f"the edge of opening, {kind}, {law}": partial(grazing.edge, kind, law)
+        for kind in grazing.LAWS
+        for law in ROUGH
+    },
+    "next to a pull-off": partial(stretched.outcome, 1000),
+    "order next to a pull-off": stretched.order,
+    "slopes next to a pull-off": partial(by_jax, "slopes", "parting"),
+    "slopes at the resonance": partial(by_jax, "slopes", "growing", 0.01, 60.0),
+    "energy of a network": partial(by_jax, "lasting", "kept", 8, 4, 4000),
+    "order of the energy of a network": partial(by_jax, "lasting", "order"),
+    "energy of a network with shear": partial(by_jax, "lasting", "kept", 8, 4, 10_000, 0.03, shear=True),
+    "rounding of a network": partial(by_jax, "lasting", "rounded", [(8, 4)], [2000]),
 }
 
 LONG: Mapping[str, Measure] = {
@@ -110,4 +133,11 @@ LONG: Mapping[str, Measure] = {
     "spheres that leave their substrate for long": space.leaving,
     "parting velocity, four steps": parting,
     "a layer for a million steps": partial(space.kept, 1_000_000),
+    "slopes at the resonance, long": partial(by_jax, "slopes", "growing", 0.2, 500.0),
+    "slopes at the resonance, both ways": partial(by_jax, "slopes", "adjoint"),
+    "energy of a network, a million steps": partial(by_jax, "lasting", "kept", 8, 4, 1_000_000),
+    "energy of a network of 600": partial(by_jax, "lasting", "kept", 24, 25, 100_000),
+    "energy of a network of 10 000": partial(by_jax, "lasting", "kept", 100, 100, 2000),
+    "energy of a network with shear, long": partial(by_jax, "lasting", "kept", 8, 4, 300_000, 0.03, shear=True),
+    "rounding of networks": partial(by_jax, "lasting", "rounded", [(8, 4), (24, 25)], [1000, 4000, 16_000]),
 }

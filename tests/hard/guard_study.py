@@ -33,7 +33,7 @@ from granular_lmp.lammps.guards import GUARDS
 from granular_lmp.rest.shape import FASTEST_ROWS_PER_TAU, quiet_rows
 from granular_lmp.runs.record import read_status
 from granular_lmp.units import units_for
-from tests.pages import placed
+from tests.pages import write
 
 Floats = NDArray[np.float64]
 RUN = "run ${steps}"
@@ -381,12 +381,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=261)
     parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
-    text = table(study(arguments.count))
-    if arguments.write is None:
-        print(text)
-        return
-    page = arguments.write.read_text(encoding="utf-8")
-    arguments.write.write_text(placed(page, "guards", text), encoding="utf-8")
+    write(arguments.write, "guards", table(study(arguments.count)))
 
 
 if __name__ == "__main__":

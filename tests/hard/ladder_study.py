@@ -30,7 +30,7 @@ from granular_lmp.effects.selection import order
 from granular_lmp.errors import GranularError
 from granular_lmp.problem import prepare
 from tests.hard.ladder_scenes import FAMILIES, IMPACTS, impact_scene, wave_scene
-from tests.pages import placed
+from tests.pages import write
 
 Floats = NDArray[np.float64]
 Signals = dict[str, Floats]
@@ -273,12 +273,7 @@ def main() -> None:
     parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.seeds)
-    text = table(list(study(seeds, lambda said: print(said, flush=True))))
-    if arguments.write is None:
-        print(text)
-        return
-    page = arguments.write.read_text(encoding="utf-8")
-    arguments.write.write_text(placed(page, "ladders", text), encoding="utf-8")
+    write(arguments.write, "ladders", table(list(study(seeds, lambda said: print(said, flush=True)))))
 
 
 if __name__ == "__main__":

@@ -4,10 +4,10 @@ from functools import partial
 
 import pytest
 
-from tests.hard import damped, space, struck_sheets
+from tests.hard import damped, grazing, space, stretched, struck_sheets
 from tests.hard.breathers import breathes
 from tests.hard.breathers import order as order_of_breathers
-from tests.hard.cases import Measure
+from tests.hard.cases import Measure, by_jax
 from tests.hard.decomposition import ranks
 from tests.hard.impacts import kept, order
 from tests.hard.oblique import corner, pulse
@@ -138,6 +138,38 @@ BROKEN: dict[str, tuple[Measure, str]] = {
         partial(space.buckling, lambda layer, k: 0.9 * layer.buckling_load(k)),
         "buckles",
     ),
+    "an edge of opening of another adhesion": (
+        partial(grazing.edge, "DMT", "secant", reference=("Hertz", "secant")),
+        "error of",
+    ),
+    "an edge of opening of another history": (
+        partial(grazing.edge, "DMT", "secant", reference=("DMT", "incremental")),
+        "error of the motion",
+    ),
+    "the other side of an edge of opening": (
+        partial(grazing.edge, "JKR", "secant", sides=-1),
+        "jump of",
+    ),
+    "a pull-off that comes a thousandth late": (partial(stretched.outcome, 300, stretched.a_thousandth_late), "part"),
+    "a contact that ends where spheres no longer overlap": (partial(stretched.order, stretched.one_sided), "order"),
+    "a slope without the jump of a pull": (partial(by_jax, "slopes", "parting", jump=0.0), "speed of a sphere"),
+    "a slope at the resonance of another ν": (
+        partial(by_jax, "slopes", "growing", 0.01, 60.0, ratio=0.3, against="normal_stiffness"),
+        "stiffness",
+    ),
+    "a slope away from the resonance": (partial(by_jax, "slopes", "growing", 0.01, 60.0, cycles=6), "power of τ"),
+    "two modes of other slopes": (partial(by_jax, "slopes", "adjoint", 0.2, 20.0, share=1 + 1e-9), "reverse"),
+    "a lossy network": (partial(by_jax, "lasting", "kept", 8, 4, 4000, viscosity=1e-3), "departure"),
+    "orders of a lossy network": (partial(by_jax, "lasting", "order", viscosity=1e-3), "order"),
+    "a network beyond its step": (partial(by_jax, "lasting", "kept", 8, 4, 1000, pace=10.1), "departure"),
+    "a network with the works of another law": (
+        partial(by_jax, "lasting", "kept", 8, 4, 10_000, 0.03, shear=True, law="incremental"),
+        "departure",
+    ),
+    "roundings of a network a hundred times too large": (
+        partial(by_jax, "lasting", "rounded", [(8, 4)], [2000], scale=100.0),
+        "gained",
+    ),
     "a seed on a lattice of another law": (partial(instability, 60, 0.05, edits=ANOTHER_LAW), "growth of a TR seed"),
 }
 
@@ -153,6 +185,10 @@ MORE |= {"an edge on a fast clock", "a material of another ν", "a law far from 
 MORE |= {"pressed fcc on a fast clock", "a breather on a fast clock", "a breather of lossy contacts"}
 MORE |= {"another law next to pull-off at all steps but the finest", "a breather in a chain that comes loose"}
 MORE |= {"a lost sphere", "a rough sheet with a held sphere", "a struck sheet of lossy contacts"}
+MORE |= {"an edge of opening of another adhesion", "the other side of an edge of opening", "orders of a lossy network"}
+MORE |= {"a slope without the jump of a pull", "a slope away from the resonance", "two modes of other slopes"}
+MORE |= {"a network beyond its step", "a network with the works of another law"}
+MORE |= {"roundings of a network a hundred times too large"}
 assert set(BROKEN) > MORE
 CASES = [pytest.param(*case, id=name, marks=[pytest.mark.more] * (name in MORE)) for name, case in BROKEN.items()]
 

@@ -22,6 +22,8 @@ MORE |= {"a = 2", "order at a = 5", "order at a = 2.3, jkr", "noise of a long ce
 MORE |= {"order of a rough sheet, incremental", "TR, xi = 3.132", "RT, xi = 3.132", "RT, xi = 0.01001"}
 MORE |= {"p at a = 0.001", "p at a = 1e-06", "a rough sheet, incremental", "mirror of a rough sheet, incremental"}
 MORE |= {"sizes and units", "fcc under load", "order at a = 2.1, jkr"}
+MORE |= {f"the edge of opening, {kind}" for kind in ("Hertz, secant", "DMT, incremental", "JKR, incremental")}
+MORE |= {"energy of a network with shear", "rounding of a network"}
 assert set(FAST) > MORE
 
 

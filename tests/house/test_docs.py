@@ -28,7 +28,7 @@ from granular_lmp.scene.shipped import SHIPPED
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "RELEASING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES += sorted((ROOT / "analysis" / "cases").glob("*/README.md"))
-FORMULA_ERRORS = ROOT / "analysis" / "cases" / "convergence" / "README.md"
+FORMULA_ERRORS = ROOT / "docs" / "formula-errors.md"
 CODE = re.compile(r"^```[^\n]*\n.*?^```[ \t]*$", re.MULTILINE | re.DOTALL)
 
 

@@ -93,6 +93,19 @@ def test_a_record_shows_itself_and_its_arguments_as_that_of_the_standard_library
     assert [item.name for item in fields(OURS)] == [item.name for item in fields(THEIRS)]
 
 
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [((), {}), ((1.0,), {"radius": 1.0}), ((1.0,), {"mass": 1.0}), ((), {"names": ()}), ((1.0, (), [], 1), {})],
+    ids=["missing", "twice", "unknown", "missing, another given", "too many"],
+)
+def test_wrong_arguments_are_refused_in_the_words_of_the_standard_library(given: Any, named: Any) -> None:
+    with pytest.raises(TypeError) as theirs:
+        THEIRS(*given, **named)
+    with pytest.raises(TypeError) as ours:
+        OURS(*given, **named)
+    assert str(theirs.value).endswith(str(ours.value))
+
+
 @pytest.mark.parametrize("decorator", [frozen.dataclass, dataclasses.dataclass], ids=["ours", "theirs"])
 def test_without_comparison_a_record_equals_itself_alone(decorator: Any) -> None:
     kind = grain(decorator, eq=False, repr=False)

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from granular_lmp import Scene, build, run
-from granular_lmp.errors import SceneError
 from granular_lmp.lammps.checkpoints import (
     MOST,
     SHARE,
@@ -54,12 +53,6 @@ def test_the_longest_interval_fits_the_integers_of_lammps(lines: int) -> None:
 
 def test_checkpoints_that_are_very_rare_run(tmp_path: Path) -> None:
     run(sheet(20, checkpoint=1e5).with_values({"time.duration": 1.0}), tmp_path / "run")
-
-
-def test_a_time_that_is_none_is_refused_by_name() -> None:
-    for bad in (0.0, -1.0, "often"):
-        with pytest.raises(SceneError, match=r"output\.checkpoint = .*: must be a number in \(0, 100000\].*\"auto\""):
-            PERIODIC.with_values({"output.checkpoint": bad})
 
 
 def test_the_deck_is_for_one_rank_and_a_run_on_more_says_so_in_its_log(tmp_path: Path) -> None:

@@ -151,7 +151,6 @@ def test_every_unit_style_gives_the_same_dimensionless_wave(
     assert f"units        {units.style}" in build(scaled).input_text
     reference, record = run(small, tmp_path / "nano"), run(scaled, tmp_path / "scaled")
     for name in ("p", "q", "phi"):
-        # A position of 3e3 nm resolves 5e-13 nm, 1e-11 of D0
         measured(off(getattr(record, name), getattr(reference, name), size=1))
 
 

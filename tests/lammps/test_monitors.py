@@ -56,36 +56,10 @@ def test_a_scene_is_read_back_from_its_text() -> None:
     assert note("monitor.1.name", Scene) == "of its files, and of columns of a sweep"
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"monitor": [{"rows": [4, 4]}]}, "monitor 1: name: missing key; must be a name of at most 40 ASCII letters"),
-        ({"monitor.1.name": "a b"}, r"monitor\.1\.name = 'a b': must be a name of at most 40 ASCII letters, digits"),
-        ({"monitor.1.name": "a/../b"}, "must be a name of at most 40"),
-        ({"monitor.1.name": "LINE"}, "monitor 3: name = 'line': is that of monitor 1 too"),
-        ({"monitor.1.what": "heat"}, r'what = \'heat\': must be one of "motion", "contacts", "flux"'),
-        ({"monitor.1.spheres": [[1, 1]]}, "monitor behind: rows and spheres given: must be either rows or spheres"),
-        ({"monitor": [{"name": "a"}]}, "monitor a: neither given: must be either rows or spheres"),
-        ({"monitor.3.rows": [4, 13]}, r"monitor line: rows = \[4, 13\]: must be \[first, last\], from 0 to 12"),
-        ({"monitor.2.spheres": [[1, 6]]}, r"monitor beside: sphere \[1, 6\]: must be .* to \[12, 5\]"),
-        ({"monitor.2.what": "flux"}, r"monitor beside: spheres = .*: must be rows with what = \"flux\""),
-        ({"monitor.1.sample": 2.0}, r"monitor\.1\.sample: unknown key"),
-        ({"packing.rows": "auto", "wave.form": "running", "source": []}, r"packing\.rows = 'auto': must be a number"),
-        (
-            {"packing.columns": "auto", "wave.form": "running", "source": []},
-            r"packing\.columns = 'auto': must be a number where a monitor has single spheres",
-        ),
-        ({"inclusion": [{"spheres": [[6, 4]], "vacancy": True}]}, r"monitor beside: sphere \[6, 4\]: is a vacancy"),
-        (
-            {"monitor": [BEHIND | {"name": f"m{k}"} for k in range(12)]},
-            "monitor: 12 monitors beside 1 sources take 25 groups of LAMMPS, .*; must be at most 24",
-        ),
-        ({"detector": []}, r"detector: unknown key; \[\[monitor\]\] declares what is recorded"),
-    ],
-)
-def test_what_cannot_be_recorded_is_refused(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(SceneError, match=message):
-        prepare(SHEET.with_values(changes))
+def test_groups_of_lammps_bound_the_number_of_monitors() -> None:
+    said = "monitor: 12 monitors beside 1 sources take 25 groups of LAMMPS, .*; must be at most 24"
+    with pytest.raises(SceneError, match=said):
+        prepare(SHEET.with_values({"monitor": [BEHIND | {"name": f"m{k}"} for k in range(12)]}))
 
 
 def test_the_echo_at_a_monitor_is_said() -> None:

@@ -1,6 +1,7 @@
 """Keys of scenes from measured points: recovered from the theory, from an impact, and refused where none holds."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -8,7 +9,6 @@ import numpy as np
 import pytest
 
 from cases.layer.monolayer import Layer
-from cases.recovery.case import judged, setups, wrong_law
 from granular_analysis.measure.arrivals import crest
 from granular_analysis.measure.fitting import Fit
 from granular_analysis.measure.points import Point
@@ -17,6 +17,7 @@ from granular_analysis.tools.fit import main
 from granular_lmp import Scene, run
 from tests.conftest import members
 from tests.manual import Measure, Mutant, verifies
+from tests.measure.known_keys import judged, setups
 
 SCENE = Scene.load("tr_periodic")
 E, NU = "sphere.youngs_modulus", "sphere.poisson_ratio"
@@ -97,14 +98,17 @@ def test_intervals_of_twenty_noisy_sets_hold_the_truth(name: str) -> None:
 
 def test_residuals_say_that_a_law_is_wrong() -> None:
     """A JKR contact resists slip by 5/3 more: turning spheres are then faster than DMT allows, all others slower."""
-    points, answer = wrong_law()
+    sheet = setups()[0]
+    other = replace(sheet, scene=sheet.scene.with_values({"sphere.adhesion_law": "jkr"}))
+    points = [replace(each, error=0.01 * each.value) for each in other.exact]
+    answer = Fit(sheet.scene, points, (E,)).answer()
     assert answer.chi_squared > 50
     upper = np.array([each.branch == "3" for each in points])
     assert np.all(answer.residuals[upper] < -8)
     assert np.mean(answer.residuals[~upper] > 0) > 0.6
     # Measured stiffnesses may have any ratio: the fit finds those of the JKR contact, whose κ is above 4/3
     free = Fit(STIFF, points, ("contact.normal_stiffness", "contact.shear_stiffness")).answer()
-    jkr = setups()[0].scene.with_values({"sphere.adhesion_law": "jkr"}).sphere
+    jkr = other.scene.sphere
     assert free.values == pytest.approx([jkr.normal_stiffness, jkr.shear_stiffness], rel=1e-3)
     assert free.values[1] > 4 / 3 * free.values[0]
 

@@ -271,10 +271,6 @@ def test_a_scene_without_a_wave_is_told_so() -> None:
     for way in (by_cell, by_network):
         with pytest.raises(ValueError, match="wave: missing table"):
             way(struck)
-    with pytest.raises(SystemExit, match="solitary_chain: wave: missing table; this theory is of scenes with a wave"):
-        cli.main(["harmonic", "solitary_chain"])
-    with pytest.raises(SystemExit, match="solitary_chain: wave: missing table"):
-        cli.main(["design", "solitary_chain", "--vary", "sphere.density", "1000", "9000"])
 
 
 def test_the_command_takes_a_scene_that_is_not_perfect(

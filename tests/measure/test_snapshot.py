@@ -42,7 +42,6 @@ def test_the_network_moves_as_the_run_that_it_was_read_from(changes, tmp_path, m
     motion = integrate(network, state, times).motion
     size = scene.wave.amplitude * scene.sphere.static_overlap * 1e9
     for mine, theirs in zip(motion, [snapshots[i] for i in range(1, 6)], strict=True):
-        # The error of Verlet's steps: 1e-4 of the wave with four times the step
         measured(off(mine[:2].T / size, theirs.displacement, size=1))
         measured(off(mine[2] * 500 / size, theirs.rotation, size=1))
     assert np.max(np.abs(motion[-1, :2])) > 0.5 * size

@@ -19,6 +19,11 @@ from granular_lmp.errors import EffectError, LaunchError, RunFolderError, RunInt
 from granular_lmp.lammps.outputs import LOG, SNAPSHOTS, read_dump, read_log
 from granular_lmp.runs.options import options_of
 from granular_lmp.runs.status import read_status, write_status
+from granular_lmp.scene.collision import Collision
+from granular_lmp.studies.collide import run as collide
+from granular_lmp.studies.scatter import scatter
+from granular_lmp.studies.sweep import Sweep
+from tests.studies.test_scatter import SCENE as SCATTERING
 
 BY_NUMPY = NetworkEngine("cpu, NumPy", traced=False)
 SHORT = {"time.duration": 6.0}
@@ -201,6 +206,19 @@ def test_what_the_network_does_not_hold_is_refused_by_name_before_a_file_is_writ
     assert not (tmp_path / "run").exists()
 
 
+def test_studies_of_several_runs_take_the_network(tmp_path: Path) -> None:
+    slow = Collision.load("test2", {"collision.steps": 100})
+    ours, theirs = (collide(slow, tmp_path / str(by), engine=by) for by in (BY_NUMPY, None))
+    for one, other in ((ours.numbers(), theirs.numbers()), (ours.errors(), theirs.errors())):
+        assert one == pytest.approx(other, rel=1e-9, abs=1e-12)
+    with pytest.raises(SceneError, match=r"effects\.shear_damping"):
+        collide(Collision.load("test4"), tmp_path / "test4", engine=BY_NUMPY)
+    found, expected = (scatter(SCATTERING, tmp_path / f"scatter {by}", engine=by).rows for by in (BY_NUMPY, None))
+    for mine, other in zip(found, expected, strict=True):
+        assert mine.transmission == pytest.approx(other.transmission, abs=1e-6)
+        assert mine.reflection == pytest.approx(other.reflection, abs=1e-6)
+
+
 def command(*words: str) -> int:
     """Return the exit status of ``granular-analysis network``."""
     return analysis.main(["network", *words])
@@ -227,6 +245,13 @@ def test_the_command_runs_a_scene_and_says_what_is_mistyped(
     said = capsys.readouterr().out
     assert "20 steps" in said
     assert "in the loop of the network" in said
+    swept, over = tmp_path / "sweep", ["--over", "wave.amplitude=0.1,0.2"]
+    assert command(*words[:3], "--step", "0.1", *over, "-o", str(swept)) == 0
+    assert "2 of 2 runs finished" in capsys.readouterr().out
+    assert Sweep.load(swept).scene.time.timestep == 0.1
+    assert main(["view", str(swept), "-o", str(tmp_path / "sweep.png")]) == 0
+    assert main(["sweep", *words[:3], "--set", "time.timestep=0.1", *over, "-o", str(swept)]) == 2
+    assert "the network (cpu, NumPy) alone continues, not LAMMPS; choose another" in capsys.readouterr().err
     with pytest.raises(SystemExit, match="--device gpu: needs JAX: pip install"):
         command(*words, "--device", "gpu")
     with pytest.raises(RunFolderError, match="is there already"):

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cases.recovery.case import judged
 from granular_analysis.measure.fitting import Fit
 from granular_analysis.measure.points import Point
 from granular_analysis.tools import saw
 from granular_analysis.tools.fit import main
 from granular_lmp import Scene
+from tests.measure.known_keys import judged
 
 K_N, K_S = "substrate.normal_stiffness", "substrate.shear_stiffness"
 E, RHO = "substrate.youngs_modulus", "substrate.density"

@@ -18,6 +18,7 @@ from granular_lmp.errors import GranularError, LammpsError, RunFolderError
 from granular_lmp.lammps.datafile import differences, read
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.lammps.variables import said_variables
+from granular_lmp.problem import prepare
 from granular_lmp.runs.adopt import adopt
 from tests.conftest import members
 from tests.instance import run_deck
@@ -75,16 +76,22 @@ def test_an_adopted_run_is_that_of_the_scene_with_the_variables_of_the_log(
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
-def test_friction_and_the_name_of_the_dump_are_read_too(left: Left, tmp_path: Path) -> None:
-    adopted = adopt(left("friction=3.5", "dump=mine"), tmp_path / "adopted")
-    assert adopted.scene.effects.friction == 3.5
-    assert (tmp_path / "adopted" / "dump.centre").is_file()
-
-
-def test_without_var_nothing_of_the_scene_changes(left: Left, small: Scene, tmp_path: Path) -> None:
-    adopted = adopt(left(), tmp_path / "adopted")
-    assert adopted.scene == run(small, tmp_path / "own").scene
+@pytest.mark.parametrize(
+    ("variables", "changes"),
+    [
+        ((), {}),
+        (("friction=3.5", "dump=mine"), {"effects.friction": 3.5}),
+        (("amplitude=1e-5",), {"wave.amplitude": 1e-5}),
+    ],
+    ids=["none", "friction and dump", "a small wave"],
+)
+def test_variables_change_the_scene_and_nothing_else_does(
+    variables: tuple[str, ...], changes: dict[str, float], left: Left, small: Scene, tmp_path: Path
+) -> None:
+    adopted = adopt(left(*variables), tmp_path / "adopted")
+    assert adopted.scene == prepare(small.with_values(changes)).scene
     assert adopted.info["ranks"] == 1
+    assert (tmp_path / "adopted" / "dump.centre").is_file()
 
 
 def test_a_deck_without_friction_is_adopted_as_it_is(left: Left, small: Scene, tmp_path: Path) -> None:
@@ -99,10 +106,6 @@ def test_the_variables_of_a_driven_wave_with_snapshots_are_read(left: Left, tmp_
     adopted = adopt(left("ramp=5", "particles=3", scene=driven), tmp_path / "adopted")
     assert (adopted.scene.envelope.ramp, adopted.scene.output.particles) == (5.0, 3.0)
     assert len(adopted.snapshots()) == 3
-
-
-def test_a_small_wave_is_adopted(left: Left, tmp_path: Path) -> None:
-    assert adopt(left("amplitude=1e-5"), tmp_path / "adopted").scene.wave.amplitude == 1e-5
 
 
 def test_the_ranks_are_those_of_the_log(left: Left, tmp_path: Path) -> None:

@@ -149,6 +149,9 @@ def test_a_stopped_run_is_continued_to_the_same_bytes(name: str, tmp_path: Path,
     assert recorded(tmp_path / "whole") == recorded(tmp_path / "cut") != {}
     if scene.wave is None:  # the looks of a wave fall on other steps after a stop
         assert record.info["guards"] == whole.info["guards"]
+    if name == "wave":  # guards and clock have seen both parts
+        assert record.info["smallest_overlap"] == pytest.approx(whole.info["smallest_overlap"], rel=0.05)
+        assert record.info["wall_seconds"]["other"] > 0
     assert record.info["status"] == "finished"
     assert Record.load(tmp_path / "cut").tau.tolist() == whole.tau.tolist()
     assert not any((tmp_path / "cut" / name).exists() for name in CHECKPOINTS)

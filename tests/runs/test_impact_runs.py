@@ -90,12 +90,6 @@ def test_an_edited_deck_is_run_and_named(tmp_path: Path) -> None:
     assert "edited" not in run_impact(deck, tmp_path / "plain").info
 
 
-def test_a_folder_is_not_overwritten_unless_forced(folders: dict[str, Path]) -> None:
-    with pytest.raises(RunFolderError, match="is there already"):
-        run_impact(CHAIN, folders["chain"])
-    run_impact(CHAIN, folders["chain"], Options(force=True))
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [

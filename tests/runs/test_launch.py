@@ -27,7 +27,7 @@ from granular_lmp.lammps import installation, outputs
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.kernel import library
-from granular_lmp.lammps.outputs import CENTRE_COLUMNS, LOG, mend_dump, mend_log, read_centre, read_dump, read_log
+from granular_lmp.lammps.outputs import CENTRE_COLUMNS, LOG, mend_log, read_centre, read_dump, read_log
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.folder import is_held, locked
@@ -238,21 +238,6 @@ def dump_of(record: Record) -> bytes:
     return (record.folder / "dump.centre").read_bytes()
 
 
-def test_an_interrupted_run_resumes_to_the_same_bytes(whole: Record, tmp_path: Path) -> None:
-    process = started(tmp_path / "run", 5_000, *LONG_RUN)
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=200)
-    assert 0 < read_status(tmp_path / "run")["samples"] < len(whole.tau)
-    record = launch.resume(tmp_path / "run")
-    assert record.info["status"] == "finished"
-    assert dump_of(record) == dump_of(whole)
-    # Guards and clock have seen both parts
-    assert record.info["smallest_overlap"] == pytest.approx(whole.info["smallest_overlap"], rel=0.05)
-    assert record.info["wall_seconds"]["other"] > 0
-    with pytest.raises(RunFolderError, match="the run is finished; there is nothing to resume"):
-        launch.resume(tmp_path / "run")
-
-
 def is_there(group: int) -> bool:
     """Return whether a process of a group is there."""
     try:
@@ -294,27 +279,6 @@ def test_a_run_that_was_stopped_too_early_cannot_be_resumed(small: Scene, tmp_pa
     write_status(tmp_path / "run", read_status(tmp_path / "run") | {"status": "running"})
     with pytest.raises(RunFolderError, match="stopped before its first checkpoint; run it again with force=True"):
         launch.resume(tmp_path / "run")
-
-
-def test_a_mended_dump_is_that_of_one_run(small: Scene, tmp_path: Path) -> None:
-    run(small, tmp_path / "run")
-    dump = tmp_path / "run" / "dump.centre"
-    text = dump.read_text()
-    snapshots = ["ITEM: TIMESTEP" + part for part in text.split("ITEM: TIMESTEP")[1:]]
-    dump.write_text("".join(snapshots[:4]) + "".join(snapshots[2:]) + snapshots[0][:30])
-    mend_dump(dump)
-    assert dump.read_text() == text
-
-
-def test_two_runs_aimed_at_one_folder_do_not_meet(small: Scene, tmp_path: Path) -> None:
-    process = started(tmp_path / "run", 5_000, *ENDLESS_RUN)
-    try:
-        with pytest.raises(RunFolderError, match="another run is at work there"):
-            run(small, tmp_path / "run", force=True)
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=200)
-    assert read_status(tmp_path / "run")["name"] == "tr_nonresonant"
 
 
 def test_progress_runs_from_start_to_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

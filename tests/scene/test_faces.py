@@ -1,6 +1,5 @@
 """Each face of a packing is held, free, periodic or a wall, in LAMMPS beside the network and the linear crystal."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL, Sha
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.selection import select
-from granular_lmp.errors import CrystalError, SceneError
+from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.studies.identity import names_of
 from tests.beside_network import STEPS, extrapolated, network_fields
@@ -127,25 +126,6 @@ def test_a_guard_sees_the_row_that_leaves_its_wall(tmp_path: Path) -> None:
         changes = WALLED | {"effects.contact_opening": True, "source": [pull | {"amplitude": amplitude}]}
         guards = run(scene.with_values(changes), tmp_path / str(amplitude)).info["guards"]
         assert (guards["open_contacts"]["value"] > 0) == opens
-
-
-REFUSED: dict[str, tuple[dict[str, Any], str]] = {
-    "friction on the way to rest": ({"packing.relax_friction": 0.3}, "packing.relax_friction"),
-    "rolling": ({"effects.rolling_stiffness": 1.0}, "effects.rolling"),
-    "stiffnesses": ({"contact.normal_stiffness": 500.0}, r"\[contact\]"),
-    "a chain": ({"packing.lattice": "chain", "packing.columns": 1, "packing.sides": WALL, "wave.mode": "L"}, "a chain"),
-}
-
-
-@pytest.mark.parametrize(("changes", "sentence"), REFUSED.values(), ids=REFUSED)
-def test_a_wall_refuses_what_it_does_not_know(changes: dict[str, Any], sentence: str) -> None:
-    with pytest.raises(SceneError, match=rf'packing.(last|sides) = "wall": must be .*{sentence}'):
-        SHEET.with_values({"packing.last": WALL} | changes)
-
-
-def test_a_load_that_walls_do_not_carry_is_refused() -> None:
-    with pytest.raises(CrystalError, match=r"packing.contact_force = 1e-07: must be 0 with these walls"):
-        prepare(SHEET.with_values(WALLED | LOAD | {"packing.sides": WALL}))  # every other row ends half a column before
 
 
 def test_a_source_at_the_corner_of_a_finite_sheet_makes_the_waves_of_the_linear_crystal(tmp_path: Path) -> None:
@@ -297,43 +277,6 @@ def test_a_scene_that_says_nothing_of_its_faces_keeps_its_name() -> None:
     assert Scene.loads(SHEET.with_values(SIDES | ENDS).to_toml()) == SHEET.with_values(SIDES | ENDS)
 
 
-MIDDLE = BURST | {"rows": [4, 4]}
-REFUSED: list[tuple[dict[str, Any], str]] = [
-    (
-        ENDS | {"packing.ends": "periodic", "packing.rows": 8},
-        r'packing.first = "free": must be "auto" with packing.ends',
-    ),
-    (
-        SIDES | {"packing.columns": "auto"},
-        r"packing.columns = 'auto': must be a number, at least 3, with packing.sides",
-    ),
-    (SIDES | {"packing.columns": 1}, r"packing.columns = 1: must be a number, at least 3"),
-    (
-        {"packing.last": FREE, "packing.contact_force": 1e-7, "sphere.work_of_adhesion": 0.0},
-        r"packing.contact_force = 1e-07: must be 0 with free faces \(last\), on which nothing presses",
-    ),
-    ({"packing.lattice": "chain", "packing.columns": 1, "wave.mode": "L", "packing.sides": HELD}, r"must be \"free\""),
-    (
-        ENDS | {"wave.form": "driven"},
-        r'packing.first = \'?"?free\'?"?: must be "held" or "auto" with wave.form = "driven"',
-    ),
-    (
-        {"packing.sides": HELD, "wave.form": "none", "source": [BURST | {"spheres": [[4, 0]]}]},
-        r"must lie between the faces that are held \(first and last and sides\)",
-    ),
-    (
-        {"packing.first": FREE, "packing.last": FREE, "absorb.rows": 2, "wave.form": "none", "source": [MIDDLE]},
-        r'absorb.rows = 2: needs packing.first or packing.last = "quiet", .* both ends are free or walls',
-    ),
-]
-
-
-@pytest.mark.parametrize(("changes", "message"), REFUSED)
-def test_what_does_not_go_with_a_face_is_refused(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(SceneError, match=message):
-        SHEET.with_values(changes)
-
-
 def test_ends_that_are_auto_are_fixed_where_a_face_is_declared() -> None:
     scene = SHEET.with_values({"packing.ends": "auto", "packing.rows": "auto", "packing.last": FREE})
     assert (scene.shape.ends, scene.shape.first, scene.shape.last) == ("fixed", HELD, FREE)
@@ -402,19 +345,3 @@ def test_a_crystal_with_one_quiet_end_moves_as_its_network(tmp_path: Path) -> No
     found = compare.compare(run(Scene.from_dict(SHAKEN), tmp_path / "run"))
     assert found.theory == "network"
     assert found.error["q"] < 2e-5  # the step of 0.02 leaves less
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"absorb.rows": 0}, 'absorb.rows = 0: must be above 0 or "auto" with packing.last = "quiet"'),
-        ({"packing.first": "quiet", "packing.ends": "periodic"}, 'packing.first = "quiet": must be "auto" with'),
-        (
-            {"source": [{"rows": [60, 60], "motion": "x", "ramp": 5.0}]},
-            "must be 0 where sources move the last row, which alone is quiet",
-        ),
-    ],
-)
-def test_a_quiet_end_that_cannot_be_is_refused(changes: dict[str, Any], said: str) -> None:
-    with pytest.raises(SceneError, match=re.escape(said)):
-        prepare(Scene.from_dict(SHAKEN).with_values(changes))

@@ -129,8 +129,3 @@ def test_a_run_is_that_of_the_wave_number() -> None:
     assert scene_hash(scene) == scene_hash(same)
     assert prepare(scene).scene == prepare(same).scene
     assert build(scene).input_text == build(same).input_text
-
-
-def test_a_frequency_of_a_lattice_that_nothing_holds_is_refused_for_that() -> None:
-    with pytest.raises(SceneError, match="packing.contact_force = 0.0: must be above 0"):
-        PAPER.with_values({"wave.frequency": 8e7, "sphere.work_of_adhesion": 0.0})

@@ -1,6 +1,6 @@
 """The honeycomb lattice: its waves by the numbers of their branches, in LAMMPS and beside the theory of any crystal."""
 
-from math import pi, sqrt
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,6 @@ from granular_lmp.crystal.lattices import offsets, places
 from granular_lmp.crystal.mode import FULL, TURNS
 from granular_lmp.crystal.modes import bloch_modes
 from granular_lmp.crystal.sphere import INERTIA_RATIO
-from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.rest.initial_fields import initial_fields
 from granular_lmp.rest.linear import mode_of, unit_contacts
@@ -33,7 +32,6 @@ HONEYCOMB = Scene.load("tr_periodic").with_values(
         "time.allow_echo": True,
     }
 )
-CORNER = {"wave.direction": "x", "wave.wavenumber": 2 * pi / sqrt(3), "packing.columns": 6}
 
 
 def branch(number: int | str, **changes: Any) -> Scene:
@@ -135,22 +133,6 @@ def test_the_squares_of_a_branch_over_its_cell_are_1_and_its_largest_amplitude_i
 def test_a_number_may_be_written_as_one_or_as_a_word() -> None:
     assert branch(3) == branch("3")
     assert prepare(branch(3)).wave.mode.words == "a wave of branch 3"
-
-
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"wave.mode": 1}, "'1': has the frequency 0 at this wave vector, as no contact resists it"),
-        ({"wave.mode": "TR"}, "'TR': must be one of 1, 2, 3, 4, 5, 6 in the honeycomb lattice"),
-        (CORNER | {"wave.mode": 2}, "'2': has the frequency of another branch at this wave vector"),
-        ({"packing.lattice": "hexagonal"}, "'3': must be one of L, TR, RT in the hexagonal lattice"),
-        ({"packing.columns": 5}, "packing.columns = 5: must be a multiple of 2"),
-    ],
-)
-def test_what_honeycomb_has_not_is_refused_by_name(changes: dict[str, Any], says: str) -> None:
-    with pytest.raises(SceneError) as refused:
-        prepare(HONEYCOMB.with_values(changes))
-    assert says in str(refused.value)
 
 
 def test_rolling_stiffness_restores_the_lowest_branch() -> None:

@@ -107,57 +107,6 @@ def test_spheres_at_rest_have_their_own_scale() -> None:
 # --- what is refused --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("scene", "key", "value", "message"),
-    [
-        (CHAIN_SCENE, "time.allow_echo", True, "time.allow_echo: must be left out"),
-        (CHAIN_SCENE, "packing.contact_force", 1e6, "packing.contact_force = 1000000.0: two spheres would"),
-        (SHEET, "packing.contact_force", 1.0, "packing.contact_force = 1.0: must be 0 with free faces"),
-        (
-            SHEET,
-            "packing.sides",
-            "held",
-            'packing.sides = "held": must be "free", "periodic" or "wall"; held',
-        ),
-        (
-            SHEET,
-            "packing.relax",
-            "fixed",
-            "packing.relax: is the way to rest under load; needs sphere.",
-        ),
-        (CHAIN_SCENE, "sphere.adhesion_law", "jkr", "sphere.adhesion_law: is of spheres that adhere; needs"),
-        (CHAIN_SCENE, "packing.ends", "periodic", 'must be "fixed" in a chain whose spheres just touch'),
-        (CHAIN_SCENE, "effects.adhesion", True, "effects.adhesion: must be left out beside [[striker]]"),
-        (CHAIN_SCENE, "packing.columns", 3, "packing.columns = 3 and packing.sides"),
-        (CHAIN_SCENE, "effects.friction", 0.3, "effects.friction = 0.3: must be 0 in a chain"),
-        (CHAIN_SCENE, "disorder.vacancies", 0.1, "disorder.vacancies = 0.1: must be 0 in a chain"),
-        (CHAIN_SCENE, "striker.1.direction", "x", "striker 1: direction = 'x': must be \"y\""),
-        (CHAIN_SCENE, "striker.1.velocity", 0.0, "striker.1.velocity = 0.0: must be a number in [1e-9, 10000], m/s"),
-        (CHAIN_SCENE, "striker.1.rows", [0, 60], "striker 1: rows = [0, 60]: must be [first, last], from 0 to 59"),
-        (
-            CHAIN_SCENE,
-            "striker.1.spheres",
-            [[0, 0]],
-            "striker 1: rows and spheres given: must be either rows or spheres",
-        ),
-        (CHAIN_SCENE, "striker.1.velocity", 300.0, "striker: velocity = 300: two spheres would overlap by"),
-        (CHAIN_SCENE, "striker.1.velocity", 1e-9, "roundings of a position in 1000000 rows"),
-        (PRESSED, "striker.1.velocity", 1e-9, "its overlap of 5.79e-15 m is less than 10000 roundings of a position"),
-        (PRESSED, "effects.restitution", 0.9, "effects.restitution = 0.9: must be 1 beside packing.contact_force"),
-        (CHAIN_SCENE, "output.rows", [3, 77], "output: rows = [3, 77]"),
-        (CHAIN_SCENE, "time.sample", 1e4, "time.sample = 10000.0: must be at most time.duration"),
-        (SHEET, "disorder.radius", 0.05, "disorder.radius = 0.05: must be at most 0.04 in a sheet"),
-        (SHEET, "striker.1.spheres", [[0, 99]], "striker 1: sphere [0, 99]: must be [row, column]"),
-        (SHEET, "packing.columns", 2, "packing.columns = 2: must be at least 3 between periodic sides"),
-    ],
-)
-def test_what_has_no_meaning_is_refused_by_name(scene: ImpactScene, key: str, value: Any, message: str) -> None:
-    more = {"packing.rows": 1_000_000} if "roundings" in message else {}
-    more |= {"packing.sides": "periodic", "striker.1.spheres": [[0, 0]]} if "periodic" in message else {}
-    with pytest.raises(SceneError, match=re.escape(message)):
-        scene.with_values({**more, key: value})
-
-
 def test_a_sheet_that_is_periodic_both_ways_has_no_free_ends(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -171,25 +120,6 @@ def test_a_sheet_that_is_periodic_both_ways_has_no_free_ends(
 
 
 @pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        (
-            {"packing.lattice": "honeycomb", "packing.columns": 61, "packing.sides": "periodic"},
-            "packing.columns = 61: must be a multiple of 2, the spheres of a cell",
-        ),
-        (
-            {"sphere.adhesion_law": "jkr", "effects.parting": "distance", "effects.shear_law": "rescaled"},
-            'effects.shear_law = "rescaled": must be another with effects.parting = "distance"',
-        ),
-    ],
-)
-def test_what_does_not_go_together_is_refused_by_name(values: dict[str, Any], message: str) -> None:
-    touching = {"sphere.work_of_adhesion": 0.1, "start.touching": True, "effects.friction": 0.1}
-    with pytest.raises(SceneError, match=re.escape(message)):
-        SHEET.with_values(touching | values)
-
-
-@pytest.mark.parametrize(
     ("table", "message"),
     [
         ("envelope", "envelope: is of the scene of a wave"),
@@ -200,40 +130,6 @@ def test_what_does_not_go_together_is_refused_by_name(values: dict[str, Any], me
 def test_tables_that_touching_spheres_give_no_meaning_are_refused(table: str, message: str) -> None:
     with pytest.raises(SceneError, match=f"^{message}"):
         ImpactScene.from_dict(CHAIN_SCENE.to_dict() | {table: {}})
-
-
-@pytest.mark.parametrize(
-    ("inclusion", "message"),
-    [
-        (
-            {"spheres": [[20, 30]], "radius": 1e-3},
-            "inclusion 1: radius = 0.001: must be from 0.88 to 1 times sphere.radius = 0.005 in a sheet",
-        ),
-        ({"spheres": [[20, 30]], "work_of_adhesion": 0.1}, "inclusion 1: work_of_adhesion = 0.1: must be left out"),
-    ],
-)
-def test_inclusions_that_would_not_touch_are_refused(inclusion: dict[str, Any], message: str) -> None:
-    with pytest.raises(SceneError, match=re.escape(message)):
-        ImpactScene.from_dict(SHEET.to_dict() | {"inclusion": [inclusion]})
-
-
-def test_a_striker_has_a_velocity_and_a_file_a_striker() -> None:
-    tables = CHAIN_SCENE.to_dict()
-    with pytest.raises(SceneError, match="striker 1: velocity: missing"):
-        ImpactScene.from_dict(tables | {"striker": [{"rows": [0, 0]}]})
-    with pytest.raises(SceneError, match="striker: missing"):
-        ImpactScene.from_dict(tables | {"striker": []})
-
-
-def test_strikers_that_cannot_move_are_refused() -> None:
-    with pytest.raises(SceneError, match=r"striker 1: rows = \[0, 0\]: is at a face that is held"):
-        prepare(CHAIN_SCENE.with_values({"packing.first": "held"}))
-    both = {"striker": [{"rows": [0, 1], "velocity": 1.0}, {"rows": [1, 1], "velocity": 2.0}]}
-    with pytest.raises(SceneError, match=re.escape("striker 2: sphere [1, 0]: is in another striker too")):
-        prepare(ImpactScene.from_dict(CHAIN_SCENE.to_dict() | both))
-    empty = {"inclusion": [{"spheres": [[0, 30]], "vacancy": True}]}
-    with pytest.raises(SceneError, match=re.escape("striker 1: sphere [0, 30]: is a vacancy")):
-        prepare(ImpactScene.from_dict(SHEET.to_dict() | empty))
 
 
 def test_a_step_too_long_for_the_lightest_sphere_is_refused() -> None:

@@ -138,54 +138,9 @@ def test_a_file_that_is_no_state_is_refused_by_name(
         with_state(CHAIN, "state.csv")
 
 
-@pytest.mark.parametrize(
-    ("state", "message"),
-    [
-        ("gone.csv", "start.state = 'gone.csv': cannot be read: No such file or directory"),
-        ("fast", "start.state = 'fast': must be a file \"NAME.csv\" with the columns row,column,ux_m"),
-        ([[0, 0, 1.0]], "start.state[0] = [0, 0, 1.0]: must be [row, column, ux_m"),
-        ([[0, 0, 0, 0, 0, True, 0]], "start.state[0]: vy_m_s = True: must be 0, or"),
-        ([[0, 0, 0, 0, 0, 1.0, 0]] * 6000, "start.state: 6000 spheres: must be at most 5000"),
-    ],
-)
-def test_numbers_that_are_no_state_are_refused_by_name(state: Any, message: str) -> None:
-    with pytest.raises(SceneError, match=re.escape(message)):
-        with_state(CHAIN, state)
-
-
-@pytest.mark.parametrize(
-    ("scene", "state", "message"),
-    [
-        (
-            CHAIN,
-            [2, 0, 1e-6, 0, 0, 0, 0],
-            "sphere [2, 0]: ux_m = 1e-06: must be 0 for a sphere of a chain",
-        ),
-        (
-            CHAIN,
-            [2, 0, 0, 0, 0, 1.0, 5.0],
-            "spin_rad_s = 5: must be 0 for a sphere where nothing turns it",
-        ),
-        (CHAIN, [9, 0, 0, 1e-3, 0, 0, 0], "sphere [9, 0]: overlaps the wall yhi by 0.1 of the diameter; at most 0.05"),
-        (
-            SHEET.with_values({"packing.sides": "wall", "packing.lattice": "square"}),
-            [2, 0, -1e-3, 0, 0, 0, 0],
-            "sphere [2, 0]: overlaps the wall xlo by 0.1 of the diameter; at most 0.05",
-        ),
-        (CHAIN.with_values({"packing.last": "held"}), [9, 0, 0, 0, 0, 1.0, 0], "must be 0 for a sphere of a held row"),
-        (
-            CHAIN,
-            [2, 0, 0, 1e4, 0, 0, 0],
-            "a displacement of 1e+04 m: must be at most 1e+06 times sphere.radius = 0.005",
-        ),
-        (CHAIN, [2, 0, 0, 1e-3, 0, 0, 0], "spheres [2, 0] and [3, 0]: overlap by 0.1 of the diameter; at most 0.05"),
-    ],
-)
-def test_a_state_moves_only_what_can_move(scene: ImpactScene, state: list[float], message: str) -> None:
-    # A velocity beside it keeps the unit of the impact
-    mover = [[0, 0, 0, 0, 0, 1.0, 0]]
-    with pytest.raises(SceneError, match=re.escape(message)):
-        prepare(with_state(scene, [*mover, state]))
+def test_a_state_is_of_a_bounded_number_of_spheres() -> None:
+    with pytest.raises(SceneError, match=r"start\.state: 6000 spheres: must be at most 5000"):
+        with_state(CHAIN, [[0, 0, 0, 0, 0, 1.0, 0]] * 6000)
 
 
 @pytest.mark.parametrize("sides", ["free", "wall"])
@@ -230,14 +185,6 @@ def test_errors_and_words_name_what_is_fastest_or_presses() -> None:
         CHAIN.with_values({"packing.contact_force": 1e6})
 
 
-def test_a_state_that_leaves_positions_no_digits_is_refused() -> None:
-    # 1.4e9 m have roundings of 1.6e-7 m, and the overlap is 1.3e-5 m
-    with pytest.raises(
-        SceneError, match=r"less than 10000 roundings of a position in 8 rows x 9 columns, displaced by 1.414e\+09 m"
-    ):
-        with_state(SHEET, [[3, 3, 1e9, 1e9, 0, 1.0, 0]])
-
-
 def test_a_sphere_is_a_striker_or_in_the_state() -> None:
     both = {"start": {"state": [[0, 0, 0, 0, 0, 0.5, 0]]}}
     with pytest.raises(
@@ -246,13 +193,6 @@ def test_a_sphere_is_a_striker_or_in_the_state() -> None:
         prepare(ImpactScene.from_dict(CHAIN.to_dict() | both))
     beside = {"start": {"state": [[3, 0, 0, 0, 0, -0.5, 0]]}}
     assert prepare(ImpactScene.from_dict(CHAIN.to_dict() | beside)).rest.state[3, 4] == -0.5
-
-
-def test_a_state_in_a_vacancy_is_refused() -> None:
-    empty = {"inclusion": [{"spheres": [[3, 3]], "vacancy": True}]}
-    scene = with_state(SHEET, [[3, 3, 0, 0, 0, 1.0, 0]], **empty)
-    with pytest.raises(SceneError, match=re.escape("sphere [3, 3]: is a vacancy")):
-        prepare(scene)
 
 
 def test_numbers_of_numpy_are_written_as_any_other() -> None:

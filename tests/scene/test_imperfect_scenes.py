@@ -12,7 +12,7 @@ import pytest
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
 from granular_lmp.crystal.lattices import centre
-from granular_lmp.errors import CrystalError, RunFolderError, SceneError
+from granular_lmp.errors import RunFolderError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.rest import at_rest
 from granular_lmp.rest.at_rest import crystal_of
@@ -83,52 +83,6 @@ def test_a_scene_is_read_back_from_its_text() -> None:
     assert Scene.loads(scene.to_toml()) == scene
     assert "[disorder]" not in SHEET.to_toml()
     assert scene.with_values({"inclusion.1.density": 100.0}).inclusion[0].density == 100.0
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"disorder.radius": -0.1}, r"disorder\.radius = -0\.1: must be a number in \[0, 0\.1\]"),
-        ({"disorder.sigma": 0.1}, r"disorder\.sigma: unknown key"),
-        ({"inclusion": 3}, r"inclusion = 3: must be tables, each under a line \[\[inclusion\]\]"),
-        (
-            {"inclusion": [{"rows": [1]}]},
-            r"inclusion\.1\.rows = \[1\]: must be \[first, last\], each a whole",
-        ),
-        (
-            {"inclusion": [{"half_plane": [6, 2], "density": 9000.0}]},
-            r"inclusion\.1\.half_plane = \[6, 2\]: must be \[row, column, degrees\], each a number",
-        ),
-        ({"inclusion": [{"disc": 2.5}]}, r"inclusion\.1\.disc = 2\.5: must be \[row, column, radius\], each a number"),
-        (
-            {"inclusion": [{"disc": [6, 2, -1.5]}]},
-            r"inclusion\.1\.disc\[2\] \(radius\) = -1\.5: must be a number in \[0, 10000000\]",
-        ),
-        ({"inclusion": [{"rows": [1, 2], "mass": 2.0}]}, r"inclusion\.1\.mass: unknown key"),
-        ({"inclusion.2.density": 1000.0}, r"inclusion\.2\.density: the scene has 0 \[\[inclusion\]\], counted from 1"),
-        (SPREAD | {"packing.rows": "auto"}, r'packing\.rows = "auto": must be declared where spheres differ'),
-        (SPREAD | {"packing.columns": "auto"}, r'packing\.columns = "auto": must be declared'),
-    ],
-)
-def test_what_does_not_fit_is_refused_by_name(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(SceneError, match=message):
-        SHEET.with_values(changes)
-
-
-@pytest.mark.parametrize(
-    ("inclusion", "message"),
-    [
-        ({"rows": [3, 12], "density": 100.0}, r"inclusion 1: rows = \[3, 12\]: must be \[first, last\], from 0 to 11"),
-        ({"spheres": [[5, 4]], "vacancy": True}, "leaves out the centre sphere, which is recorded"),
-        ({"rows": [0, 11], "vacancy": True}, "leaves out the centre sphere"),
-        ({"spheres": [[3, 3]], "radius": 0.8e-6}, "overlap by"),
-        ({"spheres": [[3, 3]]}, "give either vacancy or what differs"),
-        ({"rows": [0, 11], "radius": 0.4e-6}, "no two spheres touch at rest"),
-    ],
-)
-def test_what_does_not_fit_into_the_lattice_is_refused(inclusion: dict[str, Any], message: str) -> None:
-    with pytest.raises(CrystalError, match=message):
-        prepare(SHEET.with_values({"inclusion": [inclusion]}))
 
 
 def test_a_disc_holds_the_spheres_around_its_centre() -> None:

@@ -14,7 +14,6 @@ from granular_lmp.cli import main
 from granular_lmp.crystal.chain_bands import edges
 from granular_lmp.crystal.quiet_ends import frequency_in_run
 from granular_lmp.effects.case import Case
-from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.rest.at_rest import chain_cell
 from granular_lmp.rest.linear import mode_of
@@ -147,20 +146,3 @@ def test_the_command_modes_lists_the_branches_of_layers(tmp_path: Path, capsys: 
     assert [line.split()[0] for line in said.splitlines()[-6:]] == list("123456")
     assert f"{mode_of(LAYERS).frequency:.12f}" in said
     assert "left out" not in said
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"wave__mode": 7}, "'7': must be one of 1, 2, 3, 4, 5, 6 in the layered lattice"),
-        ({"inclusion": []}, "'4': must be one of L, TR, RT in the hexagonal lattice"),
-        (every(2, density=2200.0), "'4': must be one of L, TR, RT in the hexagonal lattice"),
-        (every(5), "those of 24 rows do not repeat after 6 rows or fewer, all around the periodic cell"),
-        (every(24), "those of 24 rows do not repeat"),
-        (every(2, youngs_modulus=5e10), "and inclusion 1 has youngs_modulus = 50000000000.0; must be L, TR or RT"),
-        ({"packing__lattice": "chain", "packing__columns": 1, "wave__mode": 1}, "'1': has the frequency 0 at this"),
-    ],
-)
-def test_what_has_no_number_is_refused_by_name(changes: Table, message: str) -> None:
-    with pytest.raises(SceneError, match=message.replace("(", r"\(")):
-        mode_of(layers(**changes))

@@ -119,7 +119,6 @@ def test_the_power_of_a_force_is_the_change_of_energy(measured: Measure) -> None
     power = crystal.strength("torque") * PUSH(tau) * velocity[:, 7, 2]
     work = np.concatenate([[0.0], np.cumsum((power[1:] + power[:-1]) / 2 * np.diff(tau))])
     energy = crystal.energy(field, velocity)
-    # 1e-4: the trapezoidal rule, h²ω²/12 with h = 0.01
     measured(off(work, energy))
     assert np.abs(1.01 * work - energy).max() > 5e-3 * energy.max()  # one percent more power is seen
 

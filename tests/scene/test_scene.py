@@ -4,7 +4,7 @@ import copy
 import pickle
 import re
 from dataclasses import replace
-from math import atan2, degrees, hypot, inf, nan, pi, sqrt
+from math import atan2, degrees, hypot, pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -71,93 +71,6 @@ def test_a_file_holds_what_was_given_and_the_full_form_every_default() -> None:
 @pytest.mark.parametrize("folder", sorted(path.parent.name for path in SHIPPED.glob("*/scene.toml")))
 def test_every_shipped_scene_is_found_by_its_name(folder: str) -> None:
     assert Scene.load(folder).name == folder
-
-
-# Each: what is changed, and the key, value and hint that the one line of the error must hold.
-REFUSED: list[tuple[dict[str, Any], str]] = [
-    ({"sphere.poisson_ratio": 0.6}, r"sphere\.poisson_ratio = 0\.6: must be a number in \(-1, 0\.5\]"),
-    ({"sphere.poisson_ratio": -1.5}, r"sphere\.poisson_ratio = -1\.5"),
-    ({"sphere.radius": 0}, r"sphere\.radius = 0\.0: must be a number in \[1e-9, 1\], m"),
-    ({"sphere.radius": -5e-7}, r"sphere\.radius = -5e-07"),
-    ({"sphere.youngs_modulus": nan}, r"sphere\.youngs_modulus = nan"),
-    ({"sphere.density": inf}, r"sphere\.density = inf"),
-    ({"sphere.work_of_adhesion": "0.06"}, r"sphere\.work_of_adhesion = '0\.06': must be 0 or a number"),
-    ({"sphere.youngs_modulus": 1e4}, r"sphere: the static overlap is .* at most 0\.05 is allowed"),
-    ({"wave.wavenumber": 0}, r"wave\.wavenumber = 0\.0: must be a number in \[1e-9, 4\.44288\], rad per row"),
-    ({"wave.wavenumber": 3.2}, r"wave\.wavenumber = 3\.2: must be a number in \[1e-9, 3\.14159\]"),
-    ({"wave.wavenumber": 10**400}, r"wave\.wavenumber = inf"),
-    ({"wave.amplitude": True}, r"wave\.amplitude = True: must be a number"),
-    ({"wave.mode": "S"}, r"wave\.mode = 'S': must be one of \"L\", \"TR\", \"RT\""),
-    ({"output.particles": -1.0}, r"output\.particles = -1\.0: must be a number in \[0, 1e7\], tau"),
-    ({"output.particles": 0.7}, r"output\.particles = 0\.7: must be 0 or a whole multiple of time\.sample = 0\.5"),
-    ({"output.particles": 121.0}, r"output\.particles = 121\.0: .* at most time\.duration = 120\.0"),
-    ({"packing.rows": 200}, r"packing\.rows = 200: must be odd between fixed ends"),
-    ({"packing.rows": 201, "packing.ends": "periodic"}, r"packing\.rows = 201: must be even in a periodic cell"),
-    ({"packing.rows": 201.0}, r"packing\.rows = 201\.0: must be a whole number"),
-    ({"packing.rows": 2}, r"packing\.rows = 2: must be a whole number from 4"),
-    ({"packing.columns": 10**11}, r"packing\.columns = 100000000000: must be"),
-    ({"packing.columns": 10**6}, r"packing\.rows x packing\.columns = 201 x 1000000: must be at most 10000000 spheres"),
-    ({"packing.columns": 2}, r"packing\.columns = 2: .*at least 3.*share one shear history"),
-    ({"packing.ends": "open"}, r"packing\.ends = 'open': must be one of \"fixed\", \"periodic\""),
-    ({"time.timestep": 0}, r"time\.timestep = 0\.0: must be a number in \[1e-9, 2\]"),
-    ({"time.duration": 170}, r"time\.duration = 170\.0: the echo of the walls reaches .* set time\.allow_echo = true"),
-    ({"time.sample": 500}, r"time\.sample = 500\.0: must be at most time\.duration"),
-    ({"wave.amplitude": 100, "sphere.radius": 1e-9}, r"wave\.amplitude = 100\.0: must be at most"),
-    ({"wave.lenght": 1}, r"wave\.lenght: unknown key; allowed: mode, wavenumber"),
-    ({"wave.wavenumer": 1}, r"wave\.wavenumer: unknown key; did you mean 'wavenumber'\?"),
-    ({"waves.mode": "L"}, r"waves\.mode: unknown key; did you mean 'wave'\?"),
-    ({"wave.direction": "z"}, r"wave\.direction = 'z': must be a number in \(-180, 180\].*, or \"x\", or \"y\""),
-    ({"wave.direction": 200}, r"wave\.direction = 200\.0: must be a number in \(-180, 180\]"),
-    ({"wave.form": "still"}, r"wave\.form = 'still': must be one of \"running\", \"standing\", \"driven\""),
-    ({"wave.wavevector": [1.0]}, r"wave\.wavevector = \[1\.0\]: must be two numbers \[kx, ky\], not both 0"),
-    ({"wave.wavevector": [0, 0]}, r"wave\.wavevector = \[0, 0\]: must be two numbers"),
-    ({"wave.wavevector": [True, 1]}, r"wave\.wavevector = \[True, 1\]: must be two numbers"),
-    ({"wave.wavevector": [5, 5]}, r"wave\.wavevector = \[5, 5\]: must be in the Brillouin zone, .* ends at 3\.75"),
-    (
-        {"envelope.length": 10.0, "envelope.offset": 80.0},
-        r"packing\.rows = 201: must be at least 220, 6 standard deviations of the envelope and twice its offset",
-    ),
-    ({"wave.wavevector": [nan, 1]}, r"wave\.wavevector = \[nan, 1\]: must be two numbers"),
-    (
-        {"wave.wavevector": [0.5, 0.5], "wave.direction": "x"},
-        r"wave\.wavevector = \[0\.5, 0\.5\]: excludes wave\.direction = 'x'",
-    ),
-    ({"envelope.length": 2.0}, r"envelope\.length = 2\.0: must be 0 or a number in \[3, 100000\], rows"),
-    ({"envelope.length": 50.0}, r"packing\.rows = 201: must be at least 300, 6 standard deviations of the envelope"),
-    ({"envelope.width": 5.0}, r"packing\.columns = 3: must be at least 26, 6 standard deviations"),
-    (
-        {"wave.direction": 30, "packing.ends": "periodic", "packing.rows": "auto", "packing.columns": "auto"}
-        | {"envelope.width": 5.0},
-        r"envelope\.length = 0\.0 and envelope\.width = 5\.0: must be both 0 or both above",
-    ),
-    (
-        {"wave.form": "driven", "packing.ends": "periodic", "packing.rows": 20},
-        r"packing\.ends = 'periodic': must be \"fixed\" or \"auto\" with wave\.form = \"driven\"",
-    ),
-    ({"envelope.offset": 9.0}, r"envelope\.offset = 9\.0: needs envelope\.length above 0"),
-    ({"envelope.ramp": 9.0}, r"envelope\.ramp = 9\.0: is for wave\.form = \"driven\" only"),
-    (
-        {"wave.direction": "x", "wave.wavenumber": 3.6}
-        | {"packing.ends": "periodic", "packing.rows": 4, "packing.columns": 4},
-        r"packing\.rows x packing\.columns = 4 x 4: wave\.wavenumber = 3\.6 snaps to 4\.08.* zone ends at 3\.62",
-    ),
-    ({"wave.form": "driven", "envelope.length": 9.0}, r"envelope\.length = 9\.0: must be 0 with wave\.form"),
-    ({"name": "../escape"}, r"name = '\.\./escape': must be a string of at most 200 ASCII letters, digits"),
-    ({"name": ""}, r"name = ''"),
-    (
-        {"packing.contact_force": 1e-7, "effects.adhesion": False}
-        | {"inclusion": [{"rows": [2, 3], "density": 1e4}, {"rows": [3, 4], "work_of_adhesion": 0.1}]},
-        r"inclusion 2: work_of_adhesion = 0\.1: must be left out where the spheres have none",
-    ),
-]
-
-
-@pytest.mark.parametrize(("changes", "message"), REFUSED, ids=lambda value: str(value)[:60])
-def test_a_wrong_value_is_named_with_what_is_allowed(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(SceneError) as caught:
-        PAPER.with_values({"time.duration": 120, "time.timestep": 0.05, "time.sample": 0.5} | changes)
-    assert re.search(message, str(caught.value)), caught.value
-    assert "\n" not in str(caught.value)
 
 
 def test_a_missing_key_and_a_missing_table_are_named() -> None:
@@ -234,9 +147,12 @@ def test_an_assignment_is_read_as_toml_or_as_a_bare_word() -> None:
     assert [assignment(f"a={text}")[1] for text in (".1", "-1.", "+.5e-3")] == [0.1, -1.0, 5e-4]
     assert assignment("wave.mode=.") == ("wave.mode", ".")
     assert assignment("time.allow_echo=true") == ("time.allow_echo", True)
+    assert assignment("wave.amplitude=1 # half of it") == ("wave.amplitude", 1)
     for wrong in ("wave.mode", "=3", "wave.mode="):
         with pytest.raises(SceneError, match="must be KEY=VALUE"):
             assignment(wrong)
+    with pytest.raises(SceneError, match=r"wave.amplitude = '1.nname=2'"):  # one assignment sets one value
+        PAPER.with_values(dict([assignment("wave.amplitude=1\nname=2")]))
 
 
 ANYWHERE = {"packing.ends": "auto", "packing.rows": "auto", "packing.columns": "auto"}
@@ -279,10 +195,6 @@ def test_a_wave_along_y_is_the_papers_however_it_is_written(direction: str | flo
 def test_the_zone_ends_elsewhere_in_other_directions() -> None:
     corner = PAPER.with_values(ANYWHERE | {"wave.wavenumber": 3.6275, "wave.direction": "x"})
     assert corner.shape.columns == 3  # 4π/3 a column at K
-    with pytest.raises(
-        SceneError, match=r"must be a number in \[1e-9, 3\.14159\], .* ends there in wave\.direction = 30"
-    ):
-        corner.with_values({"wave.direction": 30})
 
 
 def test_an_envelope_has_room_in_a_packing_that_is_left_to_us() -> None:
@@ -341,19 +253,6 @@ def test_a_direction_that_rounds_to_itself_is_not_said_to_change() -> None:
         assert ("wave.direction" in used) == said
 
 
-def test_columns_carry_the_rounding_of_positions_as_rows_do() -> None:
-    for along_y, along_x in ((20, 50_000), (50_000, 20)):
-        with pytest.raises(SceneError, match=r"wave\.amplitude = 1e-07: must be at least .* in 50000 rows or columns"):
-            PAPER.with_values(
-                {
-                    "packing.ends": "periodic",
-                    "packing.rows": along_y,
-                    "packing.columns": along_x,
-                    "wave.amplitude": 1e-7,
-                }
-            )
-
-
 def test_a_wave_that_snaps_to_quite_another_one_is_warned_of() -> None:
     cell = {"packing.ends": "periodic", "packing.rows": 24, "packing.columns": 3, "wave.direction": 40.0}
     (remark,) = PAPER.with_values(cell).remarks()
@@ -383,12 +282,6 @@ def test_a_scene_without_a_name_is_called_after_its_file_or_folder(
 def test_a_byte_order_mark_is_no_part_of_a_scene(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_text("\ufeff" + PAPER.to_toml(), encoding="utf-8")
     assert Scene.load(tmp_path / "a.toml") == PAPER
-
-
-def test_one_assignment_sets_one_value() -> None:
-    assert assignment("wave.amplitude=1 # half of it") == ("wave.amplitude", 1)
-    with pytest.raises(SceneError, match=r"wave.amplitude = '1.nname=2'"):
-        PAPER.with_values(dict([assignment("wave.amplitude=1\nname=2")]))
 
 
 @pytest.mark.parametrize("name", ["tr_oblique", "struck_crystal", "multilayer", "test5"])

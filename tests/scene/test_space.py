@@ -9,7 +9,7 @@ import pytest
 
 from granular_lmp.cli import main
 from granular_lmp.crystal.mode import PLANE
-from granular_lmp.errors import CrystalError, SceneError
+from granular_lmp.errors import CrystalError
 from granular_lmp.problem import prepare
 from granular_lmp.rest.held import largest_step
 from granular_lmp.rest.initial_fields import initial_fields
@@ -27,8 +27,6 @@ LAYER = Scene.from_dict(
     }
 )
 FREE = LAYER.replace(substrate=None, wave={"mode": "L", "wavenumber": np.pi / 4, "amplitude": 0.02})
-SIZE = {"packing.columns": 6}
-STEEL = {"rows": [3, 3], "youngs_modulus": 210e9}
 FILM = {"packing.lattice": "fcc", "packing.orientation": "[110]", "packing.layers": 3}
 
 
@@ -89,36 +87,6 @@ def test_a_packet_in_space_holds_one_branch() -> None:
     fields = initial_fields(problem.scene, problem.rest.atoms, problem.wave)
     power = np.sum(fields.displacement**2), np.sum(fields.velocity**2)
     assert power[1] / power[0] == pytest.approx(problem.wave.mode.frequency**2, rel=0.1)
-
-
-@pytest.mark.parametrize(
-    ("base", "changes", "says"),
-    [
-        (LAYER, {"packing.space": 2}, r"packing\.space = 2: must be 3 or left out with \[substrate\]"),
-        (
-            FREE,
-            {"packing.lattice": "fcc", "packing.space": 2},
-            r"must be 3 or left out with packing\.lattice = \"fcc\"",
-        ),
-        (FREE, {"packing.layers": 2}, r"packing\.layers = 2: must be left out with packing\.lattice = \"hexagonal\""),
-        (FREE, {"packing.orientation": "[111]"}, r"packing\.orientation = '\[111\]': must be left out"),
-        (FREE, {"packing.lattice": "hcp", "packing.orientation": "[111]"}, r"must be one of c, \[1-100\] with"),
-        (FREE, {"packing.lattice": "fcc", "packing.layers": 2}, r"layers = 2: must be a multiple of 1, at least 3"),
-        (LAYER, {"packing.lattice": "fcc", "packing.depth": "periodic"}, r"must be \"free\" or \"auto\" on a \[sub"),
-        (LAYER, {"effects.adhesion": False, "packing.contact_force": 1e-6}, "adhesion alone holds spheres on the sub"),
-        (LAYER, {"effects.rolling": True}, "must be off where packing.space is 3"),
-        (FREE, {"packing.space": 3, "disorder.radius": 1e-5} | SIZE, r"radius = 1e-05: .* that nothing holds along z"),
-        (FREE, {"packing.lattice": "cubic", "disorder.radius": 1e-5} | SIZE, 'lattice = "cubic", .* would collapse'),
-        (LAYER, {"contact.normal_stiffness": 500.0, "inclusion": [STEEL]} | SIZE, "left out beside measured stiffness"),
-        (FREE, {"contact.normal_stiffness": 500.0, "inclusion": [STEEL]} | SIZE, "left out beside measured stiffness"),
-        (LAYER, {"packing.relax_friction": 0.3} | SIZE, r"relax_friction = 0\.3: must be 0 where packing\.space is 3"),
-        (LAYER, {"wave.mode": "L"}, r"wave\.mode = 'L': must be one of S1, S2, S3, H1, H2, H3, 1 to 6"),
-        (FREE, {"packing.lattice": "fcc", "packing.rows": 16, "packing.orientation": "[111]"}, "a multiple of 3"),
-    ],
-)
-def test_what_cannot_be_in_space_is_refused_by_name(base: Scene, changes: dict[str, Any], says: str) -> None:
-    with pytest.raises(SceneError, match=says):
-        prepare(base.with_values(changes))
 
 
 def test_a_layer_that_is_pressed_together_is_refused_before_it_runs() -> None:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from granular_analysis.measure.stepping import NetworkEngine
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted, SceneError
 from granular_lmp.lammps.deck import deck_of
@@ -26,6 +27,7 @@ from granular_lmp.lammps.outputs import CHECKPOINTS
 from granular_lmp.problem import Problem
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.folder import locked
+from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.simulation import Simulation
 from granular_lmp.studies.executors import Workers
@@ -38,6 +40,8 @@ from tests.conftest import members
 module = sys.modules["granular_lmp.studies.sweep"]
 ROOT = Path(__file__).parents[2]
 TWO = {"wave.amplitude": [0.1, 0.2]}
+BY_NUMPY = NetworkEngine("cpu, NumPy", traced=False)
+ENGINES = {"LAMMPS": None, "network": BY_NUMPY}
 
 
 # ---------------------------------------------------------------- what is asked for
@@ -129,20 +133,30 @@ def test_the_name_of_a_run_is_made_of_all_that_the_scene_says_but_its_name(small
 STRUCK = Scene.load("solitary_chain").with_values({"packing.rows": 8, "time.duration": 8.0, "time.sample": 0.25})
 
 
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> NetworkEngine | None:
+    """What takes the steps in place of LAMMPS."""
+    return ENGINES[request.param]
+
+
 @pytest.fixture(params=["wave", "strike"])
-def swept(request: pytest.FixtureRequest, small: Scene, tmp_path: Path) -> tuple[Scene, str, Sweep]:
+def swept(
+    request: pytest.FixtureRequest, engine: NetworkEngine | None, small: Scene, tmp_path: Path
+) -> tuple[Scene, str, Sweep]:
     """A scene of each kind, the key that is swept over, and its sweep over two values of it and of the sample."""
     scene, key = {"wave": (small, "wave.amplitude"), "strike": (STRUCK, "striker.1.velocity")}[request.param]
     over = {key: np.array([0.1, 0.2]), "time.sample": [scene.time.sample, 2 * scene.time.sample]}
-    return scene, key, sweep(scene, over, tmp_path / "sweep")
+    return scene, key, sweep(scene, over, tmp_path / "sweep", engine=engine)
 
 
-def test_a_run_of_a_sweep_is_the_run_of_its_scene(swept: tuple[Scene, str, Sweep], tmp_path: Path) -> None:
+def test_a_run_of_a_sweep_is_the_run_of_its_scene(
+    swept: tuple[Scene, str, Sweep], engine: NetworkEngine | None, tmp_path: Path
+) -> None:
     scene, key, done = swept
     one, two = scene.time.sample, 2 * scene.time.sample
     points = [(row[key], row["time.sample"]) for row in done.rows]
     assert points == [(0.1, one), (0.1, two), (0.2, one), (0.2, two)]  # the last key runs fastest
-    alone = run(scene.with_values({key: 0.2, "time.sample": two}), tmp_path / "alone")
+    alone = run(scene.with_values({key: 0.2, "time.sample": two}), tmp_path / "alone", engine=engine)
     row = done.rows[3]
     assert row["run"] == f"runs/{scene_hash(alone.scene)}"
     for dump in (tmp_path / "alone").glob("dump.*"):
@@ -157,7 +171,9 @@ def test_a_run_of_a_sweep_is_the_run_of_its_scene(swept: tuple[Scene, str, Sweep
         assert row["frequency"] == alone.info["frequency"]
 
 
-def test_the_folder_and_its_table_say_what_was_returned(swept: tuple[Scene, str, Sweep], tmp_path: Path) -> None:
+def test_the_folder_and_its_table_say_what_was_returned(
+    swept: tuple[Scene, str, Sweep], engine: NetworkEngine | None, tmp_path: Path
+) -> None:
     scene, key, done = swept
     names = {"sweep.json", "sweep.csv", "runs"}
     assert {path.name for path in (tmp_path / "sweep").iterdir()} == names
@@ -171,7 +187,8 @@ def test_the_folder_and_its_table_say_what_was_returned(swept: tuple[Scene, str,
         assert numbers == [row[name] for row in done.rows]
     asked = json.loads((tmp_path / "sweep" / "sweep.json").read_text())
     over = {key: [0.1, 0.2], "time.sample": [scene.time.sample, 2 * scene.time.sample]}
-    assert asked == {"over": over, "scene": json.loads(json.dumps(scene.given()))}
+    by = {} if engine is None else {"device": engine.device}
+    assert asked == {"over": over, "scene": json.loads(json.dumps(scene.given()))} | by
 
 
 def test_a_sweep_is_shown_in_one_short_line(small: Scene, tmp_path: Path) -> None:
@@ -259,20 +276,20 @@ def test_a_finished_run_whose_record_is_damaged_is_made_again(small: Scene, tmp_
 
 
 def test_a_run_that_was_cut_off_is_continued_to_the_same_bytes(
-    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    engine: NetworkEngine | None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(routes, "_POLL", 1e-3)
-    scene = small.with_values({"time.duration": 300.0})  # 6000 steps, a tenth of a second
+    scene = small.with_values({"time.duration": 20.0 if engine else 300.0})  # 6000 steps, a tenth of a second
     dumps = []
     for folder, cut in ((tmp_path / "cut", True), (tmp_path / "whole", False)):
         part = folder / "runs" / scene_hash(scene)
         if cut:
             with pytest.raises(RunInterrupted):
-                run(scene, part, progress=interrupt)
+                run(scene, part, progress=interrupt, engine=engine)
             assert read_status(part)["status"] == "interrupted"
         continued: list[Path] = []
         monkeypatch.setattr(module, "resume", lambda *a, log=continued, **o: log.append(a[0]) or launch.resume(*a, **o))
-        done = sweep(scene, {"wave.amplitude": [0.2]}, folder, force=cut)
+        done = sweep(scene, {"wave.amplitude": [0.2]}, folder, force=cut, engine=engine)
         assert continued == ([part] if cut else [])
         assert len(done.having("finished")) == 1
         dumps.append((part / "dump.centre").read_bytes())
@@ -325,7 +342,7 @@ def test_a_run_that_fails_from_its_checkpoint_again_is_begun_anew(
     part.mkdir()
     monkeypatch.setattr(module, "info_of", lambda folder: {"status": "failed"})
     monkeypatch.setattr(module, "resume", lambda *a, **o: (_ for _ in ()).throw(LammpsError("no", "run", "")))
-    assert run_point(small, part)["status"] == "finished"
+    assert run_point(small, part, Options())["status"] == "finished"
 
 
 def test_a_run_that_the_executor_refuses_fails_and_the_others_go_on(small: Scene, tmp_path: Path) -> None:
@@ -361,7 +378,7 @@ def test_a_stop_that_comes_after_the_last_step_lets_the_run_be_finished(
         return record
 
     monkeypatch.setattr(module, "run", finished)
-    assert run_point(small, tmp_path / "run")["status"] == "finished"
+    assert run_point(small, tmp_path / "run", Options())["status"] == "finished"
 
 
 def test_progress_ends_with_all_runs_and_no_time_left(small: Scene, tmp_path: Path) -> None:
@@ -373,6 +390,48 @@ def test_progress_ends_with_all_runs_and_no_time_left(small: Scene, tmp_path: Pa
     assert said[2][2] == 0
     sweep(small, over, tmp_path / "sweep", progress=lambda *news: said.append(news))
     assert len(said) == 3  # there was nothing to do
+
+
+# ---------------------------------------------------------------- engines
+
+
+def test_a_sweep_is_continued_by_its_engine_alone(small: Scene, tmp_path: Path) -> None:
+    folder = tmp_path / "sweep"
+    ours = sweep(small, TWO, folder, engine=BY_NUMPY)
+    others = {"not LAMMPS": None, r"not the network \(another\)": NetworkEngine("another", traced=False)}
+    for named, engine in others.items():
+        with pytest.raises(RunFolderError, match=rf"holds a sweep by the network \(cpu, NumPy\), .*{named}; choose"):
+            sweep(small, TWO, folder, engine=engine)
+    assert Sweep.load(folder) == ours
+    theirs = sweep(small, TWO, folder, force=True)  # the runs of another engine are made again
+    assert [theirs.record(row).info.get("device") for row in theirs.rows] == [None, None]
+    # The places that LAMMPS rounds, in D0 (tests/measure/test_stepping.py)
+    np.testing.assert_allclose(ours.column("largest_p"), theirs.column("largest_p"), rtol=0, atol=1e-9)
+    with pytest.raises(RunFolderError, match="holds a sweep by LAMMPS"):
+        sweep(small, TWO, folder, engine=BY_NUMPY)
+
+
+@pytest.mark.parametrize("clock", [{"time.timestep": 0.05}, {"time.tolerance": 1e-2}])
+def test_a_point_that_the_engine_does_not_hold_is_refused_before_anything_is_written(
+    clock: dict[str, float], small: Scene, tmp_path: Path
+) -> None:
+    scene = small.with_values({**clock, "effects.rolling_stiffness": 10.0, "effects.rolling_friction": 1.0})
+    with pytest.raises(SceneError, match=r"effects\.rolling \(in the sweep at effects\.rolling = True\)"):
+        sweep(scene, {"effects.rolling": [False, True]}, tmp_path / "sweep", engine=BY_NUMPY)
+    with pytest.raises(SceneError, match=r"effects\.rolling"):
+        run(scene.with_values({"effects.rolling": True}), tmp_path / "run", engine=BY_NUMPY)
+    assert not list(tmp_path.iterdir())
+
+
+def test_other_processes_have_the_device_of_the_engine(small: Scene, tmp_path: Path) -> None:
+    pytest.importorskip("jax")
+    engine = NetworkEngine.on("cpu")
+    with Workers(1) as executor:
+        there = sweep(small, TWO, tmp_path / "there", executor=executor, engine=engine)
+        another = sweep(small, TWO, tmp_path / "x", executor=executor, engine=BY_NUMPY)
+    here = sweep(small, TWO, tmp_path / "here", engine=engine)
+    assert without_seconds(there) == without_seconds(here)
+    assert len(another.having("finished")) == 2
 
 
 # ---------------------------------------------------------------- folders

@@ -19,7 +19,7 @@ from granular_analysis.theory.network_state import forces, start
 from granular_analysis.theory.resonance import three_mode
 from granular_analysis.theory.wave import Wave, antiresonance, nonlinearity, resonance, shifted_second_order, trajectory
 from granular_analysis.tools.design import design
-from granular_lmp import ImpactScene, Scene, build
+from granular_lmp import Scene
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.disorder import Disorder, imperfect
 from granular_lmp.crystal.equilibrium import relax
@@ -27,7 +27,6 @@ from granular_lmp.crystal.lattices import Shape, packed, unit_cell
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import sliding_force
-from granular_lmp.errors import SceneError
 from tests.conftest import latin
 from tests.theory.energy import ledger, opening_time
 
@@ -299,32 +298,7 @@ def test_a_contact_opens_where_it_is_pulled_off() -> None:
     assert opening_time(strong, 10.0, rtol=1e-8) is not None
 
 
-# --- what is refused ---
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"sphere.adhesion_law": "maugis"}, 'sphere.adhesion_law = \'maugis\': must be one of "dmt", "jkr"'),
-        ({"sphere.work_of_adhesion": 0.0, "packing.contact_force": 1e-7}, "needs sphere.work_of_adhesion above 0"),
-        ({"effects.adhesion": False, "packing.contact_force": 1e-7}, "and effects.adhesion not false"),
-        ({"inclusion": [{"rows": [1, 2], "work_of_adhesion": 0.0}]}, "inclusion 1: work_of_adhesion = 0.0: must be ab"),
-        ({"inclusion": [{"rows": [1, 2], "adhesion_law": "dmt"}]}, "inclusion.1.adhesion_law: unknown key"),
-    ],
-)
-def test_a_scene_that_the_law_does_not_hold_is_refused(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(SceneError, match=message):
-        PERIODIC.with_values({"sphere.adhesion_law": "jkr", "packing.rows": 16, "packing.columns": 3} | changes)
-
-
-def test_restitution_is_refused_as_with_any_adhesive_law() -> None:
-    with pytest.raises(SceneError, match="restitution"):
-        build(PERIODIC.with_values({"sphere.adhesion_law": "jkr", "effects.restitution": 0.9}))
-
-
-def test_impacts_have_no_adhesion_law() -> None:
-    with pytest.raises(SceneError, match="sphere.adhesion_law: is of spheres that adhere"):
-        ImpactScene.load("solitary_chain").with_values({"sphere.adhesion_law": "jkr"})
+# --- third order ---
 
 
 def test_the_figure_of_effects_names_the_law() -> None:

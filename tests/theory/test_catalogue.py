@@ -28,7 +28,7 @@ from granular_analysis.theory.catalogue import (
     SLIDING,
     missing,
 )
-from granular_analysis.theory.choice import THEORIES, TheoryError, best, holding, traits, traits_of, trajectory, wave_of
+from granular_analysis.theory.choice import THEORIES, TheoryError, holding, traits, traits_of, trajectory, wave_of
 from granular_analysis.tools import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.crystal.disorder import Inclusion
@@ -282,12 +282,6 @@ def test_a_theory_that_lacks_one_trait_of_a_run_refuses_it(theory: str, monkeypa
         with pytest.raises(TheoryError, match=f"theory = '{theory}' leaves out {trait}; that hold it: "):
             trajectory(theory, wave, TAU)
         monkeypatch.undo()
-
-
-def test_best_names_what_no_theory_holds(monkeypatch: pytest.MonkeyPatch) -> None:
-    wave = wave_of(record_of(PAPER, "sliding"))
-    with pytest.raises(TheoryError, match="^no theory of a plane wave holds effects.sliding$"):
-        best(wave, TAU)
 
 
 # --- an effect that somebody adds, in LAMMPS ---

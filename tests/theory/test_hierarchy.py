@@ -132,7 +132,6 @@ def test_second_order_is_the_closed_form(name, xi, measured):
     # In units of D0 with a=1: the second order is not hidden behind the first.
     numerical = hierarchy.hierarchy(Wave(mode, 1.0, Contact(NU), 0.4), TAU, order=2, row=7, rtol=1e-11)
     closed = sh.second_order(mode, SILICA, 1.0, TAU, row=7, phase=0.4)
-    # The integration leaves 160 rtol of order 2, the circle 1e-11 of order 13, which L at ξ=2 takes to a few 100.
     measured(off(numerical, closed, size=1))
 
 

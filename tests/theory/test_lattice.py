@@ -100,7 +100,6 @@ def test_torus_is_the_centre_of_201_rows_before_the_walls_are_heard(name, xi, me
     mode = sh.mode(name, xi, SILICA)
     wave, tau = Wave(mode, 0.2, Contact(NU), 0.3), np.linspace(0, 120, 25)
     infinite, finite = lattice.torus(wave, tau, rtol=1e-12), paper_rows.rows(wave, tau, rtol=1e-12)
-    # Fifty times rtol, the measured error of either integration.
     measured(off(infinite, finite, size=1))
 
 

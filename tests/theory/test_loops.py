@@ -59,6 +59,18 @@ def packing(**changes: object) -> Network:
     return replace(network, **changes)
 
 
+def touching(dimension: int, torn: bool, **changes: object) -> tuple[Network, State]:
+    """Return spheres of two materials, some of which touch each other and a wall; contacts are sheared if torn."""
+    flat = packing()
+    deep = RNG.uniform(-0.05, 0.05, (60, dimension - 2))
+    floor = Wall((0.0, -0.98, 0.0)[:dimension], (0.0, -1.0, 0.0)[:dimension], STEEL)
+    cell = (*flat.cell, np.inf)[:dimension]
+    network = replace(flat, position=np.hstack([flat.position, deep]), cell=cell, walls=(floor,), **changes)
+    spins = RNG.normal(0, 2e-3, (60, 3) if dimension == 3 else 60)
+    state = start(network, *RNG.normal(0, 2e-3, (2, 60, dimension)), spins, spins)
+    return network, replace(state, shear=state.shear + torn * RNG.normal(0, 1e-4, state.shear.shape))
+
+
 def moving(network: Network, size: float = 2e-3) -> State:
     """Return random displacements, turns and their rates."""
     ways, turns = RNG.normal(0, size, (2, 60, network.dimension)), RNG.normal(0, size, (2, 60))
@@ -83,20 +95,7 @@ LAWS = [
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("torn", [False, True], ids=["settled", "torn"])
 def test_forces_of_any_law_are_those_of_the_network(changes: dict[str, object], dimension: int, torn: bool) -> None:
-    deep = np.zeros((60, dimension - 2)) + RNG.uniform(-0.05, 0.05, (60, dimension - 2))
-    floor = Wall((0.0, -0.98, 0.0)[:dimension], (0.0, -1.0, 0.0)[:dimension], STEEL)
-    flat = packing()
-    network = replace(
-        flat,
-        position=np.hstack([flat.position, deep]),
-        cell=(*flat.cell, np.inf)[:dimension],
-        walls=(floor,),
-        **changes,
-    )
-    spins = RNG.normal(0, 2e-3, (60, 3) if dimension == 3 else 60)
-    state = start(network, *RNG.normal(0, 2e-3, (2, 60, dimension)), spins, spins)
-    if torn:
-        state = replace(state, shear=state.shear + RNG.normal(0, 1e-4, state.shear.shape))
+    network, state = touching(dimension, torn, **changes)
     now, acting = present(network, state), contact_loop(network, state)
     load, rate = np.empty((network.freedoms, 60)), np.empty_like(state.shear)
     assert acting is not None

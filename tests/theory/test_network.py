@@ -209,7 +209,6 @@ def test_a_head_on_collision_has_the_time_and_depth_of_hertz(measured):
     assert len(state.pairs.first) == 0
     run = integrate(network, state, times, rtol=1e-10)
     deepest, after = run.motion
-    # The force is not smooth where a contact closes: the error estimate of order 8 misses up to 1e4 times rtol there.
     measured((deepest[0, 0] - deepest[0, 1] - gap) / depth - 1)
     measured(off(after[3], [-speed, speed]))
     # Apart they fly freely, so where they are tells when they parted.
@@ -337,7 +336,6 @@ def test_the_force_beyond_contact_is_that_of_johnson_kendall_and_roberts(overlap
     network, law = two(overlap)
     state = start(network, 0.0, 0.0)
     force = forces(network, state)
-    # What is left of 1e-6 m, rounded to 2e-22 m, is 1e-12 of the overlap
     expected = float(law.force(law.contact_radius(overlap * law.rest_overlap)))
     measured(off(force[0], [-expected, expected], size=law.pull_off_force))
     radius = float(law.contact_radius(overlap * law.rest_overlap))
@@ -389,7 +387,6 @@ def test_momentum_and_angular_momentum_are_conserved(law, measured):
     size = np.sum(network.mass * np.abs(state.motion[3]))
     # Sums of forces that cancel in pairs: rounding, whatever the tolerance of the integration.
     assert after[:2] == pytest.approx(before[:2], rel=0, abs=1e-12 * size)
-    # The angular momentum is not linear in the state, so it is kept to the tolerance.
     measured((after[2] - before[2]) / (size * PAPER.radius))
 
 
@@ -452,7 +449,6 @@ def test_the_error_falls_with_the_eighth_power_of_the_step(measured):
     for step in steps:
         run = integrate(network, state, end, rtol=1.0, longest_step=step * PAPER.time_scale)
         errors.append(np.max(np.abs(run.motion[0, :2] - exact)))
-    # From step to step the order is 7.96 to 8.07: the next power is not yet gone.
     measured(slope(steps, errors) - 8)
 
 

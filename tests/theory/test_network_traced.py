@@ -5,33 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granular_analysis.theory.network import Network, Wall
 from granular_analysis.theory.network_outside import Drive
-from granular_analysis.theory.network_state import State, contacts, resultants, start
+from granular_analysis.theory.network_state import contacts, resultants
 from granular_analysis.theory.network_tangents import length
 from granular_analysis.theory.network_verlet import march, slip_ratios
 from tests.conftest import latin
-from tests.theory.test_loops import LAWS, RNG, STEEL, packing
+from tests.theory.test_loops import LAWS, touching
 
 traced = pytest.importorskip("granular_analysis.theory.network_traced", reason="needs JAX")
 jax = pytest.importorskip("jax")
 
 
-def touching(dimension: int, **changes: object) -> tuple[Network, State]:
-    """Return spheres of two materials, some of which touch each other and a wall, with sheared contacts."""
-    flat = packing()
-    deep = RNG.uniform(-0.05, 0.05, (60, dimension - 2))
-    floor = Wall((0.0, -0.98, 0.0)[:dimension], (0.0, -1.0, 0.0)[:dimension], STEEL)
-    cell = (*flat.cell, np.inf)[:dimension]
-    network = replace(flat, position=np.hstack([flat.position, deep]), cell=cell, walls=(floor,), **changes)
-    spins = RNG.normal(0, 2e-3, (60, 3) if dimension == 3 else 60)
-    state = start(network, *RNG.normal(0, 2e-3, (2, 60, dimension)), spins, spins)
-    return network, replace(state, shear=state.shear + RNG.normal(0, 1e-4, state.shear.shape))
-
-
 @pytest.mark.parametrize(("changes", "dimension"), latin(LAWS, [2, 3]), ids=str)
 def test_forces_of_any_law_are_those_of_numpy(changes: dict[str, object], dimension: int) -> None:
-    network, state = touching(dimension, **changes)
+    network, state = touching(dimension, torn=True, **changes)
 
     @jax.jit
     def forces(arrays: traced.Arrays, motion: object, memory: object, begun: object) -> object:
@@ -50,7 +37,7 @@ def test_forces_of_any_law_are_those_of_numpy(changes: dict[str, object], dimens
 def test_what_slides_has_the_ratio_of_the_friction_and_all_else_a_smaller_one(
     changes: dict[str, object], dimension: int
 ) -> None:
-    network, state = touching(dimension, **{**changes, "friction": 0.05})
+    network, state = touching(dimension, torn=True, **{**changes, "friction": 0.05})
     there = contacts(network, state.motion, state.pairs, state.shear, state.begun)
     free = contacts(replace(network, friction=np.inf), state.motion, state.pairs, state.shear, state.begun)
     slides = there.closed & (length(free.shear) > length(there.shear) * (1 + 1e-12))
@@ -61,7 +48,7 @@ def test_what_slides_has_the_ratio_of_the_friction_and_all_else_a_smaller_one(
 
 
 def test_motions_are_those_of_numpy_also_where_pairs_are_searched_again() -> None:
-    network, state = touching(2, friction=0.2)
+    network, state = touching(2, torn=True, friction=0.2)
     swing = Drive(np.array([3, 4]), 0, lambda time: 0.3 * np.sin(time), moves=True, longest=1.0, size=0.3)
     push = Drive(np.array([10]), 1, lambda time: 1e-3 * np.cos(time), longest=1.0, size=1e-3)
     network = replace(network, drives=(swing, push), drag=np.linspace(0, 0.1, 60))
@@ -72,6 +59,6 @@ def test_motions_are_those_of_numpy_also_where_pairs_are_searched_again() -> Non
 
 
 def test_two_runs_give_the_same_bits() -> None:
-    network, state = touching(2)
+    network, state = touching(2, torn=True)
     one, other = (np.array([*traced.march(network, state, 0.02, 50, 50)]) for _ in range(2))
     assert one.tobytes() == other.tobytes()

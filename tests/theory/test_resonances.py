@@ -240,34 +240,6 @@ def test_the_map_of_a_square_crystal_has_its_symmetry(tmp_path: Path, capsys: py
     assert by_angle[45] == by_angle[135] != by_angle[0]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["nowhere"], "no such scene file"),
-        (["tr_damped"], "tr_damped: the theory of a crystal leaves out effects.viscosity = 2e-08"),
-        (["tr_impurity"], "inclusion 1 has spheres; allowed: rows, every, density"),
-        (["solitary_chain"], "solitary_chain: wave: missing table; this theory is of scenes with a wave"),
-    ],
-)
-def test_what_has_no_such_crystal_is_refused(arguments: list[str], words: str) -> None:
-    with pytest.raises(SystemExit, match=words):
-        script.main(arguments)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["l_chain", "--direction", "30"], "a chain has one direction"),
-        (["l_chain", "--map", "1"], "2 or more"),
-        (["tr_nonresonant", "--direction", "nan"], "--direction nan: must be degrees, finite"),
-    ],
-)
-def test_wrong_options_are_told(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        script.main(arguments)
-    assert words in capsys.readouterr().err
-
-
 def test_a_branch_by_number_is_refused_where_branches_have_names(tmp_path: Path) -> None:
     scene = tmp_path / "uniform.toml"
     scene.write_text(Scene.load("tr_periodic").with_values({"wave.mode": "2"}).to_toml())

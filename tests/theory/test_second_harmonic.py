@@ -194,7 +194,6 @@ def driven(mode, r, amplitude, tau):
 )
 def test_second_harmonic_solves_the_equation_of_motion(name, r, xi, measured):
     mode = sh.mode(name, xi, r)
-    # Simpson's error h⁴ω⁴/180 · τ · source with h = 0.01, ω < 4.5, τ = 40, source < 0.03.
     measured(sh.second_harmonic(mode, r, 0.2, 40.0) - driven(mode, r, 0.2, 40.0))
 
 

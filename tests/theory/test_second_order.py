@@ -171,7 +171,6 @@ def test_exact_lattices_have_the_second_order(name, shear_law, measured: Measure
     k = 2 * np.pi * np.array(cycles) / (np.array(repeats) * np.diag(vectors))
     ones = np.ones(len(basis))
     theory, exact = in_plane(crystal, R * ones, [SILICA], 0 * ones, repeats, wave(crystal, k, branch))
-    # Of the next even order, a⁴, the extrapolation leaves a part in 1e6; the integrator's 1e-11 is 1e-8 of a²
     measured(relative(theory, exact))
 
 

@@ -346,35 +346,6 @@ def test_the_command_takes_a_plate_and_a_film(tmp_path: Path, capsys: pytest.Cap
         assert one["Hz"] == pytest.approx(other["Hz"], rel=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--below", "73e9", "0.17", "2200"], "--below: needs --thickness"),
-        (["--thickness", "1e-6", "--below", "73e9", "0.5", "2200"], "Poisson's ratio between -1 and 0.5"),
-        (["--thickness=-1e-6"], "--thickness -1e-06: must be positive and finite"),
-    ],
-)
-def test_an_impossible_film_is_told(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        saw.main(["monolayer_vertical", *words])
-    assert says in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [(["tr_periodic"], "substrate"), (["nowhere"], "nowhere")],
-)
-def test_a_scene_without_a_substrate_is_refused(arguments: list[str], words: str) -> None:
-    with pytest.raises(SystemExit, match=words):
-        saw.main(arguments)
-
-
-def test_an_impossible_density_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        saw.main(["monolayer_vertical", "--density", "-1"])
-    assert "--density -1.0: must be positive and finite" in capsys.readouterr().err
-
-
 def test_a_layer_that_moves_with_its_substrate_feels_no_force() -> None:
     film = Coupled(layer(), HalfSpace(1e-12, 1.0, 0.5))
     matrix = film.matrix([1e-9, 0.0], np.array(1e-9))

@@ -104,12 +104,6 @@ def test_the_third_harmonic_is_that_of_the_exact_lattice(
     measured(relative(in_the_hierarchy(*wave), predicted(*wave)))
 
 
-@pytest.mark.parametrize("contact", [Contact(0.17, rotation=False), Contact(-0.3), Contact(0.4, inertia=0.5)])
-def test_so_it_is_for_other_spheres(contact: Contact) -> None:
-    wave: tuple[ModeName, float, float, Contact] = ("TR", 1.1, 17.0, contact)
-    assert relative(in_the_hierarchy(*wave), predicted(*wave)) < FITTED
-
-
 def test_one_percent_of_inertia_or_another_poisson_s_ratio_is_seen() -> None:
     seen = in_the_hierarchy("TR", 1.1, 17.0, SILICA)
     for wrong in (Contact(0.17, inertia=0.404), Contact(0.18), Contact(0.17, rotation=False)):
@@ -171,6 +165,11 @@ CONTACTS = {
     "JKR": Contact(0.17, overlap_ratio=0.02, adhesion_law="jkr"),
     "without rotation": Contact(0.17, overlap_ratio=0.02, rotation=False),
 }
+OTHERS = {
+    "without turns": Contact(0.17, rotation=False),
+    "auxetic": Contact(-0.3),
+    "heavy rim": Contact(0.4, inertia=0.5),
+}
 
 
 CUBIC: list[tuple[ModeName, float, float]] = [("TR", 0.802, 90.0), ("TR", 1.1, 17.0), ("L", 0.9, 0.0)]
@@ -179,15 +178,17 @@ EVERY = [(*wave, contact) for wave in CUBIC for contact in CONTACTS]
 # the shift of the frequency has
 LEFT = [(*CUBIC[number], contact) for number, contact in zip((1, 2, 1, 0, 2, 1), CONTACTS, strict=True)]
 LEFT = [each for each in LEFT if each[-1] != "JKR"]
+LEFT += [(*CUBIC[1], contact) for contact in OTHERS]
+EVERY += LEFT[-len(OTHERS) :]
 
 
 @pytest.mark.parametrize(
     ("name", "wavenumber", "direction", "contact"), members(EVERY, *(each for each in EVERY if each not in LEFT))
 )
-def test_geometry_and_memory_have_their_own_cubic_terms(
+def test_geometry_memory_and_other_spheres_have_their_own_cubic_terms(
     name: ModeName, wavenumber: float, direction: float, contact: str
 ) -> None:
-    wave = name, wavenumber, direction, CONTACTS[contact]
+    wave = name, wavenumber, direction, (CONTACTS | OTHERS)[contact]
     assert relative(in_the_hierarchy(*wave), predicted(*wave)) < FITTED
 
 

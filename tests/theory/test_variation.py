@@ -255,44 +255,6 @@ def test_a_number_on_which_nothing_depends_is_told(capsys: pytest.CaptureFixture
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--vary", "packing.rows", "2", "4"], "--vary packing.rows: must be one of sphere.radius, "),
-        (["--vary", "sphere.density", "4", "2"], "--vary sphere.density 4 2: must be two finite numbers"),
-        (["--vary", "sphere.density", "-4", "2"], "sphere.density = -4.0"),
-        (["--vary", "sphere.density", "2000", "3000", "--best", "frequency"], "--at 0: must be the frequency"),
-        (["--vary", "sphere.density", "2000", "3000", "--best", "gap", "--branch", "3"], "must be from 1 to 2"),
-        (["--vary", "sphere.density", "2000", "3000", "--best", "passing"], "passing is of a wave along y at"),
-        (
-            ["--vary", "sphere.density", "2000", "3000", "--best", "frequency", "--at", "1e8", "--least"],
-            "--least: must be left out for --best frequency",
-        ),
-    ],
-)
-def test_questions_without_an_answer_are_told(arguments: list[str], said: str) -> None:
-    with pytest.raises(SystemExit, match=said):
-        cli.main(["design", "tr_periodic", *arguments])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["1e8", "--least"], "--least is for a scene, not for a frequency"),
-        (["1e8", "--vary", "sphere.density", "1", "2"], "--vary is for a scene, not for a frequency"),
-        (["tr_periodic", "--second", "1e8"], "--second is for two frequencies, not for a scene"),
-        (["tr_periodic", "--vary", "sphere.density", "1", "2", "--at", "3"], "--at is for --best frequency, not for g"),
-        (["tr_periodic", "--vary", "sphere.density", "1", "2", "--branch", "2"], "--branch is for --best gap, not for"),
-    ],
-)
-def test_options_of_another_question_are_refused(
-    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit):
-        cli.main(["design", *arguments])
-    assert said in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
     ("changes", "said"),
     [
         ({"contact.normal_stiffness": 600.0}, "leaves out contact.normal_stiffness = 600.0"),
@@ -306,11 +268,6 @@ def test_passing_refuses_what_its_rows_do_not_hold(changes: dict[str, Any], said
     scene = Scene.load("tr_periodic").with_values({"packing.rows": 64, "inclusion": rows} | changes)
     with pytest.raises(ValueError, match=said):
         Question(scene, ("inclusion.1.density",), ((2500.0, 6000.0),), "passing").passing()
-
-
-def test_passing_needs_rows() -> None:
-    with pytest.raises(SystemExit, match="inclusion 1 must have rows and density, not"):
-        cli.main(["design", "tr_impurity", "--best", "passing", "--vary", "inclusion.1.density", "2300", "4000"])
 
 
 def test_the_jkr_law_keeps_its_overlap() -> None:

@@ -259,6 +259,8 @@ LOOSE: dict[str, tuple[Scene, Values, float, int]] = {  # with the order of the 
         1e-5,
         2,
     ),
+    # Gaps of 0.6 ℓ in the mean: spheres fly before they collide
+    "gaps as wide as overlaps": (IMPACT, {"disorder.radius": 1e-3, "disorder.seed": 3}, 1e-5, 2),
     "a periodic sheet with friction": (IMPACT, {"packing.sides": "periodic"} | ROUGH, 3e-4, 1),
     "dashpots in a sheet with friction": (IMPACT, DASHPOT | ROUGH, 3e-4, 1),
     "dashpots in a chain": (ROW, DASHPOT | {"packing.rows": 12, "time.duration": 4.0}, 5e-5, 1),

@@ -1,6 +1,6 @@
 """Impacts on chains whose collisions lose energy: LAMMPS's ``coeff_restitution`` beside the same dashpots without it.
 
-analysis/cases/impact/README.md shows the numbers.
+analysis/cases/solitary/README.md shows the numbers.
 """
 
 import re
@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from scipy.special import beta
 
-from cases.impact.chain_damping import decay
 from cases.solitary.chain_motion import peak
+from cases.solitary.damping import decay
 from granular_analysis.tools.compare import compare
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.errors import SceneError
@@ -25,7 +25,7 @@ from tests.conftest import members
 from tests.validation.test_pull_off import with_deck
 
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.last": "free"})
-PAGE = Path(__file__).parents[2] / "analysis" / "cases" / "impact" / "README.md"
+PAGE = Path(__file__).parents[2] / "analysis" / "cases" / "solitary" / "README.md"
 RESTITUTIONS = (0.9, 0.7, 0.5)
 Runs = Callable[[dict[str, Any]], ImpactRecord]
 

@@ -12,9 +12,6 @@ from cases.solitary.chain import Chain, End, compressed, energies, spheres, unif
 from cases.solitary.chain_motion import first_peak, march, peak
 from cases.solitary.scattering import Meeting, crossing, impurity
 from cases.solitary.travelling import solitary_wave, sound
-from granular_analysis.theory.network import Material, Network
-from granular_analysis.theory.network_motion import integrate
-from granular_analysis.theory.network_state import start
 from granular_lmp import ImpactRecord, ImpactScene, Scene, run_impact
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import EffectError, RunFolderError, SceneError
@@ -240,49 +237,6 @@ def test_an_impurity_passes_and_throws_back_its_shares(run: Runs, mass: float) -
 # --- sheets -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("friction", "sides", "steps", "allowed"),
-    [
-        # Left of the step: its fourth order, and events of order 5/2, each some percent of the 4e-5 of the finer run
-        (0.0, "free", (0.04, 0.02), 4e-6),
-        (0.0, "cell", (0.04, 0.02), 4e-6),
-        # Sliding begins and ends inside steps, an error of first order: 2e-4 at 0.02 (secant law: 2.5e-5)
-        (0.3, "periodic", (0.04, 0.02), 5e-4),
-    ],
-)
-def test_a_sheet_moves_as_the_network_does(
-    run: Runs, friction: float, sides: str, steps: tuple[float, float], allowed: float
-) -> None:
-    changes = {"packing.rows": 7, "packing.columns": 7, "striker.1.spheres": [[0, 3]], "packing.sides": sides}
-    if cell := sides == "cell":
-        changes |= {"packing.rows": 8, "packing.sides": "periodic", "packing.ends": "periodic"}
-    changes |= {"effects.friction": friction, "time.duration": 6.0, "time.sample": 6.0}
-    coarse, fine = (run(SHEET, changes | {"time.timestep": step}) for step in steps)
-    ball, scale, crystal = fine.scene.sphere, fine.scale, fine.problem.rest.atoms
-    network = Network(
-        crystal.positions[:, :2] * ball.radius,
-        np.full(len(crystal), ball.radius),
-        np.full(len(crystal), ball.density),
-        (Material(ball.youngs_modulus, ball.poisson_ratio),),
-        cell=(
-            crystal.cell[0, 0] * ball.radius if sides != "free" else np.inf,
-            8 * np.sqrt(3) * ball.radius if cell else np.inf,
-        ),
-        law="incremental",
-        friction=friction,
-    )
-    v = np.zeros((len(crystal), 2))
-    v[3, 1] = scale.velocity
-    longest = scale.time / (10 if friction else 5)  # sliding is resolved to second order in the step
-    expected = integrate(network, start(network, 0.0, v), [6 * scale.time], rtol=1e-9, longest_step=longest)
-    velocity = (4 * fine.velocity[-1] - coarse.velocity[-1]) / 3 if not friction else fine.velocity[-1]
-    assert velocity == pytest.approx(expected.velocity[-1] / scale.velocity, abs=allowed)
-    assert np.max(np.abs(velocity)) > 0.2
-    spin = expected.motion[-1, 5] * ball.radius / scale.velocity
-    assert fine.spin[-1] == pytest.approx(spin, abs=allowed)
-    assert (np.max(np.abs(spin)) > 0.02) == (friction > 0)
-
-
 @pytest.mark.parametrize(("wall", "reach"), [(False, 0.5), (True, 1.0)], ids=["two spheres", "on a wall"])
 def test_spheres_that_meet_roll_as_the_spring_of_their_contact_says(tmp_path: Path, wall: bool, reach: float) -> None:
     """Two spheres that turn against each other, or one on a wall: ω² = k_r Rc²/I times the number of them."""
@@ -310,29 +264,6 @@ def test_spheres_that_meet_roll_as_the_spring_of_their_contact_says(tmp_path: Pa
         errors.append(np.max(np.abs(spin[:, 0] / spin[0, 0] - expected)))
     assert errors[1] < 2e-4  # (ωh)²/24 of a period, over three periods
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.02)
-
-
-def test_smaller_spheres_leave_gaps_in_a_sheet_which_moves_as_the_network_does(run: Runs) -> None:
-    inclusions = [{"spheres": [[3, 3]], "radius": 0.004998}, {"spheres": [[4, 2]], "radius": 0.0049, "density": 4000.0}]
-    changes = {"packing.rows": 8, "packing.columns": 7, "striker.1.spheres": [[0, 3]], "time.duration": 12.0}
-    record = run(SHEET, changes | {"time.sample": 12.0, "time.timestep": 0.005}, inclusions)
-    ball, scale, crystal = record.scene.sphere, record.scale, record.problem.rest.atoms
-    radius = np.full(len(crystal), ball.radius)
-    radius[[3 * 7 + 3, 4 * 7 + 2]] = 0.004998, 0.0049
-    density = np.where(radius == 0.0049, 4000.0, ball.density)
-    position = crystal.positions[:, :2] * ball.radius
-    material = Material(ball.youngs_modulus, ball.poisson_ratio)
-    network = Network(position, radius, density, (material,), friction=0.0)
-    v = np.zeros((len(crystal), 2))
-    v[3, 1] = scale.velocity
-    longest = scale.time / 5
-    expected = integrate(network, start(network, 0.0, v), [12 * scale.time], rtol=1e-9, longest_step=longest).velocity
-    # The second order of the step: four times as much at 0.01
-    assert record.velocity[-1] == pytest.approx(expected[-1] / scale.velocity, abs=2e-5)
-    assert abs(record.velocity[-1, 3 * 7 + 3]).max() > 0.01
-    equal = Network(position, np.full(len(crystal), ball.radius), density, (material,), friction=0.0)
-    wrong = integrate(equal, start(equal, 0.0, v), [12 * scale.time], rtol=1e-9, longest_step=longest).velocity
-    assert np.max(np.abs(record.velocity[-1] - wrong[-1] / scale.velocity)) > 1e-2
 
 
 @pytest.mark.parametrize(("restitution", "friction"), [(1.0, 0.0), (1.0, 0.3), (0.7, 0.0)])

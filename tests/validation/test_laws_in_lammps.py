@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cases.laws import case as laws_figure
 from granular_analysis import second_harmonic as sh
 from granular_analysis.measure.norms import relative_error, slope
 from granular_analysis.theory import lattice
@@ -16,6 +15,7 @@ from tests.conftest import members, run_text
 from tests.polarisations import forgetful
 
 NU = 0.17
+TAU = np.linspace(0.0, 120.0, 241)  # the paper's duration
 SILICA = sh.ratios(NU)
 ETA = 2.498514361612e-10 / 1e-6  # Δ0/2R of the paper's spheres
 DECK = Path(__file__).parents[2] / "lammps_inputs/in.plane_wave"
@@ -23,7 +23,7 @@ DECK = Path(__file__).parents[2] / "lammps_inputs/in.plane_wave"
 
 def times_to(last):
     """The times of the page's waves, as far as the last."""
-    return laws_figure.TAU[last >= laws_figure.TAU]
+    return TAU[last >= TAU]
 
 
 @cache
@@ -55,7 +55,7 @@ def with_geometry(law, xi):
     return np.stack(
         lattice.torus(
             Wave(sh.mode("TR", xi, sh.ratios(NU, overlap_ratio=ETA)), 0.2, Contact(NU, law=law, overlap_ratio=ETA)),
-            laws_figure.TAU,
+            TAU,
         )
     )
 
@@ -132,6 +132,6 @@ LAST = [("mindlin_rescale", 0.802, 0.980), ("mindlin_rescale", 2.127, 0.860), ("
 @pytest.mark.parametrize(("style", "xi", "left"), members(LAST, *LAST[1:]))
 def test_mindlin_rescale_damps_the_wave_and_mindlin_force_does_not(folder, style, xi, left):
     ours, secant = (lammps(kind, folder, xi, last=120)[1] for kind in (style, "mindlin"))
-    late = laws_figure.TAU >= 100
+    late = TAU >= 100
     last = np.linalg.norm(ours[late]) / np.linalg.norm(secant[late])
     assert last == pytest.approx(left, abs=5e-3)  # a fourth of what is lost at 0.802

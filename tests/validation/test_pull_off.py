@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from itertools import product
-from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +21,12 @@ from granular_lmp import run as run_scene
 from granular_lmp.cli import main
 from granular_lmp.crystal.adhesion_laws import SKIN
 from granular_lmp.errors import SceneError
-from granular_lmp.lammps import contact
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.problem import prepare
 from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import Result, course, run, scene_of
-from granular_lmp.units import NANO
 from tests.conftest import members
 from tests.manual import Measure, Mutant, off, verifies
-from tests.validation.test_contact_law import FRICTION, SILICA, SILICA_AT, same, touch
 
 SNAP = Collision.load("jkr_pull_off")
 Collide = Callable[..., Result]
@@ -349,44 +345,3 @@ def test_folders_that_do_not_belong_together_are_refused(folders: list[str], tmp
     ):
         with pytest.raises(SystemExit, match=re.escape(message)):
             pull_off.main([*runs, "-o", str(tmp_path / "loop.png")])
-
-
-# ---------------------------------------------------------------- one contact, known exactly
-
-
-def law_of_silica() -> Contact:
-    return Contact(radius=250.0, modulus=SILICA.effective_modulus * 1e-6, work=SILICA.work_of_adhesion * 1e3)  # nano
-
-
-def test_a_contact_that_has_touched_holds_beyond_overlap_zero() -> None:
-    law, text = law_of_silica(), contact.pair(contact.model(SILICA, NANO, normal="jkr", friction=FRICTION))
-    assert 2.0**-4 < law.pull_off_distance("load") < 2.0**-3
-    beyond = touch(text, SILICA, 0.25, (2.0**-10, 0.0), (0.0, -(2.0**-4) - 0.25))
-    a = float(law.contact_radius(-(2.0**-4)))
-    # Ten roundings, which the slope of the radius near the pull-off makes tenfold
-    assert beyond.normal == pytest.approx(float(law.force(a)), rel=1e-11)
-    assert beyond.shear == pytest.approx(-SILICA_AT.B / sqrt(250.0) * a * 2.0**-10, rel=1e-11)
-    for never in (
-        touch(text, SILICA, -(2.0**-4), (0.0, 0.0)),  # has not touched
-        touch(text, SILICA, 0.25, (0.0, 0.0), (0.0, -(2.0**-3) - 0.25)),  # is beyond the pull-off
-    ):
-        assert never.normal == never.shear == 0
-
-
-@pytest.mark.parametrize("overlap", [2.0**-8, 0.25, 2.0, 64.0])
-def test_shear_and_sliding_of_a_jkr_contact(overlap: float) -> None:
-    """Mindlin's law has the circle of JKR, and sliding begins at μ (f_N + 2F), F the pull-off force."""
-    law = law_of_silica()
-    a = float(law.contact_radius(overlap))
-    per_radius = SILICA_AT.B / sqrt(250.0)  # 8 G*
-    held, slides = (
-        touch(
-            contact.pair(contact.model(SILICA, NANO, normal="jkr", friction=friction)), SILICA, overlap, (2.0**-5, 0.0)
-        )
-        for friction in (FRICTION, 1e-4)
-    )
-    force = float(law.force(a))
-    assert abs(held.normal - force) < 1e-11 * (abs(force) + law.pull_off_force)  # ten roundings; f cancels at rest
-    assert held.shear == pytest.approx(-per_radius * a * 2.0**-5, rel=1e-11)
-    assert slides.shear == pytest.approx(-1e-4 * (force + 2 * law.pull_off_force), rel=1e-11)
-    assert not same(slides.shear, -1e-4 * abs(force))

@@ -15,8 +15,10 @@ import pytest
 from granular_analysis.measure.snapshot import first_snapshot
 from granular_analysis.theory.network_verlet import march
 from granular_lmp import Record, Scene, run
+from granular_lmp.studies.collide import scene_of
 from tests.conftest import members
 from tests.hard.ladder_scenes import FAMILIES, IMPACTS, impact_scene, wave_scene
+from tests.validation.test_pull_off import SNAP, sticking_speed
 
 INPUTS = Path(__file__).parents[2] / "lammps_inputs"
 SHIPPED = sorted(path.parent.name for path in INPUTS.glob("**/scene.toml"))
@@ -95,6 +97,17 @@ def test_unequal_spheres_that_part_move_as_in_lammps(law: str, tmp_path: Path) -
     error, bound = difference(Scene.load("tr_periodic").with_values(PARTED[law]), tmp_path)
     assert error < bound
     assert Record.load(tmp_path / "run").info["guards"]["open_contacts"]["value"] > 1
+
+
+@pytest.mark.parametrize("share", [0.999, 1.001])
+def test_a_jkr_contact_that_sticks_or_parts_by_a_thousandth_of_the_speed_moves_as_in_lammps(
+    share: float, tmp_path: Path
+) -> None:
+    speed = share * sticking_speed(SNAP) / 2
+    scene = scene_of(SNAP.with_values({"collision.normal_velocity": speed, "collision.steps": 1000}))
+    error, bound = difference(scene, tmp_path)
+    assert error < bound
+    # That DMT's law and contacts that pull before they touch are seen: 4 D0 and 2e-3 D0
 
 
 def test_a_mass_that_is_wrong_by_a_millionth_is_seen(tmp_path: Path) -> None:

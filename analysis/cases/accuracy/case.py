@@ -49,7 +49,7 @@ REPEATS = 9
 GAIN = 0.9  # an error must fall by that to count as better
 FORMULA, LATTICE, LAMMPS = "closed form", "exact lattice", "LAMMPS"
 NOT_CLOSED = ("exact-lattice", "hierarchy")
-TOLERANCE = "tolerance, strip"  # the group whose settings say how good they are
+TOLERANCE = "tolerance"  # the group whose settings say how good they are
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Study:
 
     @classmethod
     def load(cls, folder: str | Path) -> "Study":
-        """Read ``cost.json`` and the record of the reference; SystemExit with one line when that cannot be done."""
+        """Read ``cost.json`` and the runs of the reference; SystemExit with one line when that cannot be done."""
         path = Path(folder) / "cost.json"
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
@@ -90,9 +90,13 @@ class Study:
             if best is None:
                 raise ValueError("the reference has not been run; let granular-lmp cost go on")
             settings, reference = [_setting(row) for row in rows if row["repeats"]], _setting(best)
+            places = [Path(folder) / place for place in best["runs"]]
+            share = 1 / (2 ** best["order"] - 1) if best["order"] else 0.0
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise SystemExit(f"{path}: not the result of a finished granular-lmp cost: {error}") from error
-        return cls(settings, reference, load(Path(folder) / "reference"))
+        coarse, fine = map(load, places)
+        signals = {name: values + share * (values - coarse.signals[name]) for name, values in fine.signals.items()}
+        return cls(settings, reference, fine.with_signals(**signals))
 
     @property
     def floor(self) -> dict[str, float | None]:
@@ -203,18 +207,13 @@ def table(found: Measured) -> str:
 # Okabe and Ito's colours, and a shape of its own for each family, which is known by it in grey
 STYLES = {
     "time step": ("o", "#0072b2"),
-    "Richardson pair": ("s", "#d55e00"),
     TOLERANCE: ("D", "#000000"),
-    "columns": ("|", "#009e73"),
-    "ends": ("^", "#cc79a7"),
     FORMULA: ("$f$", "#000000"),
     LATTICE: ("h", "#ffffff"),
 }
-JOINED = ("time step", "Richardson pair", TOLERANCE, "columns", LATTICE)  # their settings are in an order
-BEYOND = 1.5  # times the error of most settings of its family, a setting is named in the figure
+JOINED = ("time step", TOLERANCE, LATTICE)  # their settings are in an order
 # Where the name stands, in points from the marker, and which of its ends is there
 NAMES: dict[str, tuple[tuple[float, float], str]] = {
-    "ends": ((8, 2), "left"),
     "second-order": ((0, 9), "left"),
     "frequency-shift": ((0, -9), "left"),
     "three-mode": ((-2, -9), "right"),
@@ -225,8 +224,7 @@ TITLES = {"p": "$p$ (second harmonic)", "q": "$q$ (fundamental)", "phi": r"$\phi
 def draw(found: Measured) -> Figure:
     """Error of p and of q over the seconds; bars from the fastest to the slowest round.
 
-    Settings that are the scene as it is declared share one run, and one marker. Grey below: what the reference of the
-    settings cannot tell; theories have another.
+    Grey below: what the reference of the settings cannot tell; theories have another.
     """
     study, levels = found
     shown = [name for name in COMPONENTS if study.floor[name] is not None][:2]
@@ -261,25 +259,20 @@ STAR: dict[str, Any] = {
 def _panel(axes: Axes, study: Study, levels: Sequence[Setting], name: str) -> None:
     best = [s for s in front(study.complete, name) if _error(s, name) < inf]
     axes.plot([s.seconds for s in best], [_error(s, name) for s in best], zorder=1, **FRONT)
-    drawn: set[tuple[float, float]] = set()
     for family, settings in groupby([*study.settings, *levels], key=lambda s: s.family):
         points = [(s, _error(s, name)) for s in settings if 0 < _error(s, name) < inf]
         look = _look(family)
-        line: dict[str, Any] = {"color": look["markeredgecolor"], "linewidth": 0.7, "zorder": 2}
+        line: dict[str, Any] = {"color": "black", "linewidth": 0.7, "zorder": 2}
         if family in JOINED:
             axes.plot([s.seconds for s, _ in points], [error for _, error in points], linestyle=":", **line)
-        usual = median(error for _, error in points) if points else inf
         for s, error in points:
-            if (s.seconds, error) in drawn:
-                continue
-            drawn.add((s.seconds, error))
             axes.plot([s.fastest, s.slowest], [error, error], **line)
             axes.plot(s.seconds, error, zorder=3, **look)
-            beside = NAMES.get(s.name) or NAMES.get(family)
-            if beside and (family == FORMULA or not 1 / BEYOND < error / usual < BEYOND):
+            if s.name in NAMES:
+                offset, side = NAMES[s.name]
                 axes.annotate(
-                    s.name, (s.seconds, error), xytext=beside[0], textcoords="offset points",
-                    ha=beside[1], va="center", fontsize=8,
+                    s.name, (s.seconds, error), xytext=offset, textcoords="offset points",
+                    ha=side, va="center", fontsize=8,
                 )  # fmt: skip
     low, high = axes.get_ylim()
     if (study.floor[name] or 0.0) > low:
@@ -289,10 +282,9 @@ def _panel(axes: Axes, study: Study, levels: Sequence[Setting], name: str) -> No
 
 def _look(family: str) -> dict[str, Any]:
     marker, colour = STYLES.get(family, (".", "black"))
-    stroke = marker == "|"
     return {
-        "linestyle": "", "marker": marker, "color": colour, "markersize": 9 if stroke else 7,
-        "markeredgecolor": colour if stroke else "black", "markeredgewidth": 2.0 if stroke else 0.6,
+        "linestyle": "", "marker": marker, "color": colour, "markersize": 7,
+        "markeredgecolor": "black", "markeredgewidth": 0.6,
     }  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """Map the second harmonic over the Brillouin zone: which wave, sent in which direction, doubles its frequency best.
 
-    granular-analysis map [-o FILE] [--poisson-ratio NU] [--overlap-ratio ETA [--prestress SHARE]]
+    granular-analysis map [-o FILE] [--poisson-ratio NU]
 
 One panel per branch of the fundamental, in ascending frequency. Colour: the forced amplitude (|u|² + |v|² + |φ|²)^½
 of the second harmonic, per unit ε D0 and for a fundamental of unit amplitude (complex fields; a real wave raises half
@@ -13,10 +13,8 @@ parity, and nothing resonates. A weakly coupled resonance shows as its line alon
 its share of the amplitude passes 1 only within 0.01/a of the line). At K the middle and the upper branch touch: next
 to it their colours depend on the side.
 
-The lattice is the paper's unless options say otherwise: contacts of true length and direction by their overlap
-η = Δ0/2R, and compression by its share of the force that holds a contact (`granular_analysis.theory.contact.Contact`).
-In a scene the share is packing.contact_force over the sum of that and the adhesive force. Left out are dashpots, and
-the shear law is the secant one.
+The lattice is the paper's, points of contact without compression; left out are dashpots, and the shear law is the
+secant one.
 
 The titles give the names of the paper's modes on Γ–M, waves along y. Elsewhere a branch moves in u, v and φ, and only
 its frequency names it.
@@ -57,15 +55,6 @@ def names_along_y(branch: int, contact: Contact) -> str:
     """Return the paper's names that a branch goes by on Γ–M, as "TR" or, where modes cross, "TR/L"."""
     line = np.stack([np.zeros(200), np.linspace(0.0, EDGE, 202)[1:-1]], axis=-1)
     return "/".join(name for name in ("TR", "L", "RT") if branch in branch_index(name, line, contact))
-
-
-def lattice_in_words(contact: Contact) -> str:
-    """Return what the maps depend on, for the title of the legend."""
-    words = [rf"$\nu$ = {contact.poisson_ratio:g}, solid spheres"]
-    if contact.overlap_ratio:
-        words.append(rf"overlap $\Delta_0/2R$ = {contact.overlap_ratio:g}")
-        words.append(f"compression bears {contact.prestress:.0%} of the contact force")
-    return ", ".join(words)
 
 
 def amplitudes(wavevector: NDArray[np.float64], branch: int, contact: Contact) -> NDArray[np.float64]:
@@ -133,7 +122,7 @@ def draw(contact: Contact) -> Figure:
     figure.legend(
         [Line2D([], [], color="black", linestyle=STYLES[target]) for target in sorted(targets)],
         [rf"resonance: $2\Omega(k)$ meets the {BRANCHES[target]} branch at $2k$" for target in sorted(targets)],
-        title=lattice_in_words(contact),
+        title=rf"$\nu$ = {contact.poisson_ratio:g}, solid spheres",
         loc="outside lower center",
         ncols=3,
         frameon=False,
@@ -141,17 +130,4 @@ def draw(contact: Contact) -> Figure:
     return figure
 
 
-GEOMETRY = {
-    "overlap_ratio": (float, 0.0, "static overlap over the diameter of a sphere, 0 to 0.1; 0: the paper's points"),
-    "prestress": (float, 0.0, "share of compression in the force that holds a contact, 0 to 1; needs an overlap ratio"),
-}
-
-
-def contact_of(poisson_ratio: float, overlap_ratio: float, prestress: float) -> Contact:
-    """Return the contact; ValueError for a prestress between points of contact, where it changes no wave."""
-    if prestress and not overlap_ratio:
-        raise ValueError(f"--prestress {prestress:g}: needs --overlap-ratio above 0; between points it changes no wave")
-    return Contact(poisson_ratio, overlap_ratio=overlap_ratio, prestress=prestress)
-
-
-main = script(__name__, contact_of, table, draw, options={**POISSON_RATIO, **GEOMETRY})
+main = script(__name__, Contact, table, draw, options=POISSON_RATIO)

@@ -35,7 +35,6 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from cases.refraction.plane_front import scaled_speed
-from cases.solitary.travelling import solitary_wave
 
 ROWS = 2 * 0.75**1.25  # A of a chain of rows
 LIGHTEST, HEAVIEST = 0.1, 10.0  # M
@@ -55,22 +54,6 @@ class Refracted:
     reflected: float
     height: float
     height_back: float
-
-
-def front_speed(height: float, mass: float = 1.0) -> float:
-    """Return the speed of a plane front along y, diameters per unit of time.
-
-    Parameters
-    ----------
-    height : largest velocity of a sphere, with A = 1.
-    mass : m of a sphere.
-
-    Raises ValueError unless both are positive.
-    """
-    if not min(height, mass) > 0:
-        raise ValueError(f"height and mass must be positive, not {height:g} and {mass:g}")
-    wave = solitary_wave(1.0)
-    return float(np.sqrt(0.75) * (ROWS / mass) ** 0.4 * height**0.2 * wave.speed / wave.largest_velocity**0.2)
 
 
 def faster(incidence: float, found: float, *, reflected: bool = False) -> float:

@@ -160,13 +160,13 @@ def spheres(
 
 def overlaps(chain: Chain, u: Array) -> Array:
     """Return the overlaps δ_j (…, n + 1), negative for gaps; those of an end without a wall have no meaning."""
-    result = _approaches(u)
+    result = rates(u)
     result += chain.overlap
     return result
 
 
-def _approaches(u: Array) -> Array:
-    """Return what displacements add to the overlaps, δ_j − d_j (…, n + 1); of velocities, the rates δ_j'."""
+def rates(u: Array) -> Array:
+    """Return the rates of the overlaps δ_j' (…, n + 1) of velocities; of displacements, what they add, δ_j − d_j."""
     result = np.empty((*u.shape[:-1], u.shape[-1] + 1), dtype=u.dtype)
     result[..., 0] = -u[..., 0]
     np.subtract(u[..., :-1], u[..., 1:], out=result[..., 1:-1])
@@ -182,11 +182,6 @@ def forces(chain: Chain, u: Array) -> Array:
     pressed *= root
     pressed *= chain.stiffness
     return pressed
-
-
-def rates(v: Array) -> Array:
-    """Return the rates of the overlaps δ_j' (…, n + 1), of open contacts too."""
-    return _approaches(v)
 
 
 def dashpot_forces(chain: Chain, u: Array, v: Array) -> Array:
@@ -226,7 +221,7 @@ def energies(chain: Chain, u: Floats, v: Floats) -> Floats:
     pressed = np.maximum(now, 0.0)
     y, z = np.sqrt(pressed), np.sqrt(rest)
     both = (pressed > 0) & (rest > 0)
-    stretch = _approaches(u)  # δ − d
+    stretch = rates(u)  # δ − d
     change = np.divide(stretch, y + z, out=y - z, where=both)
     stored = change**2 * (2 * y**3 + 4 * y**2 * z + 6 * y * z**2 + 3 * z**3) / 5 + z**3 * (pressed - now)
     stored *= chain.stiffness
@@ -236,12 +231,6 @@ def energies(chain: Chain, u: Floats, v: Floats) -> Floats:
     stored /= np.where(shares > 0, shares, 1.0)
     kinetic = 0.5 * np.where(np.isfinite(chain.mass), chain.mass, 0.0) * v**2
     result: Floats = kinetic + moves * (stored[..., :-1] + stored[..., 1:])
-    return result
-
-
-def momentum(chain: Chain, v: Floats) -> Floats:
-    """Return Σ m v (…) of the spheres that are not held."""
-    result: Floats = np.sum(np.where(np.isfinite(chain.mass), chain.mass, 0.0) * v, axis=-1)
     return result
 
 

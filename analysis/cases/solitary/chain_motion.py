@@ -1,4 +1,4 @@
-"""Motion of a chain of spheres: symplectic steps of two orders, DOP853, and a window that moves along with a pulse.
+"""Motion of a chain of spheres: symplectic steps of two orders, and DOP853.
 
 A symplectic scheme is a composition of velocity Verlet, a step h replaced by steps γ_i h:
 
@@ -17,7 +17,7 @@ has no such event: its overlap comes and goes faster than any power.
 
 Good values: a step of `collision_time` / 80 for VERLET (1.4e-4 of the velocities after 12 collision times), / 20 for
 SIXTH (3e-6), rtol = 1e-10 for DOP853 (2e-8). An evaluation of all forces takes half a µs of processor time for a
-hundred spheres, 10 µs without a compiler or with dashpots. `granular-analysis impact` draws error over cost.
+hundred spheres, 10 µs without a compiler or with dashpots.
 """
 
 from math import gamma, pi, sqrt
@@ -25,7 +25,7 @@ from math import gamma, pi, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cases.solitary.chain import Array, Chain, Floats, acceleration, energies, forces, linear_stiffness
+from cases.solitary.chain import Array, Chain, Floats, acceleration, energies, linear_stiffness
 from cases.solitary.chain_loop import chain_slope
 from granular_analysis.theory.integrator import dop853
 
@@ -35,11 +35,7 @@ VERLET: Scheme = (1.0,)
 # W. Kahan & R.-C. Li, Mathematics of Computation 66, 1089 (1997), nine steps; their order 6 is measured in a test
 _OUTER = (0.39216144400731413928, 0.33259913678935943860, -0.70624617255763935981, 0.08221359629355080023)
 SIXTH: Scheme = (*_OUTER, 1 - 2 * sum(_OUTER), *reversed(_OUTER))
-AHEAD = 24  # spheres at rest in front of a window; the front of a pulse underflows within 12
-BEHIND = 12  # spheres that have parted and stay in a window; a pulse that comes back moves by 4 in a round
-RESIDUE = 1e-13  # share of the fastest velocity; rounding leaves 1e-16 behind a pulse
 AROUND = 4  # samples on each side of the highest, through which its peak is found
-ROUND = 2.0  # the time between two moves of a window, in collision times
 
 
 def collision_time(stiffness: float, mass: float, velocity: float) -> float:
@@ -131,73 +127,6 @@ def integrate(chain: Chain, u: Floats, v: Floats, times: ArrayLike, rtol: float 
     slope = chain_slope(chain, length, speed) or derivative
     states = dop853(slope, start, np.asarray(times, dtype=float) * (speed / length), rtol, rtol, np.inf)
     return states[:, 0] * length, states[:, 1] * speed
-
-
-def follow(
-    chain: Chain, u: Floats, v: Floats, step: float, steps: int, scheme: Scheme = VERLET, clearance: int = AHEAD
-) -> tuple[Floats, Floats]:
-    """Return displacements and velocities (n,) after the steps, as `march` does, at a cost that no length adds to.
-
-    Only spheres in a window move by the scheme. Those ahead of it are at rest; those behind it fly freely, none faster
-    than the next. Both are checked: a sphere that may meet another stays, and what comes back, from a wall or a heavy
-    sphere, finds those behind in the window again.
-
-    clearance : spheres at rest ahead of the pulse that the window holds.
-
-    Raises ValueError for a chain with compressed contacts, through which sound would leave the window, with dashpots,
-    which hold spheres together behind the wave, and for a negative step, RuntimeError if the clearance is too small.
-    """
-    if chain.damped:
-        raise ValueError(f"restitution = {chain.restitution}: must be 1 in a window; take march")
-    if not step > 0:
-        raise ValueError(f"step must be positive, not {step}: backward, spheres that fly apart meet")
-    if np.any(chain.overlap[chain.stiffness > 0] > 0):
-        raise ValueError("only a chain of spheres that just touch has a window: overlap must not be positive")
-    u, v, count = u.copy(), v.copy(), len(chain)
-    left = np.zeros(count, dtype=int)  # the step at which a sphere began to fly
-    stiffest, first, last, done = float(chain.stiffness.max()), 0, count, 0
-    while done < steps:
-        moving = np.flatnonzero((u[first:last] != 0) | (v[first:last] != 0))
-        if not moving.size:
-            break
-        last = min(first + int(moving[-1]) + 1 + clearance, count)
-        window, part = slice(first, last), _part(chain, first, last)
-        soon = collision_time(stiffest, float(part.mass.min()), float(np.abs(v[window]).max()))
-        some = min(max(int(ROUND * soon / step), 1), steps - done)
-        (u[window],), (v[window],) = march(part, u[window], v[window], step, some, scheme)
-        done += some
-        if last < count and (u[last - 1] != 0 or v[last - 1] != 0):
-            raise RuntimeError(f"the motion has passed sphere {last}, the end of its window: take a larger clearance")
-        begin = max(first + _parted(part, u[window], v[window]) - BEHIND, 0)
-        left[first:begin] = done
-        again = slice(begin, max(first, begin))
-        u[again] += v[again] * ((done - left[again]) * step)
-        first = begin
-    u[:first] += v[:first] * ((steps - left[:first]) * step)
-    return u, v
-
-
-def _part(chain: Chain, first: int, last: int) -> Chain:
-    """Return the spheres first … last − 1, without contacts to others."""
-    stiffness = chain.stiffness[first : last + 1].copy()
-    stiffness[0] *= first == 0
-    stiffness[-1] *= last == len(chain)
-    return Chain(chain.mass[first:last], stiffness, chain.overlap[first : last + 1])
-
-
-def _parted(part: Chain, u: Floats, v: Floats) -> int:
-    """Return how many spheres at the left have parted for good: no contact, and none faster than the next.
-
-    What rounding leaves behind a pulse, below RESIDUE of its velocity, counts as parted.
-    """
-    fastest = float(np.abs(v).max())
-    rate = fastest / collision_time(float(part.stiffness.max()), float(part.mass.min()), fastest)
-    pushed = forces(part, u)[:-1] > RESIDUE * rate * float(part.mass.min())
-    faster = np.append(-v[0] if part.stiffness[0] else 0.0, v[:-1] - v[1:]) > RESIDUE * fastest
-    together = np.flatnonzero((pushed | faster)[1:])
-    if pushed[0] or faster[0] or not together.size:
-        return 0
-    return int(together[0])
 
 
 def peak(times: ArrayLike, values: ArrayLike) -> tuple[float, float]:

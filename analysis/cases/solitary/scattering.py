@@ -91,29 +91,24 @@ class Scattered:
     velocity: float
 
 
-def impurity(mass: float, stiffness: float = 1.0) -> Scattered:
-    """Return what an impurity makes of a solitary wave.
+def impurity(mass: float) -> Scattered:
+    """Return what an impurity, with contacts of the same A, makes of a solitary wave.
 
     Parameters
     ----------
     mass : of the impurity, over that of the other spheres, from 0.1 to 30: what passes a heavier one is too slow to be
         measured in the time of a run.
-    stiffness : A of its two contacts, over that of the others, from 0.5 to 2; √(2R/(1 + R)), R = mass^{1/3}, for a
-        larger or smaller sphere of the same material.
 
     What `kept` holds leaks away in time.
     """
     if not 0.1 <= mass <= 30:
         raise ValueError(f"mass must be from 0.1 to 30 times that of a sphere, not {mass:g}")
-    if not 0.5 <= stiffness <= 2:
-        raise ValueError(f"stiffness must be from 0.5 to 2 times that of a contact, not {stiffness:g}")
     place = HALF + AWAY[1]
     count = place + AWAY[1] + 2 * HALF
     equal = uniform(count)
-    masses, contacts = equal.mass.copy(), equal.stiffness.copy()
+    masses = equal.mass.copy()
     masses[place] = mass
-    contacts[[place, place + 1]] = stiffness
-    chain = compressed(masses, contacts)
+    chain = compressed(masses, equal.stiffness)
     u, v = WAVE.start(count, HALF)
     steps = round(DURATION / STEP)
     us, vs = march(chain, u, v, STEP, steps, SIXTH, every=1)

@@ -3,18 +3,15 @@
     granular-analysis spectrum SWEEP... [-o FILE]
 
 Each SWEEP is the folder of a sweep over mode and wave number (``granular-lmp sweep``), over two time steps h and h/2 as
-well if Richardson's extrapolation is wanted, and over the amplitude of the wave for a family of each; ``make spectrum``
-makes them. p(τ) of each run is fitted with the time functions of its wave (`cases.spectrum.points`); the
-amplitude is drawn over that of theory, with the deviation below. Resonance and antiresonance are located twice for each
-amplitude of the wave, by theory and by the runs alone. Runs of different spheres or contacts are refused: theory is one
-line.
+well if Richardson's extrapolation is wanted; ``make spectrum`` makes them. p(τ) of each run is fitted with the time
+functions of its wave (`cases.spectrum.points`); the amplitude is drawn over that of theory, with the deviation below.
+Resonance and antiresonance are located twice, by theory and by the runs alone. Runs of different spheres, contacts or
+amplitudes are refused: theory is one line.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import partial
-from itertools import cycle
-from typing import TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -37,18 +34,19 @@ from granular_analysis.theory.wave import Wave, antiresonance, generated, nonlin
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
-T = TypeVar("T")
 BOUND = 5e-3  # drawn: the median deviation is to stay below it
-MARKERS = "os^Dv"  # by the amplitude of the wave
 Measured = tuple[Sequence[Point], Sequence[Record]]  # points of sweeps, and their runs, extrapolated
 TITLES = {"TR": "transverse-rotational", "RT": "rotational-transverse", "L": "longitudinal"}
 
 
 def refuse(records: Sequence[Record]) -> None:
-    """Raise ValueError for runs that are none of these, and for one mode with several contacts, of many lines."""
+    """Raise ValueError for runs that are none of these, several amplitudes, and several contacts of one mode."""
     for record in records:
         if reason := refusal(record):
             raise ValueError(f"{record.folder}: {reason}")
+    amplitudes = sorted({record.scene.amplitude for record in records})
+    if len(amplitudes) > 1:
+        raise ValueError(f"wave.amplitude = {', '.join(f'{each:g}' for each in amplitudes)}: must be one for all runs")
     first: dict[str, tuple[Record, Contact]] = {}
     for record in records:
         here = wave_of(record).contact
@@ -63,56 +61,40 @@ def refuse(records: Sequence[Record]) -> None:
 
 
 def table(found: Measured) -> str:
-    """Deviation from theory by mode and amplitude of the wave, and both locations, of runs and theory."""
+    """Deviation from theory by mode, and both locations, of runs and theory."""
     points, records = found
+    amplitude = records[0].scene.amplitude
     lines = [
         f"{'':4}{'D0/Delta0':>10}{'runs':>6}{'deviation, median':>19}{'largest':>10}{'standard error, median':>24}"
     ]
-    for name, amplitude in families(points):
-        these = family(points, name, amplitude)
+    for name, these in by_mode(points).items():
         off = np.abs([each.deviation for each in these])
         error = np.median([abs(each.error / each.predicted) for each in these])
         lines.append(f"{name:4}{amplitude:9g}{len(off):6}{np.median(off):19.1e}{off.max():10.1e}{error:24.1e}")
-    amplitudes = [amplitude for name, amplitude in families(points) if name == "TR"]
-    if amplitudes:
+    if "TR" in by_mode(points):
         contact = _wave(records, "TR").contact
         lines.append(f"\n{'':13}{'D0/Delta0':>10}{'from the runs':>21}{'theory':>12}{'difference':>12}")
-        zero, pole = partial(antiresonance, contact), partial(resonance, contact)
-    for amplitude in amplitudes:
-        runs = [record for record in records if record.scene.amplitude == amplitude]
-        these = family(points, "TR", amplitude)
-        lines.append(_located("resonance", amplitude, locate_resonance, runs, pole))
-        lines.append(_located("antiresonance", amplitude, locate_antiresonance, these, zero))
+        zero, pole = partial(locate_antiresonance, points), partial(locate_resonance, records)
+        lines.append(_located("resonance", amplitude, pole, resonance(contact)))
+        lines.append(_located("antiresonance", amplitude, zero, antiresonance(contact)))
     return "\n".join(lines)
 
 
-def _located(
-    name: str,
-    amplitude: float,
-    locate: Callable[[Sequence[T]], tuple[float, float]],
-    runs: Sequence[T],
-    theory: Callable[[], float | None],
-) -> str:
+def _located(name: str, amplitude: float, locate: Callable[[], tuple[float, float]], expected: float | None) -> str:
     line = f"{name:13}{amplitude:10g}"
     try:
-        (place, error), expected = locate(runs), theory()
+        place, error = locate()
     except ValueError as reason:
         return f"{line}   not located: {reason}"
     shown = f"{'none':>12}" if expected is None else f"{expected:12.6f}{place - expected:12.1e}"
     return f"{line}{place:11.6f} ±{error:8.1e}{shown}"
 
 
-def families(points: Sequence[Point]) -> list[tuple[str, float]]:
-    """Return the modes, in the order of `TITLES`, with the amplitudes of the wave, in ascending order."""
-    return sorted(
-        {(each.mode, each.amplitude) for each in points}, key=lambda one: (list(TITLES).index(one[0]), one[1])
-    )
-
-
-def family(points: Sequence[Point], mode: str, amplitude: float) -> list[Point]:
-    """Return the points of a mode and an amplitude of the wave, by wave number."""
-    these = (each for each in points if (each.mode, each.amplitude) == (mode, amplitude))
-    return sorted(these, key=lambda each: each.wavenumber)
+def by_mode(points: Sequence[Point]) -> dict[str, list[Point]]:
+    """Return the points of each mode, in the order of `TITLES`, by wave number."""
+    ordered = sorted(points, key=lambda each: each.wavenumber)
+    found = {name: [each for each in ordered if each.mode == name] for name in TITLES}
+    return {name: these for name, these in found.items() if these}
 
 
 def _wave(records: Sequence[Record], name: str) -> Wave:
@@ -121,39 +103,29 @@ def _wave(records: Sequence[Record], name: str) -> Wave:
 
 
 def draw(found: Measured) -> Figure:
-    """Draw the amplitude of each mode over the wave number, runs on theory, and below the deviation of each run.
-
-    Each amplitude of the wave has its marker; standard errors are drawn where there is one amplitude.
-    """
+    """Draw the amplitude of each mode over the wave number, runs on theory; below, deviations and standard errors."""
     points, records = found
-    names = list(dict.fromkeys(name for name, _ in families(points)))
-    amplitudes = sorted({each.amplitude for each in points})
-    several = len(amplitudes) > 1
-    figure = Figure(figsize=(1.0 + 3.6 * len(names), 6.2), layout="constrained")
-    panels = figure.subplots(2, len(names), sharex=True, sharey="row", squeeze=False, height_ratios=(2, 1.2))
-    for name, above, below in zip(names, *panels, strict=True):
+    families = by_mode(points)
+    figure = Figure(figsize=(1.0 + 3.6 * len(families), 6.2), layout="constrained")
+    panels = figure.subplots(2, len(families), sharex=True, sharey="row", squeeze=False, height_ratios=(2, 1.2))
+    for (name, these), above, below in zip(families.items(), *panels, strict=True):
         _theory(above, _wave(records, name))
-        for amplitude, marker in zip(amplitudes, cycle(MARKERS), strict=False):
-            these = family(points, name, amplitude)
-            _amplitudes(above, these, marker, COLOURS[name], labelled=amplitude == amplitudes[0])
-            xis = [each.wavenumber for each in these]
-            label = rf"{amplitude:g} $\Delta_0$" if several else "LAMMPS"
-            off = [abs(each.deviation) for each in these]
-            below.semilogy(xis, off, marker, markersize=3, color=COLOURS[name], label=label)
-            if not several:
-                errors = [abs(each.error / each.predicted) for each in these]
-                below.semilogy(xis, errors, color="tab:grey", linewidth=1, label="standard error")
+        _amplitudes(above, these, COLOURS[name])
+        xis = [each.wavenumber for each in these]
+        below.semilogy(xis, [abs(each.deviation) for each in these], "o", ms=3, color=COLOURS[name], label="LAMMPS")
+        errors = [abs(each.error / each.predicted) for each in these]
+        below.semilogy(xis, errors, color="tab:grey", linewidth=1, label="standard error")
         below.axhline(BOUND, color="black", linewidth=0.8, linestyle=":", label=f"{BOUND:.1%}")
         below.set(xlabel=r"wave number $\xi$ (rad per row)", xlim=(0, np.pi))
     panels[0, 0].set(ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)", ylim=(3e-6, 300))
     panels[1, 0].set(ylabel="relative deviation", ylim=(1e-7, 1))
     panels[0, 0].legend(frameon=False, fontsize="small", loc="upper left")
     panels[1, 0].legend(frameon=False, fontsize="small", loc="upper left", ncols=3, columnspacing=1, handlelength=1.5)
-    end, listed = max(record.tau[-1] for record in records), ", ".join(f"{amplitude:g}" for amplitude in amplitudes)
+    end, amplitude = max(record.tau[-1] for record in records), records[0].scene.amplitude
     figure.suptitle(
         "second harmonic in LAMMPS"
-        + (", " if len(names) > 1 else "\n")
-        + rf"$D_0$ = {listed} $\Delta_0$, $\tau \leq$ {end:g}"
+        + (", " if len(families) > 1 else "\n")
+        + rf"$D_0$ = {amplitude:g} $\Delta_0$, $\tau \leq$ {end:g}"
     )
     return figure
 
@@ -165,11 +137,11 @@ def _theory(axes: Axes, wave: Wave) -> None:
     axes.set_title(f"{name}, {TITLES[name]}", fontsize="medium")
 
 
-def _amplitudes(axes: Axes, points: Sequence[Point], marker: str, colour: str, *, labelled: bool) -> None:
+def _amplitudes(axes: Axes, points: Sequence[Point], colour: str) -> None:
     for positive, face, label in ((True, colour, "LAMMPS, > 0"), (False, "white", "LAMMPS, < 0")):
         these = [(each.wavenumber, abs(each.value)) for each in points if (each.value > 0) == positive]
         marks = {"markersize": 3.5, "color": colour, "markerfacecolor": face}
-        axes.semilogy(*np.reshape(these, (-1, 2)).T, marker, **marks, label=label if labelled else None)
+        axes.semilogy(*np.reshape(these, (-1, 2)).T, "o", **marks, label=label)
 
 
 def measure(runs: Sequence[Record]) -> Measured:

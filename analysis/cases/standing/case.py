@@ -3,11 +3,11 @@
     granular-analysis standing RUN [-o FILE]
 
 The script reads a run of form "standing" with snapshots of all spheres and prints relative L2 errors of the theory over
-all rows and times that the walls have not reached. The left panels show the wave over the rows, in each third of the
-run when p_SH is largest to one side; the right ones over time, at rows where fundamental and second harmonic are large;
-dots are the run, lines theory; below, what is left. For L the second harmonic of the run is what the linear wave leaves
-of p: this holds third-order changes of the fundamental as well, so its relative error is of order a; for TR and RT, a².
-With the incremental shear law LAMMPS's own error is of first order in the step, and soon larger: halve it and compare.
+all rows and times that the walls have not reached. The panels show the wave over the rows, in each third of the run
+when p_SH is largest to one side; dots are the run, lines theory; below, what is left. For L the second harmonic of the
+run is what the linear wave leaves of p: this holds third-order changes of the fundamental as well, so its relative
+error is of order a; for TR and RT, a². With the incremental shear law LAMMPS's own error is of first order in the step,
+and soon larger: halve it and compare.
 """
 
 from dataclasses import dataclass
@@ -110,31 +110,28 @@ def compare(record: Record, rows: Rows) -> Comparison:
 
 
 def draw(found: Comparison) -> Figure:
-    """Left: over the rows at three times. Right: over time at two rows."""
-    figure = Figure(figsize=(10, 8), layout="constrained")
-    panels = figure.subplots(3, 2, sharex="col", height_ratios=[3, 3, 2])
-    names = ["p" if found.wave.mode.name == "L" else "q", HARMONIC]
-    _over_rows(list(panels[:, 0]), found, names)
-    _over_time(list(panels[:, 1]), found, names)
+    """Draw the fundamental and the second harmonic over the rows at three times; below, what is left."""
+    figure = Figure(figsize=(7.5, 7), layout="constrained")
+    panels = list(figure.subplots(3, 1, sharex=True, height_ratios=[3, 3, 2]))
+    fundamental = "p" if found.wave.mode.name == "L" else "q"
+    _over_rows(panels, found, [fundamental, HARMONIC])
     errors = ",  ".join(f"{key} {value:.1e}" for key, value in found.errors().items())
     figure.suptitle(
         rf"standing {found.wave.mode.name}, $\xi$ = {found.wave.mode.wavenumber:.4g}, $a$ = {found.wave.amplitude:g}; "
         f"relative errors: {errors}",
         fontsize="medium",
     )
-    letter(panels.T.ravel())
-    for axes in panels.ravel():
+    letter(panels)
+    labels = {"p": "$p = v/D_0$", "q": "$q = -u/D_0$"}[fundamental], r"$p_{\rm SH}$", r"|error| of $p_{\rm SH}$"
+    for axes, label in zip(panels, labels, strict=True):
         axes.margins(x=0.01)
-    for axes in panels[:2].ravel():
-        axes.ticklabel_format(axis="y", scilimits=(-2, 3))
-    fundamental = "$p = v/D_0$" if found.wave.mode.name == "L" else "$q = -u/D_0$"
-    for axes, label in zip(panels[:, 0], (fundamental, r"$p_{\rm SH}$", r"|error| of $p_{\rm SH}$"), strict=True):
         axes.set_ylabel(label)
-    panels[2, 0].set_xlabel("row $n$ (grey: nodes; dotted: antinodes)")
-    panels[2, 1].set_xlabel(r"time $\tau$")
+    for axes in panels[:2]:
+        axes.ticklabel_format(axis="y", scilimits=(-2, 3))
+    panels[2].set_xlabel("row $n$ (grey: nodes; dotted: antinodes)")
+    panels[2].xaxis.set_major_locator(MaxNLocator(integer=True))
     # Outside the panels, where no curve is covered
-    panels[2, 0].xaxis.set_major_locator(MaxNLocator(integer=True))
-    handles = panels[0, 0].get_legend_handles_labels()
+    handles = panels[0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside lower center", ncols=3, frameon=False, title="dots: run, lines: theory")
     return figure
 
@@ -160,22 +157,6 @@ def _over_rows(panels: list[Axes], found: Comparison, names: list[str]) -> None:
         for axes in panels[:2]:
             place = (quarter * np.pi / 2 - found.wave.phase) / xi
             axes.axvline(place, color="silver", linestyle="-" if quarter % 2 else ":", linewidth=0.8, zorder=0)
-
-
-def _over_time(panels: list[Axes], found: Comparison, names: list[str]) -> None:
-    theta, run, tau = found.wave.mode.wavenumber * found.n + found.wave.phase, found.measured(), found.run.tau
-    near = np.abs(found.n) <= 1 + np.pi / found.wave.mode.wavenumber
-    for axes, name, size in zip(panels, names, (np.cos(theta), np.sin(2 * theta)), strict=False):
-        row = int(np.argmax(np.where(near, np.abs(size), -1.0)))
-        use = found.clean[:, row]
-        fine = np.linspace(tau[use][0], tau[use][-1], 1001)
-        axes.plot(fine, found.theory(fine, found.n[row])[name], color="tab:red", linewidth=1.0, label="theory")
-        axes.plot(tau[use], run[name][use, row], ".", color="black", markersize=3, label="run")
-        axes.set_title(f"row {found.n[row]}", fontsize="medium")
-    # The first snapshot is the start, which both share
-    use = use & (tau > tau[0])
-    residual = np.abs(run[HARMONIC][use, row] - found.theory(tau[use], found.n[row])[HARMONIC])
-    panels[2].semilogy(tau[use], residual, color="black", linewidth=0.8)
 
 
 def table(found: Comparison) -> str:

@@ -28,7 +28,7 @@ from granular_analysis.theory.errors import TheoryError, one_of
 from granular_analysis.theory.network import LAWS, Material, Network
 from granular_analysis.theory.network_laws import ADHESIONS
 from granular_analysis.theory.network_motion import Trajectory
-from granular_analysis.theory.network_state import State, loaded, start
+from granular_analysis.theory.network_state import State, loaded, settled, start
 from granular_lmp.runs.record import Record
 
 __all__ = ["first_snapshot"]
@@ -158,12 +158,15 @@ def network_of(record: Record, spheres: Spheres, recorded: int) -> FirstSnapshot
         rotation=on.get("rotation", True),
         viscosity=getattr(declared, "viscosity", 0.0) / (scales.kilogram / scales.second) if damped else 0.0,
         restitution=declared.restitution if damped and declared.restitution < 1 else None,
-        adhesion=one_of(ADHESIONS, scene.sphere.adhesion_law, "adhesion"),
+        adhesion=one_of(ADHESIONS, scene.material.adhesion_law, "adhesion"),
     )
     _refuse_replaced(record, network)
     network = replace(network, **outside(record, network, scales))
     direction = ALONG_Y if scene.wave is None else scene.direction
-    return FirstSnapshot(network, loaded(network, state.motion), recorded, scales, direction)
+    state = loaded(network, state.motion)
+    if not scene.held_at_rest:  # contacts of spheres that just touch begin where they overlap
+        state = settled(network, replace(state, begun=np.zeros_like(state.begun)))
+    return FirstSnapshot(network, state, recorded, scales, direction)
 
 
 def scales_of(record: Record) -> Scales:

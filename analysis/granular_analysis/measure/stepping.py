@@ -97,7 +97,10 @@ class NetworkEngine:
                 )
 
     def begin(self, setting: Setting) -> "Motion":
-        """Return the motion of a run; raises SceneError for what the network does not hold."""
+        """Return the motion of a run; raises SceneError for what the network does not hold.
+
+        A process that was handed the engine of another prepares its own device.
+        """
         record = Record(np.empty(0), {}, setting.scene, dict(setting.info))
         begun, size = setting.spheres, np.linalg.norm(setting.spheres.rotation, axis=1, keepdims=True)
         turn = begun.rotation
@@ -115,11 +118,18 @@ class NetworkEngine:
             begun.cell,
         )
         try:
+            if self.traced and (here := NetworkEngine.on(kind_of(self.device)).device) != self.device:
+                raise TheoryError(f"device: the engine is of {self.device}, and this process has {here}")
             if lacks := missing(NETWORK, others_of(record)):
                 raise TheoryError(f"the network leaves out {', '.join(lacks)}")
             return Motion(network_of(record, spheres, setting.recorded), setting, self.traced)
         except TheoryError as error:
             raise SceneError(str(error), because="not built") from error
+
+
+def kind_of(device: str) -> str:
+    """Return what `NetworkEngine.on` takes for a device as ``run.json`` names it."""
+    return device.split(",")[0].split()[0]
 
 
 def _free() -> float:
@@ -196,7 +206,7 @@ class Moment:
         Of what they turn it is the spin that contacts see in the next step, as LAMMPS sets it at the end of one.
         """
         network, now = self.of.network, self.found.now
-        rows = np.stack([np.asarray(row[spheres]) for row in now.motion])
+        rows = np.array(self.of.steps.taken(now.motion, spheres))
         here, ahead = network_verlet.signals(network, self.of.step, self.number, 2)
         for each, (value, rate), (_, next_rate) in zip(network.drives, here, ahead, strict=True):
             if each.moves:
@@ -220,7 +230,7 @@ class Moment:
 
     def forces(self, spheres: Integers) -> Floats:
         """Return the forces on spheres that are free to move, (n, d)."""
-        rates = np.stack([np.asarray(row[spheres]) for row in self.found.now.rates[: self.of.network.dimension]])
+        rates = self.of.steps.taken(self.found.now.rates[: self.of.network.dimension], spheres)
         return np.asarray((rates * self.of.network.mass[spheres]).T)
 
     def contacts(self, spheres: Integers) -> tuple[Integers, Floats]:

@@ -117,6 +117,33 @@ class Wall(NamedTuple):
         return np.asarray((position - np.array(self.point)) @ np.array(self.normal))
 
 
+class Acting(NamedTuple):
+    """Of a drive, the row of the motion that it acts on, and whether it moves spheres."""
+
+    component: int
+    moves: bool
+
+
+class Traits(NamedTuple):
+    """What a step asks of a network beside arrays, by its names: those of equal traits share what JAX has traced.
+
+    Of spheres and walls that is how many there are.
+    """
+
+    position: range
+    walls: range
+    drives: tuple[Acting, ...]
+    dimension: int
+    freedoms: int
+    law: Law
+    adhesion: Adhesion
+    adheres: bool
+    shear: bool
+    friction: float
+    viscosity: float
+    restitution: float | None
+
+
 @dataclass(frozen=True, eq=False)
 class Network:
     """N spheres at rest and the laws of their contacts, in any consistent units.
@@ -252,6 +279,24 @@ class Network:
     def adheres(self) -> bool:
         """Return whether any of the materials adheres."""
         return any(each.work_of_adhesion > 0 for each in self.materials)
+
+    @property
+    def traits(self) -> Traits:
+        """Return what a step asks beside arrays."""
+        return Traits(
+            range(len(self.position)),
+            range(len(self.walls)),
+            tuple(Acting(each.component, each.moves) for each in self.drives),
+            self.dimension,
+            self.freedoms,
+            self.law,
+            self.adhesion,
+            self.adheres,
+            self.shear,
+            self.friction,
+            self.viscosity,
+            self.restitution,
+        )
 
     @property
     def margin(self) -> float:

@@ -19,13 +19,14 @@ Breaks where a contact of the incremental law opens: ½S²/k has no bound there.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_state import Contacts, Pairs, State, present, slip
-from granular_analysis.theory.network_tangents import dot, quotient
+from granular_analysis.theory.network_tangents import dot, module_of, quotient
 
 Floats = NDArray[np.float64]
 
@@ -59,10 +60,10 @@ def kinetic_energy(network: Network, state: State) -> float:
     return float(speeds[free].sum()) / 2
 
 
-def work_rate(network: Network, pairs: Pairs, now: Contacts) -> float:
+def work_rate(network: Network, pairs: Pairs, now: Contacts) -> Any:
     """Return dW/dt of the shear law and of the lever arm: the equation at the top of this module."""
     # ½ (dk/dδ)(S/k)² = ½ (S²/k) d(ln k)/dδ, and k ∝ a
     work = 2 * now.stiffness * pairs.normal.spreading(now.overlap, now.radius)
     law = dot(now.normal, now.rate) * quotient(dot(now.spring, now.spring), work, work > 0, 0.0)
     lever = pairs.shortened * now.overlap * dot(now.twist, now.spins)
-    return float(np.sum((law if network.law == "incremental" else -law) - lever))
+    return module_of(lever).sum((law if network.law == "incremental" else -law) - lever)

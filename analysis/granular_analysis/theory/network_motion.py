@@ -278,7 +278,7 @@ class _Rates:
         now = contacts(self.network, motion, self.start.pairs, shear, self.start.begun)
         load[...] = resultants(self.start.pairs, now)
         shear_rate[...] = now.memory_rate
-        return work_rate(self.network, self.start.pairs, now)
+        return float(work_rate(self.network, self.start.pairs, now))
 
     def settled(self, reached: State) -> tuple[State, bool]:
         """Return the state of the last evaluation settled, and whether it was so: if not, its slope is another."""

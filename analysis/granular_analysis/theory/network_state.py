@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.errors import TheoryError
-from granular_analysis.theory.network import Network, Wall
+from granular_analysis.theory.network import Network, Traits, Wall
 from granular_analysis.theory.network_laws import LAWS, Dmt, Jkr
 from granular_analysis.theory.network_tangents import (
     Tangents,
@@ -227,7 +227,7 @@ def _reached(network: Network, wall: Wall, number: int, displacement: Floats) ->
     return [*ends, np.outer(normal, far), far, overlap, radii, none, mass, *network.on_wall(wall, spheres)]
 
 
-def with_walls(network: Network, motion: Vector) -> Vector:
+def with_walls(network: Network | Traits, motion: Vector) -> Vector:
     """Return rows (N,) of a motion, with those of the walls behind them if there are any."""
     if not network.walls:
         return motion
@@ -235,7 +235,7 @@ def with_walls(network: Network, motion: Vector) -> Vector:
     return [xp.concatenate([row, xp.zeros(len(network.walls))]) for row in motion]
 
 
-def dashpots(network: Network, pairs: Pairs, root: Floats) -> Floats:
+def dashpots(network: Network | Traits, pairs: Pairs, root: Floats) -> Floats:
     """Return η of pairs whose overlap has the root `root`, 0 where open, (M,)."""
     xp = module_of(root)
     if network.restitution is None:
@@ -260,7 +260,7 @@ def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats, beg
     return acting(network, pairs, meetings(network, motion, pairs, begun), memory)
 
 
-def meetings(network: Network, motion: Vector, pairs: Pairs, begun: Bools | bool = False) -> Meetings:
+def meetings(network: Network | Traits, motion: Vector, pairs: Pairs, begun: Bools | bool = False) -> Meetings:
     """Return how the spheres of the pairs meet, before any force; parameters as of `contacts`."""
     xp, dimension, freedoms = module_of(motion[0]), network.dimension, network.freedoms
     here = [row[pairs.first] for row in motion]
@@ -295,7 +295,7 @@ def meetings(network: Network, motion: Vector, pairs: Pairs, begun: Bools | bool
     )
 
 
-def acting(network: Network, pairs: Pairs, met: Meetings, memory: Vector) -> Contacts:
+def acting(network: Network | Traits, pairs: Pairs, met: Meetings, memory: Vector) -> Contacts:
     """Return the forces of pairs that meet so, and the rate of their memory, of d − 1 parts."""
     xp = module_of(met.overlap)
     frame, closed, slip_rate = met.tangents, met.closed, met.slip_rate

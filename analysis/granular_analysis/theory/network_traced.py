@@ -18,7 +18,7 @@ from jax import numpy as jnp
 from numpy.typing import NDArray
 
 from granular_analysis.theory import network_verlet as verlet
-from granular_analysis.theory.network import Network
+from granular_analysis.theory.network import Network, Traits
 from granular_analysis.theory.network_laws import LAWS
 from granular_analysis.theory.network_state import Pairs, State
 from granular_analysis.theory.network_verlet import (
@@ -45,24 +45,25 @@ def arrays_of(pairs: Pairs) -> Arrays:
     return {each.name: jnp.asarray(getattr(pairs, each.name)) for each in fields(pairs) if each.name != "normal"}
 
 
-def pairs_of(network: Network, arrays: Arrays) -> Pairs:
+def pairs_of(network: Network | Traits, arrays: Arrays) -> Pairs:
     """Return the pairs of traced arrays."""
     return Pairs(**arrays, normal=LAWS[network.adhesion](arrays["A"], arrays["F"]))
 
 
 @partial(jax.jit, static_argnums=0)
 def advanced(
-    network: Network, arrays: Arrays, bodies: Bodies, now: Carried, values: Any, count: int
+    traits: Traits, arrays: Arrays, bodies: Bodies, now: Carried, values: Any, count: int
 ) -> tuple[Carried, Any]:
     """Return the motion after so many steps, and how far spheres were at most from their search.
 
-    There are `AT_ONCE` values, of which the first count. The number is traced, so that this is compiled once.
+    There are `AT_ONCE` values, of which the first count. The number is traced, so that this is compiled once, for all
+    networks with equal traits and shapes.
     """
-    pairs = pairs_of(network, arrays)
+    pairs = pairs_of(traits, arrays)
 
     def one(number: Any, carry: tuple[Carried, Any]) -> tuple[Carried, Any]:
         now, farthest = carry
-        now = stepped(network, pairs, bodies, now, values[number])
+        now = stepped(traits, pairs, bodies, now, values[number])
         far = [jnp.max(jnp.abs(way - from_)) for way, from_ in zip(now.motion, pairs.place, strict=False)]
         return now, jnp.maximum(farthest, jnp.max(jnp.stack(far)))
 
@@ -70,16 +71,26 @@ def advanced(
 
 
 @partial(jax.jit, static_argnums=0)
+def _extremes(traits: Traits, arrays: Arrays, now: Carried, rested: Any, near: Any) -> tuple[Any, ...]:
+    return verlet.extremes(traits, pairs_of(traits, arrays), now, rested, near)
+
+
 def extremes(network: Network, arrays: Arrays, now: Carried, rested: Any, near: Any) -> tuple[Any, ...]:
     """Return what `granular_analysis.theory.network_verlet.extremes` does."""
-    return verlet.extremes(network, pairs_of(network, arrays), now, rested, near)
+    return _extremes(network.traits, arrays, now, rested, near)
+
+
+@jax.jit
+def taken(rows: Any, spheres: Any) -> Any:
+    """Return what `granular_analysis.theory.network_verlet.taken` does, of the device in one call."""
+    return jnp.stack([row[spheres] for row in rows])
 
 
 def moments(
     network: Network, state: State, step: float, stops: Iterable[int], begin: Moment | None = None
 ) -> Iterator[Moment]:
     """Yield the motion as `granular_analysis.theory.network_verlet.moments` does, what is carried on the device."""
-    bodies = Bodies.of(network, step)
+    bodies, traits = Bodies.of(network, step), network.traits
     done, state, now = begin or Moment(0, state, begun(network, state, bodies))
     arrays, bodies, now = arrays_of(state.pairs), on_device(bodies), on_device(now)
     for stop in stops:
@@ -88,7 +99,7 @@ def moments(
             count = min(most, stop - done)
             values = np.zeros((AT_ONCE, len(network.drives), 2))
             values[:count] = signals(network, step, done + 1, count)
-            after, farthest = advanced(network, arrays, bodies, now, values, count)
+            after, farthest = advanced(traits, arrays, bodies, now, values, count)
             if farthest > network.margin / 2 and count > 1:
                 most = count // 2  # contacts may have been missed: back, to fewer steps
             else:

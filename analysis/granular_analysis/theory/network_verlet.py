@@ -22,15 +22,15 @@ Good values: h from 0.05 to 0.2 t0; the error is of second order. When it breaks
 Source: LAMMPS, fix nve/sphere and pair granular (https://docs.lammps.org/pair_granular.html).
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_analysis.theory.network import Network
-from granular_analysis.theory.network_outside import imposed
+from granular_analysis.theory.network import Acting, Network, Traits
+from granular_analysis.theory.network_outside import Drive, imposed
 from granular_analysis.theory.network_state import (
     Contacts,
     Meetings,
@@ -138,19 +138,23 @@ def signals(network: Network, step: float, first: int, count: int) -> Floats:
     return xp.moveaxis(xp.asarray(found).reshape(len(network.drives), 2, count), -1, 0)
 
 
-def pushed(network: Network, bodies: Bodies, values: Floats, loads: Vector) -> Vector:
+def _drives(network: Network | Traits) -> Sequence[Drive | Acting]:
+    return network.drives
+
+
+def pushed(network: Network | Traits, bodies: Bodies, values: Floats, loads: Vector) -> Vector:
     """Return f rows of loads with forces and torques, by values (D, 2) of the signals."""
-    rows = list(loads)
-    for each, (value, _), share in zip(network.drives, values, bodies.shares, strict=True):
+    rows, drives = list(loads), _drives(network)
+    for each, (value, _), share in zip(drives, values, bodies.shares, strict=True):
         if not each.moves:
             rows[each.component] = rows[each.component] + value * share
     return rows
 
 
-def moved(network: Network, bodies: Bodies, values: Floats, motion: Vector) -> Vector:
+def moved(network: Network | Traits, bodies: Bodies, values: Floats, motion: Vector) -> Vector:
     """Return 2f rows of a motion with what is prescribed, by values (D, 2) of the signals."""
-    xp, rows = module_of(motion[0]), list(motion)
-    for each, pair, acts, share in zip(network.drives, values, bodies.acts, bodies.shares, strict=True):
+    xp, rows, drives = module_of(motion[0]), list(motion), _drives(network)
+    for each, pair, acts, share in zip(drives, values, bodies.acts, bodies.shares, strict=True):
         if each.moves:
             for row, value in zip((each.component, each.component + network.freedoms), pair, strict=True):
                 rows[row] = xp.where(acts, value * share, rows[row])
@@ -167,7 +171,7 @@ def begun(network: Network, state: State, bodies: Bodies) -> Carried:
     return Carried(tuple(state.motion), slips, now.closed, times(loads, network.mobility))
 
 
-def stepped(network: Network, pairs: Pairs, bodies: Bodies, before: Carried, values: Floats) -> Carried:
+def stepped(network: Network | Traits, pairs: Pairs, bodies: Bodies, before: Carried, values: Floats) -> Carried:
     """Return the motion one step later; `values` (D, 2) are those of the `signals` there."""
     freedoms, dimension, step = network.freedoms, network.dimension, bodies.step
     xp = module_of(before.begun)
@@ -205,13 +209,13 @@ def _turned(vector: Vector, met: Meetings) -> Vector:
     return scaled(quotient(length(vector), left, left > 0, 0.0), parts)
 
 
-def seen(network: Network, pairs: Pairs, now: Carried) -> Contacts:
+def seen(network: Network | Traits, pairs: Pairs, now: Carried) -> Contacts:
     """Return the contacts at the end of a step, with its velocities."""
     met = meetings(network, now.motion, pairs, now.begun)
     return acting(network, pairs, met, [dot(now.memory, each) for each in met.tangents.along])
 
 
-def slip_ratios(network: Network, pairs: Pairs, there: Contacts) -> Floats:
+def slip_ratios(network: Network | Traits, pairs: Pairs, there: Contacts) -> Floats:
     """Return the shear forces of contacts over those at which they slide with a friction of 1, (M,), 0 where open."""
     limit = module_of(there.overlap).abs(there.repulsion)
     if network.adheres or not (network.viscosity or network.restitution is not None):
@@ -219,7 +223,7 @@ def slip_ratios(network: Network, pairs: Pairs, there: Contacts) -> Floats:
     return quotient(length(there.shear), limit, there.closed & (limit > 0), 0.0)
 
 
-def extremes(network: Network, pairs: Pairs, now: Carried, rested: Any, near: Any) -> tuple[Any, ...]:
+def extremes(network: Network | Traits, pairs: Pairs, now: Carried, rested: Any, near: Any) -> tuple[Any, ...]:
     """Return what guards ask of the contacts of some spheres, by the names of `granular_lmp.runs.engine.Look`.
 
     Parameters
@@ -243,6 +247,11 @@ def extremes(network: Network, pairs: Pairs, now: Carried, rested: Any, near: An
         xp.max(xp.where(closed, slip_ratios(network, pairs, there), 0.0), initial=0.0),
         xp.sqrt(sum(each * each for each in turning)),
     )
+
+
+def taken(rows: Vector, spheres: NDArray[np.int64]) -> Floats:
+    """Return the values of some spheres, a row of each row (N,)."""
+    return np.stack([row[spheres] for row in rows])
 
 
 def moments(

