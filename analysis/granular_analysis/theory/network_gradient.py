@@ -236,7 +236,7 @@ def gradient(
 
 def bytes_of_gradient(run: Run, objective: Objective, factors: Factors) -> int:
     """Return the memory that `gradient` takes on the device beside what it is given, as its compiled program says."""
-    found = _value_and_slope.lower(run, objective, on_device(dict(factors))).compile().memory_analysis()
+    found: Any = _value_and_slope.lower(run, objective, on_device(dict(factors))).compile().memory_analysis()
     return int(found.temp_size_in_bytes)
 
 
