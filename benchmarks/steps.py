@@ -3,8 +3,9 @@
     python -m benchmarks.steps [--spheres N ...] [--repeats N]
 
 The scene is a TR wave in a perfect periodic sheet, whose steps all three take to the same motion. Times are processor
-seconds of all threads, over contacts and steps: of LAMMPS, on one rank, the time loop without the writing of snapshots;
-of JAX, on the device that it chooses, a run that is compiled. What came out is in RESULTS.md.
+seconds of all threads, over contacts and steps: of LAMMPS, on one rank without and with the kernel, the time loop
+without the writing of snapshots; of JAX, on the device that it chooses, a run that is compiled. What came out is in
+RESULTS.md.
 """
 
 import argparse
@@ -25,8 +26,11 @@ from granular_lmp.lammps.outputs import LOG
 STEP = 0.1  # τ
 SPHERE_STEPS = 3_000_000  # of LAMMPS and JAX; NumPy takes a tenth
 FEWEST = 20  # steps
-HEAD = ["spheres", "LAMMPS, ns", "NumPy, ns", "JAX, ns", "NumPy over LAMMPS", "JAX over LAMMPS"]
-Nanoseconds = tuple[float, float, float]
+HEAD = [
+    *("spheres", "LAMMPS, ns", "with the kernel, ns", "NumPy, ns", "JAX, ns"),
+    *("NumPy over LAMMPS", "JAX over LAMMPS", "JAX over the kernel"),
+]
+Nanoseconds = tuple[float, float, float, float]
 
 
 def perfect(spheres: int) -> tuple[Scene, int]:
@@ -38,16 +42,18 @@ def perfect(spheres: int) -> tuple[Scene, int]:
 
 
 def compared(spheres: int, folder: Path) -> Nanoseconds:
-    """Return ns a contact and step of LAMMPS, NumPy and JAX."""
+    """Return ns a contact and step of LAMMPS without and with the kernel, NumPy and JAX."""
     scene, count = perfect(spheres)
     first = first_snapshot(run(scene, folder / "run", kernel=False))
-    loop, _ = processor_seconds(folder / "run" / LOG)
+    run(scene, folder / "kernel", kernel=True)
+    loop, kernel = (processor_seconds(folder / each / LOG)[0] for each in ("run", "kernel"))
     pairs = 3 * scene.shape.spheres
     few = max(FEWEST, count // 10)
     numpy = timed(partial(marched, network_verlet.march, first, few))
     marched(network_traced.march, first, count)  # compiles
     jax = timed(partial(marched, network_traced.march, first, count))
-    return 1e9 * loop / pairs / count, 1e9 * numpy / pairs / few, 1e9 * jax / pairs / count
+    unit = 1e9 / pairs
+    return unit * loop / count, unit * kernel / count, unit * numpy / few, unit * jax / count
 
 
 def marched(march: Callable[..., Any], first: FirstSnapshot, count: int) -> None:
@@ -65,9 +71,10 @@ def timed(job: Callable[[], object]) -> float:
 
 def line(spheres: int, rounds: Sequence[Nanoseconds]) -> list[str]:
     """Return one line of the table; ratios are within rounds, and of the smallest times."""
-    lammps, numpy, jax = zip(*rounds, strict=True)
-    spreads = [spread(each) for each in (lammps, numpy, jax)]
-    return [str(spheres), *spreads, both_ratios(numpy, lammps), both_ratios(jax, lammps)]
+    lammps, kernel, numpy, jax = zip(*rounds, strict=True)
+    spreads = [spread(each) for each in (lammps, kernel, numpy, jax)]
+    ratios = [both_ratios(numpy, lammps), both_ratios(jax, lammps), both_ratios(jax, kernel)]
+    return [str(spheres), *spreads, *ratios]
 
 
 def main(argv: Sequence[str] | None = None) -> int:

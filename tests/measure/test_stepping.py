@@ -273,7 +273,7 @@ def test_numpy_takes_the_runs_that_it_ends_before_jax_has_compiled_and_continues
     assert stepping.sooner("cpu", short) == "numpy"
     assert stepping.sooner("gpu", short) == "gpu"
     for longer in (
-        {"packing.columns": 3000},
+        {"packing.columns": 4000},
         {"time.duration": 1000.0},
         {"time.duration": 600.0, "time.tolerance": 1e-3},
     ):
