@@ -84,16 +84,20 @@ SETUPS = {each.name: each for each in setups()}
 
 
 @cache
-def departures(name: str) -> np.ndarray:
-    """Return how far twenty noisy sets of a set-up are off."""
-    return SETUPS[name].departures(0.01, 20)
+def departures(name: str, sets: int = 20) -> np.ndarray:
+    """Return how far noisy sets of a set-up are off."""
+    return SETUPS[name].departures(0.01, sets)
 
 
-@pytest.mark.parametrize("name", members(SETUPS, "chain", "layer"))
-def test_intervals_of_twenty_noisy_sets_hold_the_truth(name: str) -> None:
-    coverage, bias = judged(departures(name))
-    assert np.all(coverage >= 0.8)  # 16 of 20 or fewer happen by chance in 0.3 % of trials
-    assert np.all(np.abs(bias) < 0.46)  # four deviations of the mean of 20: 0.51/√20 each
+SETS = {f"{count} of a {name}": (name, count) for name in SETUPS for count in (20, 100)}
+
+
+@pytest.mark.parametrize("which", members(SETS, *SETS.keys() - {"20 of a sheet"}))
+def test_intervals_of_noisy_sets_hold_the_truth(which: str) -> None:
+    name, sets = SETS[which]
+    coverage, bias = judged(departures(name, sets))
+    assert np.all(coverage >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / sets))  # by chance in 0.3 % of trials
+    assert np.all(np.abs(bias) < 4 * 0.51 / np.sqrt(sets))  # four deviations of the mean, 0.51 each
 
 
 def test_residuals_say_that_a_law_is_wrong() -> None:
