@@ -3,11 +3,13 @@
 Numbers are functions of a `Record`, such as those of `granular_analysis.theory.network_objectives`; what they depend on
 are the factors of `granular_analysis.theory.network_factors`.
 
-Reverse mode (`gradient`) costs about eight runs for any number of factors, with the memory of 2 √steps states: each of
-√steps parts is run again on the way back, and so is each of its steps. Forward mode (`derivative`) costs two runs for
-one direction. The change of the gradient along a direction (`hessian_product`) is forward over reverse mode.
+Reverse mode (`gradient`) costs four to eight runs for any number of factors, with the memory of 2 √steps states: each
+of √steps parts is run again on the way back, and so is each of its steps. Forward mode (`derivative`) costs as much for
+one direction, and holds no states. The change of the gradient along a direction (`hessian_product`) is forward over
+reverse mode, and costs 15 to 40 runs.
 
-Good values: a number of samples with a divisor near √(samples/every), as the parts are whole samples of equal number.
+Good values: numbers of samples, or of steps between two, with a divisor that makes a part of about √steps: parts are
+whole samples of equal number, or equal parts of each sample.
 
 When it breaks: where a contact opens, closes or slides the record has a kink, and a derivative is that of one side of
 it. `events` tells which contacts do, and how near the others are; all here refuse such a run unless they are asked.
