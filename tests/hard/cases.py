@@ -139,5 +139,6 @@ LONG: Mapping[str, Measure] = {
     "energy of a network of 600": partial(by_jax, "lasting", "kept", 24, 25, 100_000),
     "energy of a network of 10 000": partial(by_jax, "lasting", "kept", 100, 100, 2000),
     "energy of a network with shear, long": partial(by_jax, "lasting", "kept", 8, 4, 300_000, 0.03, shear=True),
-    "rounding of networks": partial(by_jax, "lasting", "rounded", [(8, 4), (24, 25)], [1000, 4000, 16_000]),
+    "rounding of networks": partial(by_jax, "lasting", "rounded", [(8, 4), (24, 25)], [8000]),
+    "rounding of a network over steps": partial(by_jax, "lasting", "rounded", [(8, 4)], [500, 4000, 32_000], 16),
 }

@@ -18,7 +18,6 @@ from granular_analysis.theory.network import Material, Network
 from granular_analysis.theory.network_state import forces, start
 from granular_analysis.theory.resonance import three_mode
 from granular_analysis.theory.wave import Wave, antiresonance, nonlinearity, resonance, shifted_second_order, trajectory
-from granular_analysis.tools.design import design
 from granular_lmp import Scene
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.disorder import Disorder, imperfect
@@ -304,20 +303,6 @@ def test_a_contact_opens_where_it_is_pulled_off() -> None:
 def test_the_figure_of_effects_names_the_law() -> None:
     assert effects_figure.name(Contact(0.17, adhesion_law="jkr")) == "JKR adhesion"
     assert effects_figure.name(Contact(0.17)) == "as the paper"
-
-
-def test_the_design_of_triads_refuses_the_law() -> None:
-    with pytest.raises(ValueError, match="adhesion_law is 'jkr'; allowed: 'dmt'"):
-        design(JKR, 1e8)
-
-
-def test_spheres_and_crystals_of_the_library_refuse_what_the_law_does_not_hold() -> None:
-    with pytest.raises(ValueError, match=r"work_of_adhesion = 0\.0: must be above 0"):
-        _ = replace(JKR, work_of_adhesion=0.0).static_overlap
-    with pytest.raises(ValueError, match="adhesion_law = 'maugis': must be one of dmt, jkr"):
-        _ = replace(JKR, adhesion_law="maugis").contact_law
-    with pytest.raises(ValueError, match="adhesion_law = dmt, jkr: must be the same for all materials"):
-        find_contacts(unit_cell(JKR), [JKR, DMT])
 
 
 @pytest.mark.parametrize(("share", "wavenumber"), latin([0.0, 0.4], [0.802, 1.3083]))

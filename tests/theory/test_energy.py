@@ -191,9 +191,3 @@ def test_the_resonant_wave_of_the_potential_law_does_not_blow_up():
     law = Contact(NU, law="potential")
     # The secant law's is open by then: with this rtol at 2236
     assert energy.opening_time(Wave(RESONANT, A, law), 2300, points=21, rtol=1e-6) is None
-
-
-def test_turning_normals_have_no_ledger():
-    contact, neighbours = Contact(NU, overlap_ratio=1e-3), paper_rows.ring_neighbours()
-    with pytest.raises(ValueError, match="overlap_ratio"):
-        energy.energy(np.zeros((9, 5)), contact, neighbours)

@@ -108,25 +108,6 @@ def test_a_robust_loss_weighs_an_outlier_down(loss: str) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ((LINE, line, [1.0]), "1 points do not determine 2 keys and their error"),
-        ((LINE, line, [1.0], [0.1]), "1 points do not determine 2 keys "),
-        ((LINE, line, noisy(0.1), -np.ones(len(X))), "positive"),
-        ((LINE, line, noisy(0.1), None, "huber"), "needs the errors"),
-    ],
-)
-def test_what_cannot_be_fitted_is_refused(arguments: tuple, says: str) -> None:
-    with pytest.raises(ValueError, match=says):
-        estimate(*arguments)
-
-
-def test_a_parameter_must_start_between_its_bounds() -> None:
-    with pytest.raises(ValueError, match="a fit must start between 0 and 1"):
-        Parameter("share", 1.0, 0.0, 1.0)
-
-
 def test_a_direction_is_blind_from_the_declared_width_on() -> None:
     for width, blind in ((0.9 * WIDE, ()), (1.1 * WIDE, (("x",),))):
         found = estimate([Parameter("x", 1.0)], lambda v: v, [1.0], [width])

@@ -180,23 +180,8 @@ def test_slow_amplitude_is_continuous_through_the_resonance():
     assert curvature[-1] == pytest.approx(1, abs=1e-3)  # 1/(Ωτ)² from the backward wave
 
 
-def test_on_the_resonance_there_is_no_shift():
-    ratios = sh.ratios(0.0, inertia=1.0)  # C = 0 solves the cubic: ξ=π/2
-    mode = sh.mode("TR", np.pi / 2, ratios)
-    exactly = sh.Mode(mode.name, mode.wavenumber, np.sin(mode.wavenumber) / 2, mode.p, mode.q, mode.f)
-    with pytest.raises(ValueError, match="on resonance"):
-        print(plane.shift(Wave(exactly, 0.2, Contact(0.0, inertia=1.0))).total)
-
-
 def test_row_and_phase_are_one_shift_of_the_wave():
     mode = sh.mode("TR", 0.802, SILICA)
     there = plane.shifted_second_order(wave(mode, phase=0.4), TAU, row=3)
     here = plane.shifted_second_order(wave(mode, phase=3 * 0.802 + 0.4), TAU)
     assert np.abs(np.subtract(there, here)).max() < 1e-13
-
-
-@pytest.mark.parametrize("theory", [plane.shift, lambda one: plane.shifted_second_order(one, TAU), resonance.waves])
-def test_dashpots_are_refused_by_what_has_no_decay(theory):
-    damped = Wave.of_mode("TR", 0.802, 0.2, Contact(NU, viscosity=0.1))
-    with pytest.raises(ValueError, match=r"dashpot of the contact is 0\.1; allowed: 0"):
-        theory(damped)

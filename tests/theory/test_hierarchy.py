@@ -171,8 +171,3 @@ def test_the_mode_is_all_there_is_at_the_start():
     # Rounding of a transform of 11 numbers, and RADIUS^(1−k) of it in order k.
     assert np.allclose(orders[0, 0], start, rtol=0, atol=1e-14)
     assert np.max(np.abs(orders[1:, 0])) < 1e-14 * hierarchy.RADIUS**-2
-
-
-def test_an_order_below_two_is_refused():
-    with pytest.raises(ValueError, match="order = 1"):
-        hierarchy.hierarchy(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), [0.0, 1.0], order=1)

@@ -321,20 +321,3 @@ def test_a_long_wave_along_stays_free_of_shear_and_rotation(xi, rtol):
     # a = 0.2, it would make 1e-12; the error control of a step of 17 τ made 6e-9.
     assert np.max(np.abs([q, phi])) < 1e-12
     assert np.max(np.abs(p)) > 0.9
-
-
-@pytest.mark.parametrize("tau", [[1.0, 0.5], [-1.0, 0.0], [], [[0.0, 1.0]]])
-def test_times_that_do_not_ascend_are_refused(tau):
-    with pytest.raises(ValueError, match="tau"):
-        lattice.torus(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), tau)
-
-
-@pytest.mark.parametrize("points", [30, 3])
-def test_an_even_torus_is_refused(points):
-    with pytest.raises(ValueError, match="points"):
-        lattice.torus(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), [0.0, 1.0], points=points)
-
-
-def test_too_few_rows_are_refused():
-    with pytest.raises(ValueError, match="rows"):
-        paper_rows.rows(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), [0.0, 1.0], rows=4)

@@ -149,11 +149,6 @@ def test_no_wave_of_a_film_is_missed() -> None:
     assert len(roots) > 5
 
 
-def test_waves_of_a_plate_need_an_end() -> None:
-    with pytest.raises(ValueError, match="give the frequency below which"):
-        Coupled(layer(), Layered((Slab(GLASS, APART),))).guided([[0.0, 1e-3]])
-
-
 def test_a_light_layer_leaves_the_waves_of_the_plate() -> None:
     plate, k = Layered((Slab(GLASS, 2 * APART),)), 0.5 / APART
     film = Coupled(layer(density=1e-4 * DENSITY, apart=1.0), plate)

@@ -337,22 +337,6 @@ def test_rates_where_nothing_oscillates_are_no_number() -> None:
 # ---- what is refused
 
 
-@pytest.mark.parametrize(
-    ("second", "sign", "contact", "said"),
-    [
-        (((0.2, 0.9), 0), 2, PAPER, r"sign is 2; allowed: 1 \(sum\), -1 \(difference\)"),
-        (((0.2, 0.9), 3), 1, PAPER, "branch is 3; allowed: 0, 1, 2"),
-        (((0.2, 0.9), 2), 1, CONTACTS["without rotation"], "branch is 2; allowed: 0, 1 "),
-        (((0.2, 0.9), 0), 1, Contact(SILICA, viscosity=0.1), r"dashpot of the contact is 0\.1; allowed: 0"),
-    ],
-)
-def test_what_is_not_held_is_refused(
-    second: tuple[tuple[float, float], int], sign: int, contact: Contact, said: str
-) -> None:
-    with pytest.raises(ValueError, match=said):
-        pair_of(((1.1, 0.4), 1), second, sign, contact)
-
-
 @pytest.mark.parametrize("contacts", ["incremental", "true normals, compressed"])
 def test_contacts_wind_up_between_mirrored_waves_and_nothing_is_steady(contacts: str) -> None:
     pair = pair_of(((1.1, 0.4), 1), ((-1.1, 0.4), 1), -1, CONTACTS[contacts])

@@ -506,53 +506,6 @@ def test_the_perfect_crystal_is_the_lattice_in_lammps_geometry(name, cycles, law
 # --- what is refused --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"position": np.zeros((24, 4))}, "position must be finite"),
-        ({"radius": np.zeros(24)}, "radius must be positive"),
-        ({"density": np.ones(23)}, "density must be positive, finite and of shape .24,."),
-        ({"kind": np.ones(24, int)}, "kind must be from 0 to 0"),
-        ({"held": np.zeros(3, bool)}, "held must be of shape"),
-        ({"law": "potential"}, "law = 'potential' is none of"),
-        ({"shear_mixing": "mean"}, "shear_mixing = 'mean' is none of"),
-        ({"friction": -1.0}, "friction = -1.0 must not be negative"),
-        ({"friction": np.nan}, "friction = nan must not be negative"),
-        ({"viscosity": -1.0}, "viscosity = -1.0 must be finite and not negative"),
-        ({"restitution": 0.0}, "restitution"),
-        ({"restitution": 0.5}, "restitution"),  # with adhesion
-        ({"cell": (2e-6, np.inf)}, "must be two periods of more than"),
-    ],
-)
-def test_a_network_that_cannot_be_is_refused(changes, message):
-    with pytest.raises(ValueError, match=message):
-        crystal(6, 4, **changes)
-
-
-@pytest.mark.parametrize(
-    ("constants", "message"),
-    [((0.0, 0.2), "youngs_modulus"), ((1.0, 0.6), "poisson_ratio"), ((1.0, 0.2, -1.0), "work_of_adhesion")],
-)
-def test_a_material_that_cannot_be_is_refused(constants, message):
-    with pytest.raises(ValueError, match=message):
-        Material(*constants)
-
-
-@pytest.mark.parametrize("times", [[], [2.0, 1.0], [-1.0, 1.0], [[1.0]]])
-def test_times_out_of_order_are_refused(times):
-    network, state = cluster()
-    with pytest.raises(ValueError, match="times must be one-dimensional"):
-        integrate(network, state, times)
-
-
-def test_a_network_where_nothing_moves_is_refused():
-    apart = hertz([[0, 0], [2000, 0]])
-    with pytest.raises(ValueError, match="at rest and no force acts"):
-        integrate(apart, start(apart, 0.0, 0.0), [1.0])
-    with pytest.raises(ValueError, match="must be finite"):
-        start(apart, np.nan, 0.0)
-
-
 def test_a_unit_of_time_takes_few_evaluations():
     mode = sh.mode("TR", 2 * pi / 8, sh.ratios(PAPER.poisson_ratio))
     network = crystal(8, 3)

@@ -179,7 +179,9 @@ def test_a_pair_that_never_touches_is_not_the_nearest_to_open() -> None:
     network = Network(np.stack([along, 0 * along], axis=1), np.ones(4), np.ones(4), material, held=np.ones(4, bool))
     assert np.sum(start(network, 0.0, 0.0).pairs.overlap < 0) == 1
     run = factors.Run(network, start(network, 0.0, 0.0), 0.1, 1, 1, np.array([0]))
-    assert gradients.events(run, {}).nearest == pytest.approx(1, rel=1e-12)
+    found = gradients.events(run, {})
+    assert found.nearest == pytest.approx(1, rel=1e-12)
+    assert run.state.pairs.overlap[found.closest] > 0
 
 
 def test_an_unknown_factor_is_refused_by_name() -> None:

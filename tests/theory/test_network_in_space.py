@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from granular_analysis.measure.norms import slope
-from granular_analysis.theory.cell import Cell
 from granular_analysis.theory.crystal import Crystal
 from granular_analysis.theory.crystal import Wall as Plane
 from granular_analysis.theory.network import Material, Network, Wall
@@ -298,12 +297,3 @@ def test_a_small_wave_is_a_mode_of_the_crystal(case, branch) -> None:
         errors.append(np.linalg.norm(moved - linear))
     assert errors[0] < 0.03 * np.linalg.norm(sizes[0] * OVERLAP * wave) * sqrt(len(times))
     assert slope(sizes, np.array(errors)) == pytest.approx(2, abs=0.1)
-
-
-def test_what_cannot_be_in_space_is_refused() -> None:
-    with pytest.raises(ValueError, match="must be three periods"):
-        packing([[0.0, 0.0, 0.0]], cell=(5e3, 5e3))
-    with pytest.raises(ValueError, match="normal the length 1"):
-        packing([[0.0, 0.0, 0.0]], walls=(Wall((0.0, 0.0, 0.0), (0.0, 0.0, -2.0)),))
-    with pytest.raises(ValueError, match="spheres in space are not in the second order of a cell"):
-        Cell.of(packing([[0.0, 0.0, 0.0]]))

@@ -7,9 +7,6 @@ import numpy as np
 import pytest
 
 from granular_analysis import second_harmonic as sh
-from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.resonance import three_mode
-from granular_analysis.theory.wave import Wave
 from tests.manual import Mutant, off, verifies
 
 pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
@@ -241,40 +238,3 @@ def test_a_row_is_a_phase(name):
     by_row = sh.second_order(mode, SILICA, 0.2, tau, row=7)
     by_phase = sh.second_order(mode, SILICA, 0.2, tau, phase=7 * 0.9)
     assert np.allclose(by_row, by_phase, rtol=0, atol=1e-13)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        dict(poisson_ratio=-1.01), dict(poisson_ratio=0.51), dict(poisson_ratio=np.nan),
-        dict(poisson_ratio=0.17, inertia=0.0), dict(poisson_ratio=0.17, inertia=np.inf),
-        dict(poisson_ratio=0.17, overlap_ratio=-1e-9), dict(poisson_ratio=0.17, overlap_ratio=0.11),
-    ],
-)  # fmt: skip
-def test_ratios_outside_their_range_are_refused(wrong):
-    with pytest.raises(ValueError, match="outside|positive"):
-        sh.ratios(**wrong)
-
-
-@pytest.mark.parametrize("xi", [0.0, -1.0, 3.2, np.nan])
-def test_wavenumbers_outside_the_zone_are_refused(xi):
-    with pytest.raises(ValueError, match="wavenumber"):
-        sh.mode("L", xi, SILICA)
-
-
-def test_an_unknown_mode_is_refused():
-    with pytest.raises(ValueError, match="'T'"):
-        sh.mode("T", 1.0, SILICA)
-
-
-def test_a_mode_of_another_direction_is_refused() -> None:
-    oblique = replace(sh.mode("TR", 0.802, SILICA), direction=30.0)
-    tau = np.linspace(0, 5, 6)
-    for formula in (
-        lambda: sh.second_harmonic(oblique, SILICA, 0.1, tau),
-        lambda: sh.second_order(oblique, SILICA, 0.1, tau),
-        lambda: sh.generated_amplitude(oblique, SILICA),
-        lambda: three_mode(Wave.of_mode("TR", 0.802, 0.1, Contact(0.17), direction=30.0), tau),
-    ):
-        with pytest.raises(ValueError, match=r"direction = 30\.0 of the mode is not 90"):
-            formula()

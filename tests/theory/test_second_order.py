@@ -478,22 +478,6 @@ def test_slip_winds_up_at_the_rate_of_its_formula() -> None:
         np.testing.assert_allclose(0.5 * wound.winding[:, 0, :3].real, pushed, atol=1e-12 * np.abs(pushed).max())
 
 
-def test_crystals_that_are_none_are_refused() -> None:
-    with pytest.raises(ValueError, match="no two spheres touch"):
-        Crystal.of(np.eye(2) * 3 * R, np.zeros((1, 2)), R, DENSITY, [SILICA])
-    with pytest.raises(ValueError, match="not at rest"):
-        Crystal.of(
-            TRIANGULAR, np.zeros((1, 3)), R, DENSITY, [SILICA], walls=[FLOOR._replace(point=(0, 0, 3 * SUNK - R))]
-        )
-    crystal = hexagonal(Contact(0.17))
-    with pytest.raises(ValueError, match="allowed: 0, 1, 2"):
-        wave(crystal, [0, 1], 3)
-    pressed = crystal.bonds.law._replace(push=np.full(3, 2.0))
-    buckles = replace(crystal, bonds=replace(crystal.bonds, law=pressed, curving=np.full(3, 1.0)))
-    with pytest.raises(ValueError, match="unstable"):
-        buckles.modes([0, 1])
-
-
 # --- the answers of a mode --------------------------------------------------------------------------------------------
 
 

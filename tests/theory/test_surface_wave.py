@@ -266,18 +266,6 @@ def test_the_sagittal_and_the_horizontal_rocking_waves_leak_apart() -> None:
     np.testing.assert_allclose(found, [other.frequency_Hz, rocking.frequency_Hz], rtol=1e-9)
 
 
-def test_a_film_that_has_no_wall_is_refused() -> None:
-    lattice = LATTICES["hexagonal", ""]
-    alone = Crystal.of(APART * lattice.vectors, [[0.0, 0.0, 0.0]], R, DENSITY, [SILICA], true_geometry=False)
-    with pytest.raises(ValueError, match="on one wall below"):
-        Coupled(alone, GLASS)
-
-
-def test_a_film_whose_contacts_have_two_arms_is_refused() -> None:
-    with pytest.raises(ValueError, match="with equal arms"):
-        Coupled(layer(exact=True), GLASS)
-
-
 # --- the command ------------------------------------------------------------------------------------------------------
 
 

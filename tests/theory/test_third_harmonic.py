@@ -213,8 +213,3 @@ def test_a_sheet_that_lies_askew_in_space_has_the_third_order_of_the_plane(law: 
         assert shift(space, other).total == pytest.approx(float(shift(plane, one).total), rel=1e-10)
         sizes = [np.linalg.norm(third_harmonic(*each)) for each in ((plane, one), (space, other))]
         assert sizes[1] == pytest.approx(sizes[0], rel=1e-10)
-
-
-def test_the_potential_law_is_not_held_and_is_refused() -> None:
-    with pytest.raises(ValueError, match="law = 'potential' is not in the cubic forces; allowed: 'secant', 'incre"):
-        third_harmonic_amplitude((1.1, 0.4), 0, Contact(0.17, law="potential"))

@@ -230,23 +230,3 @@ def test_the_network_in_time_shares_the_energy_of_a_packet_so(name: str, wavenum
     ]
     share = power[few] @ wrong / power[few].sum()
     assert abs(share - there[interface - 1 :].sum() / there.sum()) > 0.01
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: scattering(heavy_rows(CONTACT, [2.0]), 0.3, "P"), "name = 'P': must be one of L, TR, RT"),
-        (lambda: scattering(heavy_rows(CONTACT, [2.0]), 0.0, "L"), "frequency = 0.0: must be positive"),
-        (lambda: scattering(heavy_rows(CONTACT, [2.0]), 0.3, "RT"), "one wave RT in front; there are: TR, L"),
-        (lambda: scattering(heavy_rows(CONTACT, [2.0]), 1.0, "L"), "edge of a band"),
-        (lambda: heavy_rows(CONTACT, [0.0]), r"masses = \[0.0\]: must be positive"),
-        (lambda: heavy_rows(Contact(0.17, viscosity=0.1), [2.0]), "dashpot of the contact is"),
-        (lambda: heavy_rows(Contact(0.17, rotation=False), [2.0]), "shear and rotation"),
-        (lambda: rows_of(crystal(14), 0, 11), "first, last = 0, 11: must be rows from 1 to 12"),
-        (lambda: rows_of(crystal(14, density={3: 5000.0}), 2, 11), "row 2: must be of a perfect lattice"),
-        (lambda: rows_of(crystal(14, density={10: 5000.0}), 2, 11), "row 11: must be of a perfect lattice"),
-    ],
-)
-def test_what_cannot_be_computed_is_refused(call, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        call()

@@ -141,11 +141,6 @@ def test_branches_that_mix_are_refused() -> None:
     replace(same, changes=np.stack([apart, apart]).astype(complex)).shape_changes(0)
 
 
-def test_a_resonance_that_is_not_there_is_refused() -> None:
-    with pytest.raises(ValueError, match="branches 1 and 3 have no resonance near the wave number 0.2"):
-        resonance(layers("inclusion.1.density"), [4400.0], 1, 3, 0.2)
-
-
 def test_the_share_that_passes_rows_has_the_derivatives_of_differences() -> None:
     def rows(values: Floats) -> tuple[Rows, Floats]:
         changes = np.zeros((2, 8))

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import paper_rows
 from granular_analysis import second_harmonic as sh
 from granular_analysis.theory import bloch
 from granular_analysis.theory.bloch import hexagonal
@@ -64,35 +63,6 @@ def test_a_mode_of_another_contact_is_refused(name: sh.ModeName, changes: dict[s
         hierarchy_orders(right.mode, other, [0.0, 1.0])
 
 
-def test_a_mode_turned_or_detuned_is_refused() -> None:
-    contact = Contact(NU, overlap_ratio=0.01)
-    mode = bloch.mode("TR", 1.1, 17.0, contact)
-    for wrong in (replace(mode, direction=17.1), replace(mode, frequency=mode.frequency * 1.0001)):
-        with pytest.raises(ValueError, match="is no wave of this contact"):
-            Wave(wrong, 0.2, contact)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"poisson_ratio": 0.51}, r"poisson_ratio = 0\.51 is outside \[-1, 0\.5\]"),
-        ({"inertia": 0.0}, r"inertia = 0\.0 must be positive and finite"),
-        ({"overlap_ratio": 0.2}, r"overlap_ratio = 0\.2 is outside \[0, 0\.1\]"),
-        ({"prestress": -1.0}, r"prestress = -1\.0 is outside \[0, 1\]"),
-        ({"viscosity": -0.1}, "viscosity = -0.1 must be finite and not negative"),
-        ({"law": "mindlin"}, "law = 'mindlin' is none of"),
-        ({"restitution": 1.1, "prestress": 1.0}, r"restitution = 1\.1 is outside"),
-        ({"restitution": 0.9}, r"restitution = 0\.9 needs prestress = 1"),
-        ({"restitution": 0.9, "prestress": 1.0, "viscosity": 0.1}, "a contact has one dashpot"),
-        ({"law": "potential", "overlap_ratio": 0.01}, "law = 'potential' needs overlap_ratio = 0"),
-    ],
-    ids=str,
-)
-def test_what_is_no_contact_is_refused_with_its_name_and_value(wrong: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        Contact(**{"poisson_ratio": NU} | wrong)
-
-
 def test_the_closed_form_is_given_the_paper_s_contact_alone() -> None:
     assert Contact(NU, overlap_ratio=0.01, inertia=0.5).closed == sh.ratios(NU, 0.5, 0.01)
     for other in (
@@ -104,12 +74,6 @@ def test_the_closed_form_is_given_the_paper_s_contact_alone() -> None:
         contact = Contact(NU, **other)  # type: ignore[arg-type]
         with pytest.raises(ValueError, match=f"closed form does not hold .*{next(iter(other))}"):
             _ = contact.closed
-
-
-def test_what_is_set_on_rows_is_a_wave_along_y() -> None:
-    oblique = Wave(bloch.mode("TR", 1.1, 17.0, Contact(NU)), 0.2, Contact(NU))
-    with pytest.raises(ValueError, match=r"direction = 17\.0 of the mode is not 90"):
-        paper_rows.rows(oblique, [0.0, 1.0], rows=7)
 
 
 @pytest.mark.parametrize("contact", CONTACTS.values(), ids=CONTACTS)

@@ -13,6 +13,9 @@ whole samples of equal number, or equal parts of each sample.
 
 When it breaks: where a contact opens, closes or slides the record has a kink, and a derivative is that of one side of
 it. `events` tells which contacts do, and how near the others are; all here refuse such a run unless they are asked.
+Where a force jumps as well, as where an adhesive contact opens or closes or a sheared one opens, that derivative is not
+that of the motion: steps of fixed length do not see that the jump comes earlier or later, by (ΔF/m)(dx/da)/v of the
+velocity for a jump ΔF at the speed v. Contacts of Hertz that are not sheared have no jump, nor has sliding.
 
 Source: A. Griewank and A. Walther, Evaluating Derivatives (2008), chapters 3 and 12.
 """
@@ -224,7 +227,7 @@ def gradient(
     factors : mapping
         Of `Run.neutral` or near it, by name; those that are not given change nothing, and have no gradient.
     kinks : bool
-        Take a run in which a contact opens, closes or slides.
+        Take a run in which a contact opens, closes or slides; where a force jumps, what that adds is left out.
 
     Raises
     ------
@@ -286,6 +289,7 @@ class Events(NamedTuple):
     parted, met : pairs (K,) that touched at the start and did not later, and the other way round.
     slid : pairs that slid.
     nearest : smallest overlap of pairs that touch, over the mean one of those at the start.
+    closest : the pair that has it.
     hardest : largest share of the limit of friction; 0 without friction.
     farthest : largest displacement over that at which pairs are searched again.
     """
@@ -294,6 +298,7 @@ class Events(NamedTuple):
     met: NDArray[np.intp]
     slid: NDArray[np.intp]
     nearest: float
+    closest: int
     hardest: float
     farthest: float
 
@@ -319,6 +324,7 @@ def _events(run: Run, first: _Looks, last: _Looks) -> Events:
         np.flatnonzero(~begun & np.asarray(last.ever)),
         np.flatnonzero(hardest >= 1 - 1e-9),
         float(np.min(last.least)) / mean if 0 < mean < np.inf else np.inf,
+        int(np.argmin(last.least)),
         float(hardest.max(initial=0.0)),
         float(last.farthest) / (run.network.margin / 2),
     )
