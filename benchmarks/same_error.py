@@ -24,7 +24,7 @@ import numpy as np
 
 from benchmarks.timing import interleave, machine, table
 from granular_analysis.measure.stepping import NetworkEngine
-from granular_lmp import Record, Scene, run
+from granular_lmp import Scene, run
 
 SCENES = ("tr_resonant", "fcc_transverse")
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4)
@@ -66,10 +66,10 @@ def longest(error: Callable[[int], float], target: float) -> tuple[int, float]:
     return next((steps, found) for steps in count(guess) if (found := error(steps)) <= target)
 
 
-def seconds(job: Callable[[], Record]) -> float:
+def seconds(scene: Scene, folder: Path, **by: Any) -> float:
     """Return the processor seconds of a run."""
     began = process_time()
-    job()
+    run(scene, folder / "run", **by)
     return process_time() - began
 
 
@@ -84,12 +84,9 @@ def lines(name: str, repeats: int) -> list[list[str]]:
         found = [longest(error, target) for target in TARGETS]
     for per_sample, reached in found:
         fine = stepped(scene, per_sample)
-        jobs: dict[str, Callable[[Path], float]] = {
-            "LAMMPS": lambda place, fine=fine: seconds(partial(run, fine, place / "run", kernel=False)),
-            "kernel": lambda place, fine=fine: seconds(partial(run, fine, place / "run", kernel=True)),
-        }
+        jobs = {"LAMMPS": partial(seconds, fine, kernel=False), "kernel": partial(seconds, fine, kernel=True)}
         for each, engine in engines.items():
-            jobs[each] = lambda place, fine=fine, by=engine: seconds(partial(run, fine, place / "run", engine=by))
+            jobs[each] = partial(seconds, fine, engine=engine)
         done = {each: [spent for _, spent in rounds] for each, rounds in interleave(jobs, repeats + 1).items()}
         least = [min(spent[1:]) for spent in done.values()]
         compiling = f"{done['JAX'][0] - least[-1]:.2g}" if per_sample == found[0][0] else ""
