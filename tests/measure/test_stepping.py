@@ -258,7 +258,12 @@ def test_the_command_runs_a_scene_and_says_what_is_mistyped(
         command(*words)
     with pytest.raises(RunFolderError, match="is finished"):
         command("--resume", str(tmp_path / "run"))
-    for wrong in ([], ["tr_periodic", "--resume", "run"], [*words, "--step", "0.1", "--tolerance", "0.1"]):
+    for wrong in (
+        [],
+        ["tr_periodic", "--resume", "run"],
+        [*words, *over, "--device", "gpu", "--workers", "2"],
+        [*words, "--step", "0.1", "--tolerance", "0.1"],
+    ):
         with pytest.raises(SystemExit):
             command(*wrong)
     for device in ("tpu", "1"):
