@@ -15,7 +15,8 @@
 # make ladders (how often a tolerance is missed, of 168 random scenes, and its cost, ten minutes: docs/verification.md),
 # make mutants (each change of the source that a line of the verification manual names fails its test, five minutes:
 # docs/verification.md),
-# make witness (the network beside LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
+# make witness (the network beside LAMMPS over the number of spheres, and its gradients, ten minutes:
+# benchmarks/RESULTS.md),
 # make gpu (the network on a card of NVIDIA, its tests and its speed, under five minutes; skipped where there is none),
 # make bench (our run beside other codes, with the error of each; with BESIDE=COMMIT also beside an earlier commit of this
 # repository), make scale (cost up to a million spheres),
@@ -69,12 +70,14 @@ figures: paper
 witness: .venv/ready
 	$(BIN)/python -m benchmarks.network
 	$(BIN)/python -m benchmarks.steps
+	$(BIN)/python -m benchmarks.gradients
 
 gpu: .venv/ready
 	if command -v nvidia-smi > /dev/null; then \
 	    $(BIN)/python -m pip install --quiet 'jax[cuda12]' && \
 	    $(BIN)/pytest tests/theory/test_network_traced.py tests/theory/test_network_gradient.py && \
-	    $(BIN)/python -m benchmarks.device --demand gpu --largest 10000000; \
+	    $(BIN)/python -m benchmarks.device --demand gpu --largest 10000000 && \
+	    $(BIN)/python -m benchmarks.gradients --repeats 1; \
 	else echo "skipped: no card of NVIDIA is found here"; fi
 
 gallery: .venv/ready

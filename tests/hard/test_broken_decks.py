@@ -23,6 +23,7 @@ SHIFTED: dict[str, Break] = {
 # Words without which the run is the same one: names, what a guard says besides, and what nobody reads in a short run
 HARMLESS = {"v_tau", "v_overlap", "checkpoint.a", "checkpoint.b", "NULL", "plane", "move", "looks"}
 HARMLESS |= {"${dump}.contacts", "c_contact[1]", "c_contact[2]"}  # contacts are dumped when a bound passes, not here
+UNREAD = {"vx", "vy", "omegaz"}  # columns of the dump of the centre that its record does not have
 
 
 THOROUGH = settings().max_examples > 1000  # make stability
@@ -73,7 +74,7 @@ def test_a_deck_with_a_broken_word_is_an_error_of_lammps(broken: str, first: int
     ended = outcomes(workers, "tr_nonresonant", [BROKEN[broken]], slice(first, None, every))
     assert not wrong(ended, ("LammpsError", FINISHED))
     assert {word for (word, _, _), how in ended.items() if how == FINISHED} <= HARMLESS
-    assert OTHER not in ended.values()
+    assert {word for (word, _, _), how in ended.items() if how == OTHER} <= UNREAD
     assert sum(how.startswith("LammpsError") for how in ended.values()) > 0.9 * len(ended) > 300 / every
 
 

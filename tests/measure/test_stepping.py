@@ -265,6 +265,27 @@ def test_the_command_runs_a_scene_and_says_what_is_mistyped(
             command(*words, "--device", device)
 
 
+def test_numpy_takes_the_runs_that_it_ends_before_jax_has_compiled_and_continues_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    short = scene_of("tr_periodic")
+    assert stepping.sooner("cpu", short) == "numpy"
+    assert stepping.sooner("gpu", short) == "gpu"
+    for longer in (
+        {"packing.columns": 4000},
+        {"time.duration": 1000.0},
+        {"time.duration": 600.0, "time.tolerance": 1e-3},
+    ):
+        assert stepping.sooner("cpu", scene_of("tr_periodic", longer)) == "cpu"
+    assert stepping.kind_of("cpu, NumPy") == "numpy"
+    assert (stepping.kind_of("cpu, JAX"), stepping.kind_of("gpu NVIDIA H100, JAX")) == ("cpu", "gpu")
+    with pytest.raises(RunInterrupted):
+        run(short, tmp_path / "run", engine=NetworkEngine.on("numpy"), progress=stopping(50))
+    assert command("--resume", str(tmp_path / "run")) == 0
+    assert read_status(tmp_path / "run")["device"] == "cpu, NumPy"
+    capsys.readouterr()
+
+
 def test_a_run_of_lammps_is_not_continued_by_the_network() -> None:
     with pytest.raises(LaunchError, match="continue with: granular-lmp resume run"):
         options_of(Path("run"), {"launcher": "module", "ranks": 1}, BY_NUMPY)

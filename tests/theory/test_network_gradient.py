@@ -129,6 +129,15 @@ def test_what_a_hessian_leaves_is_of_third_order_and_it_is_symmetric(kind: str) 
         gradients.hessian_product(run, read_off, ones | {"amplitude": 1e3}, one, kinks=True)
 
 
+def test_the_memory_of_a_gradient_grows_as_the_root_of_the_steps_also_between_few_records() -> None:
+    """With 16 times the steps the states that are held are four times as many, beside what does not grow."""
+    plain = of_kind("smooth")
+    plain = replace(plain, network=replace(plain.network, drives=()), contacts=())
+    few, many = (replace(plain, samples=4, every=steps // 4) for steps in (64, 1024))
+    one, other = (gradients.bytes_of_gradient(run, read_off, run.neutral("density")) for run in (few, many))
+    assert one < other < 4 * one
+
+
 # Factors make the run of `friction` another one without another compilation
 WIDE, FAR, SLIPPERY = {"amplitude": 30.0}, {"amplitude": 1e3}, {"normal_stiffness": 1e-5}
 

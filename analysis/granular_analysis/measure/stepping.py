@@ -35,6 +35,9 @@ ON_DEVICE = "granular_analysis.theory.network_traced"
 # Bytes. Measured, the most that a process held by JAX on a CPU: 370 MB, and a sphere of a perfect sheet 3.5 kB, of an
 # imperfect one 4.1 kB, of fcc 10.5 kB. Without a wave also the record, while it is read
 _PROCESS, _SPHERE, _READ = 4e8, {2: 4500.0, 3: 11000.0}, 130.0
+# Seconds. Measured, of NumPy for a step and for each sphere in it, in the plane and in space; JAX takes 1 until its
+# loop is read from its cache, and 2.3 until it is compiled. A ladder of steps takes about a dozen to a sample
+_STEP, _COMPILED, _LADDER = {2: (1.7e-4, 3.2e-7), 3: (3.5e-4, 1.6e-6)}, 2.0, 12
 
 
 @dataclass(frozen=True)
@@ -54,11 +57,11 @@ class NetworkEngine:
 
     @classmethod
     def on(cls, name: str) -> "NetworkEngine":
-        """Return the engine on "cpu", with JAX if it is there, or on "gpu".
+        """Return the engine on "cpu", with JAX if it is there, on "numpy", without it in any case, or on "gpu".
 
         Raises TheoryError for "gpu" without JAX, or without a card that it knows.
         """
-        if find_spec("jax") is None:
+        if name == "numpy" or find_spec("jax") is None:
             if name == "gpu":
                 raise TheoryError("--device gpu: needs JAX: pip install 'granular-lmp[jax]' 'jax[cuda12]'")
             return cls("cpu, NumPy", traced=False)
@@ -129,7 +132,15 @@ class NetworkEngine:
 
 def kind_of(device: str) -> str:
     """Return what `NetworkEngine.on` takes for a device as ``run.json`` names it."""
-    return device.split(",")[0].split()[0]
+    return "numpy" if device.endswith("NumPy") else device.split(",")[0].split()[0]
+
+
+def sooner(name: str, scene: Scene) -> str:
+    """Return "numpy" in place of "cpu" for a scene whose steps NumPy takes before JAX has compiled them."""
+    of_step, of_sphere = _STEP[scene.space]
+    steps = scene.time.samples * _LADDER if scene.time.tolerance is not None else scene.time.steps
+    seconds = steps * (of_step + of_sphere * scene.shape.spheres)
+    return "numpy" if name == "cpu" and seconds < _COMPILED else name
 
 
 def _free() -> float:

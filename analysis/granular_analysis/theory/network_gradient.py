@@ -3,11 +3,13 @@
 Numbers are functions of a `Record`, such as those of `granular_analysis.theory.network_objectives`; what they depend on
 are the factors of `granular_analysis.theory.network_factors`.
 
-Reverse mode (`gradient`) costs about eight runs for any number of factors, with the memory of 2 √steps states: each of
-√steps parts is run again on the way back, and so is each of its steps. Forward mode (`derivative`) costs two runs for
-one direction. The change of the gradient along a direction (`hessian_product`) is forward over reverse mode.
+Reverse mode (`gradient`) costs four to eight runs for any number of factors, with the memory of 2 √steps states: each
+of √steps parts is run again on the way back, and so is each of its steps. Forward mode (`derivative`) costs as much for
+one direction, and holds no states. The change of the gradient along a direction (`hessian_product`) is forward over
+reverse mode, and costs 15 to 40 runs.
 
-Good values: a number of samples with a divisor near √(samples/every), as the parts are whole samples of equal number.
+Good values: numbers of samples, or of steps between two, with a divisor that makes a part of about √steps: parts are
+whole samples of equal number, or equal parts of each sample.
 
 When it breaks: where a contact opens, closes or slides the record has a kink, and a derivative is that of one side of
 it. `events` tells which contacts do, and how near the others are; all here refuse such a run unless they are asked.
@@ -20,7 +22,7 @@ Source: A. Griewank and A. Walther, Evaluating Derivatives (2008), chapters 3 an
 
 from collections.abc import Callable
 from functools import partial
-from math import log
+from math import log, sqrt
 from typing import Any, NamedTuple
 
 import jax
@@ -37,7 +39,7 @@ from granular_analysis.theory.network_tangents import combined, dot, less, scale
 from granular_analysis.theory.network_traced import on_device
 from granular_analysis.theory.network_verlet import Carried, seen, slip_ratios, stepped
 
-__all__ = ["Record", "derivative", "events", "gradient", "hessian_product", "record"]
+__all__ = ["Record", "bytes_of_gradient", "derivative", "events", "gradient", "hessian_product", "record"]
 
 Floats = NDArray[np.float64]
 
@@ -125,18 +127,25 @@ def _marched(run: Run, factors: Factors) -> tuple[Record, tuple[_Looks, _Looks]]
         now = stepped(network, pairs, bodies, now, at)
         return (now, looks.with_more(_look(network, pairs, now))), None
 
+    # The way back holds the start of each part, and of each step of the part that it runs again
+    many, few = _part(run.samples, run.every)
+    whole = few == run.every
+
+    def few_steps(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], None]:
+        return lax.scan(again(one), carry, at)[0], None
+
     def sample(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], Any]:
-        carry = lax.scan(again(one), carry, at)[0]
+        carry = lax.scan(few_steps if whole else again(few_steps), carry, at)[0]
         return carry, noted(carry[0])
 
-    def part(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], Any]:
+    def many_samples(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], Any]:
         return lax.scan(sample, carry, at)
 
-    # The way back holds the start of each part, and of each step of the part that it runs again
-    many = _part(run.samples, run.every)
-    shape = run.samples // many, many, run.every, *values.shape[1:]
+    shape = run.samples // many, many, run.every // few, few, *values.shape[1:]
     first = _look(network, pairs, begin)
-    (_, last), found = lax.scan(again(part), (begin, first), values[1:].reshape(shape))
+    (_, last), found = lax.scan(
+        again(many_samples) if whole else many_samples, (begin, first), values[1:].reshape(shape)
+    )
     rows = [
         jnp.concatenate([now[None], later.reshape(run.samples, *now.shape)])
         for now, later in zip(noted(begin), found, strict=True)
@@ -144,10 +153,24 @@ def _marched(run: Run, factors: Factors) -> tuple[Record, tuple[_Looks, _Looks]]
     return Record(run.step * run.every * jnp.arange(run.samples + 1), *rows), (first, last)
 
 
-def _part(samples: int, every: int) -> int:
-    """Return how many samples a part has: a divisor of all, with about the root of all steps."""
-    divisors = [each for each in range(1, samples + 1) if samples % each == 0]
-    return min(divisors, key=lambda each: abs(log(each**2 * every / samples)))
+def _part(samples: int, every: int) -> tuple[int, int]:
+    """Return how a run is cut into parts of about the root of all its steps.
+
+    A part is a number of whole samples, which is returned with all steps of one; or a part of each sample, which is
+    returned after the number of all samples.
+    """
+    parts = [(many, every) for many in _divisors(samples)]
+    parts += [(samples, few) for few in _divisors(every)[:-1]]
+
+    def off(part: tuple[int, int]) -> float:
+        many, few = part
+        return abs(log((many * every if few == every else few) / sqrt(samples * every)))
+
+    return min(parts, key=off)
+
+
+def _divisors(number: int) -> list[int]:
+    return [each for each in range(1, number + 1) if number % each == 0]
 
 
 _recorded = partial(jax.jit, static_argnums=0)(_marched)
@@ -214,6 +237,12 @@ def gradient(
     (value, looks), slope = _value_and_slope(run, objective, on_device(dict(factors)))
     _refuse(_events(run, *looks), kinks)
     return float(value), _by_name(slope)
+
+
+def bytes_of_gradient(run: Run, objective: Objective, factors: Factors) -> int:
+    """Return the memory that `gradient` takes on the device beside what it is given, as its compiled program says."""
+    found: Any = _value_and_slope.lower(run, objective, on_device(dict(factors))).compile().memory_analysis()
+    return int(found.temp_size_in_bytes)
 
 
 def derivative(

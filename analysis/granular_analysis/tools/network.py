@@ -11,7 +11,7 @@ NumPy without it, and ``run.json`` says which in ``device``.
 
 import argparse
 
-from granular_analysis.measure.stepping import NetworkEngine, kind_of
+from granular_analysis.measure.stepping import NetworkEngine, kind_of, sooner
 from granular_analysis.theory.errors import TheoryError
 from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.cli.arguments import changes_argument, changes_of, folder_arguments
@@ -47,12 +47,12 @@ def main(argv: list[str] | None = None) -> int:
             with interruptible() as progress:
                 record = resume(options.resume, progress=progress, engine=engine)
             return say_how_it_went(options.resume, record)
-        engine = NetworkEngine.on(options.device)
         given = {"time.timestep": options.step, "time.tolerance": options.tolerance}
         options.changes += [f"{key}={value!r}" for key, value in given.items() if value is not None]
         if options.over:
-            return sweep_of(options, engine=engine)
+            return sweep_of(options, engine=NetworkEngine.on(options.device))
         scene = Scene.load(options.scene, changes_of(options))
+        engine = NetworkEngine.on(sooner(options.device, scene))
         engine.refuse_larger(scene)
         folder = options.output or f"runs/{scene.name}"
         with interruptible() as progress:
