@@ -21,7 +21,7 @@ from granular_lmp.runs.options import options_of
 from granular_lmp.runs.status import read_status, write_status
 from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import run as collide
-from granular_lmp.studies.sweep import Sweep
+from granular_lmp.studies.sweep import Sweep, sweep
 
 BY_NUMPY = NetworkEngine("cpu, NumPy", traced=False)
 SHORT = {"time.duration": 6.0}
@@ -224,10 +224,15 @@ def test_memory_that_is_not_there_is_refused_before_it_runs_out(
     monkeypatch.setattr(stepping, "_free", lambda: 1e9)
     with pytest.raises(SystemExit, match=r"1000000 spheres need 4.9 GB of memory, and 1 GB are free: take fewer rows"):
         command("tr_periodic", "--set", "packing.rows=1000", "--set", "packing.columns=1000", "-o", str(tmp_path / "r"))
+    monkeypatch.setattr(stepping, "_free", lambda: 4.1e8)
+    with pytest.raises(SceneError, match=r"4800 spheres need 0.42 GB .* \(in the sweep at packing.columns = 300\)"):
+        sweep(scene_of("tr_periodic"), {"packing.columns": [3, 300]}, tmp_path / "s", engine=BY_NUMPY)
+    with pytest.raises(SceneError, match=r"4800 spheres need 0.42 GB"):
+        run(scene_of("tr_periodic", {"packing.columns": 300, "time.tolerance": 0.1}), tmp_path / "t", engine=BY_NUMPY)
     monkeypatch.setattr(stepping, "_free", lambda: np.inf)
     with pytest.raises(TheoryError, match="0.5 GB has gpu"):
         NetworkEngine("gpu", traced=True, room=5e8).refuse_larger(scene_of("tr_periodic", {"packing.columns": 10_000}))
-    assert not (tmp_path / "r").exists()
+    assert not [*tmp_path.iterdir()]
 
 
 def test_the_command_runs_a_scene_and_says_what_is_mistyped(
@@ -255,6 +260,7 @@ def test_the_command_runs_a_scene_and_says_what_is_mistyped(
     for wrong in (
         [],
         ["tr_periodic", "--resume", "run"],
+        ["--resume", str(tmp_path / "run"), *over],
         [*words, *over, "--device", "gpu", "--workers", "2"],
         [*words, "--step", "0.1", "--tolerance", "0.1"],
     ):

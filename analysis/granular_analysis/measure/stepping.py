@@ -100,7 +100,7 @@ class NetworkEngine:
                 )
 
     def begin(self, setting: Setting) -> "Motion":
-        """Return the motion of a run; raises SceneError for what the network does not hold.
+        """Return the motion of a run; raises SceneError for what the network or the memory does not hold.
 
         A process that was handed the engine of another prepares its own device.
         """
@@ -121,6 +121,7 @@ class NetworkEngine:
             begun.cell,
         )
         try:
+            self.refuse_larger(setting.scene)
             if self.traced and (here := NetworkEngine.on(kind_of(self.device)).device) != self.device:
                 raise TheoryError(f"device: the engine is of {self.device}, and this process has {here}")
             if lacks := missing(NETWORK, others_of(record)):

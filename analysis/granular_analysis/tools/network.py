@@ -39,6 +39,8 @@ def main(argv: list[str] | None = None) -> int:
     options = parser.parse_args(argv)
     if (options.scene is None) == (options.resume is None):
         parser.error("give a SCENE, or --resume RUN")
+    if options.over and options.resume is not None:
+        parser.error("--over: the command that began a sweep continues it; --resume is for a run")
     if options.device == "gpu" and options.workers not in (1, "mpi"):
         parser.error("--device gpu: takes one worker, as JAX reserves most of a card's memory")
     try:
