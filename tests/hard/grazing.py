@@ -40,6 +40,13 @@ def thrown(kind: str, shear: str, speed: Floats) -> tuple[Network, State]:
     return network, start(network, 0.0, rate, 0.0, spin)
 
 
+def energy_of(network: Network, state: State, motion: Any, memory: Any, begun: Any) -> float:
+    """Return the energy after steps of LAMMPS from a state, whose memory of slips is their vectors."""
+    (along,) = meetings(network, motion, state.pairs, begun).tangents.along
+    last = replace(state, motion=np.array(motion), shear=dot(memory, along)[None], begun=begun)
+    return energy(network, last).total
+
+
 def stepped(kind: str, shear: str, speed: Floats, step: float, count: int) -> tuple[Floats, Floats, float]:
     """Return the last motions (6, lanes), the largest stretches over those at which contacts end, and the energy."""
     network, state = thrown(kind, shear, speed)
@@ -48,10 +55,9 @@ def stepped(kind: str, shear: str, speed: Floats, step: float, count: int) -> tu
     motion = np.array([each.now.motion for each in found])[:, :, own]
     apart = np.hypot(2 - DEPTH + motion[:, 0], motion[:, 1]) - (2 - DEPTH)
     now = found[-1].now
-    (along,) = meetings(network, now.motion, state.pairs, now.begun).tangents.along
-    last = replace(state, motion=np.array(now.motion), shear=dot(now.memory, along)[None], begun=now.begun)
+    left = energy_of(network, state, now.motion, now.memory, now.begun)
     reach = DEPTH - float(np.ravel(state.pairs.normal.end)[0])
-    return motion[-1], np.max(apart, axis=0) / reach, energy(network, last).total
+    return motion[-1], np.max(apart, axis=0) / reach, left
 
 
 def at_the_edge(kind: str, shear: str, step: float, speed: float) -> float:

@@ -21,12 +21,12 @@ import pytest
 from granular_analysis.measure.norms import slope
 from granular_analysis.theory.network import Law, Material, Network
 from granular_analysis.theory.network_ledger import energy, work_rate
-from granular_analysis.theory.network_state import State, meetings, start
-from granular_analysis.theory.network_tangents import dot
+from granular_analysis.theory.network_state import State, start
 from granular_analysis.theory.network_verlet import Bodies, Carried, Moment, begun, seen, stepped
 from granular_lmp.crystal.sphere import Sphere
 from tests.hard.case import Case, Cases
 from tests.hard.cell import Floats
+from tests.hard.grazing import energy_of
 from tests.hard.steps import LIMIT
 from tests.hard.waves import PERIODIC
 
@@ -97,13 +97,8 @@ def departure(network: Network, steps: int, step: float, law: Law = "secant") ->
     first = traced.on_device(begun(network, state, bodies))
     arrays = traced.arrays_of(state.pairs)
     found, works = worked(network, law, arrays, traced.on_device(bodies), first, steps // LOOKS)
-    energies = []
     motions, memories, closed = (np.array(each) for each in (found.motion, found.memory, found.begun))
-    for at in range(LOOKS):
-        motion, memory, touching = motions[:, at], memories[:, at], closed[at]
-        (along,) = meetings(network, motion, state.pairs, touching).tangents.along
-        last = replace(state, motion=motion, shear=dot(memory, along)[None], begun=touching)
-        energies.append(energy(network, last).total)
+    energies = [energy_of(network, state, motions[:, at], memories[:, at], closed[at]) for at in range(LOOKS)]
     return (np.array(energies) - np.array(works) - energy(network, state).total) / moving(network, state.motion)
 
 

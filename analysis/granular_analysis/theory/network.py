@@ -118,16 +118,16 @@ class Wall(NamedTuple):
 
 
 class Acting(NamedTuple):
-    """Of a drive, the row of the motion that it acts on, and whether it moves spheres."""
+    """Row of the motion that a drive acts on, and whether it moves spheres."""
 
     component: int
     moves: bool
 
 
 class Traits(NamedTuple):
-    """What a step asks of a network beside arrays, by its names: those of equal traits share what JAX has traced.
+    """Properties of a network that a step takes beside arrays, by their names there; of places and walls the number.
 
-    Of spheres and walls that is how many there are.
+    Networks with equal traits share what JAX has traced.
     """
 
     position: range
@@ -282,7 +282,7 @@ class Network:
 
     @property
     def traits(self) -> Traits:
-        """Return what a step asks beside arrays."""
+        """Return what a step takes beside arrays."""
         return Traits(
             range(len(self.position)),
             range(len(self.walls)),
