@@ -18,6 +18,7 @@ from granular_lmp.effects.case import Case
 from granular_lmp.effects.selection import select
 from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
+from granular_lmp.rest.at_rest import echo_at
 from granular_lmp.studies.identity import names_of
 from tests.beside_network import STEPS, extrapolated, network_fields
 from tests.conftest import PAPER, latin, members
@@ -203,6 +204,17 @@ WAYS: dict[str, tuple[dict[str, Any], float]] = {
 @pytest.mark.parametrize(("changes", "rows"), WAYS.values(), ids=WAYS)
 def test_the_echo_takes_the_shortest_way_by_a_face(changes: dict[str, Any], rows: float) -> None:
     assert BIG.with_values(changes).echo_time == pytest.approx(2 * (rows - 3.5 * rows ** (1 / 3)), rel=1e-12)
+
+
+@pytest.mark.parametrize("rows", [(10, 20), (3, 3), (30, 39)])
+def test_the_echo_reaches_a_monitor_from_the_nearer_end(rows: tuple[int, int]) -> None:
+    def echo(first: int, last: int) -> float:
+        scene = BIG.with_values(ENDS | {"monitor": [{"name": "strip", "rows": [first, last]}]})
+        return echo_at(scene, scene.monitor[0])
+
+    first, last = rows
+    assert echo(first, last) == pytest.approx(max(0.0, 2 * (first - 3.5 * first ** (1 / 3))), rel=1e-12)
+    assert echo(80 - last, 80 - first) == echo(first, last)
 
 
 def test_a_run_past_the_echo_of_a_side_is_refused_and_a_monitor_near_it_is_warned_of() -> None:

@@ -55,6 +55,14 @@ def test_check_says_what_a_run_then_is(
         assert said["warnings"] == record.info.get("remarks", said["warnings"])
 
 
+@pytest.mark.parametrize(("every", "duration"), [(0.5, 2.0), (1.5, 2.0), (2.0, 2.0)])
+def test_the_snapshots_are_those_that_a_run_writes(
+    every: float, duration: float, tried: list[Scene], tmp_path: Path
+) -> None:
+    scene = WAVE.with_values({"output.particles": every, "time.duration": duration})
+    assert forecast_of(prepare(scene)).snapshots == len(run(scene, tmp_path / "run").snapshots().tau)
+
+
 @pytest.mark.parametrize("changes", [{}, {"time.tolerance": 1e-3}, {"disorder.vacancies": 0.3}])
 def test_the_seconds_are_in_proportion(changes: dict[str, float], tried: list[Scene]) -> None:
     problem = prepare(SHEET.with_values(changes))
