@@ -46,7 +46,7 @@ def compared(spheres: int, folder: Path) -> Nanoseconds:
     scene, count = perfect(spheres)
     first = first_snapshot(run(scene, folder / "run", kernel=False))
     run(scene, folder / "kernel", kernel=True)
-    loop, kernel = (processor_seconds(folder / each / LOG)[0] for each in ("run", "kernel"))
+    loop, kernel = (processor_seconds(folder / each / LOG) for each in ("run", "kernel"))
     pairs = 3 * scene.shape.spheres
     few = max(FEWEST, count // 10)
     numpy = timed(partial(marched, network_verlet.march, first, few))
