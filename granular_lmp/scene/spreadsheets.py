@@ -169,8 +169,8 @@ def _table(text: str, heads: Heads, said: str) -> Table:
             raise ValueError(f"{held} columns hold {each}; must be one, in one unit")
     plain, with_commas = _with_points([(count, [cells[n] for n in used]) for count, cells in rows], separator)
     last = lines[after - 1][0]
-    told = [f"{each.quantity} in {each.unit}" if each.unit else each.quantity for each in columns]
-    understood = [f"{said}: {len(rows)} row{'s' * (len(rows) != 1)}: {', '.join(told)}"]
+    described = [f"{each.quantity} in {each.unit}" if each.unit else each.quantity for each in columns]
+    understood = [f"{said}: {len(rows)} row{'s' * (len(rows) != 1)}: {', '.join(described)}"]
     understood += [f"head to line {last}"] if last > 1 else []
     understood += [f"cells parted by {_PARTED_BY[separator]}"] if separator != "," and len(names) > 1 else []
     understood += ["decimals with commas"] if with_commas else []

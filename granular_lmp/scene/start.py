@@ -280,12 +280,12 @@ def _read(name: str, key: str) -> Iterable[tuple[str, list[Any]]]:
     for needed in COLUMNS[:2]:
         if needed not in names:
             raise SceneError(f"{file}: column {needed}: is missing; must have row, column and any of {COLUMNS[2:]}")
-    told = [each.partition("_")[0] for each in (COLUMNS + IN_SPACE if set(names) & _SPATIAL else COLUMNS)]
-    if not set(names) & set(told[2:]):
+    ways = [each.partition("_")[0] for each in (COLUMNS + IN_SPACE if set(names) & _SPATIAL else COLUMNS)]
+    if not set(names) & set(ways[2:]):
         raise SceneError(f"{file}: must have one of the columns {', '.join(COLUMNS[2:])}, as else nothing moves")
     for line, cells in table.rows:
         said = {
             each.quantity: cell if isnan(value_of(cell)) else value_of(cell) * _QUANTITIES[each.quantity][each.unit]
             for each, cell in zip(table.columns, cells, strict=True)
         }
-        yield f"{file}: line {line}", [said.get(each, 0.0) for each in told]
+        yield f"{file}: line {line}", [said.get(each, 0.0) for each in ways]

@@ -78,7 +78,7 @@ _NOT_BUILT = ("packing.layers", "packing.depth", "packing.orientation", "packing
 _SAID_ELSEWHERE = ("output.",)
 
 VARIANTS = {
-    WAVE: Variant(absent=_ONLY_WITHOUT_WAVE | _ONLY_NOT_HELD),
+    WAVE: Variant(refused=_ONLY_WITHOUT_WAVE | _ONLY_NOT_HELD),
     HELD: Variant(_DEFAULTS_WITHOUT_WAVE, _ONLY_BESIDE_WAVE | _ONLY_NOT_HELD),
     NOT_HELD: Variant(_DEFAULTS_WITHOUT_WAVE | _DEFAULTS_NOT_HELD, _ONLY_BESIDE_WAVE | _ONLY_HELD),
 }
@@ -112,7 +112,7 @@ def refuse_tables(tables: Mapping[str, Any]) -> None:
     """Raise a SceneError for the first table or key that the kind of scene of these tables does not have."""
     variant, sphere = variant_of(tables), tables.get("sphere")
     adheres = variant == WAVE or isinstance(sphere, Mapping) and sphere.get("work_of_adhesion")
-    refused = {**VARIANTS[variant].absent, **({} if adheres else NEEDS_ADHESION)}
+    refused = {**VARIANTS[variant].refused, **({} if adheres else NEEDS_ADHESION)}
     for key, why in refused.items():
         table, _, name = key.partition(".")
         inner = tables.get(table)
