@@ -38,7 +38,9 @@ def measured(problem: Prepared) -> list[str]:
     how, friction = Reading.of(problem), judged_friction(problem)
     pairs = f"c_extreme[2]/({friction}*{sliding_force(how)})"
     if not how.walls:
-        return [f"variable     slip equal {pairs}  # the hardest sheared over the one that touches least: a bound"]
+        return [
+            f"variable     slip equal {pairs}  # largest shear force over the smallest sliding force: an upper bound"
+        ]
     lines, largest = [f"variable     rub equal {pairs}"], "v_rub"
     for each in how.walls:
         name = f"rub_{each.name}"

@@ -50,7 +50,8 @@ def inside_lines(problem: Problem) -> list[str]:
         *lines,
         _reach(problem),
         f"variable     near atom v_reach>{away}",
-        f"group        inside dynamic all var near every {_interval(problem)}  # whose signals still reach the record",
+        f"group        inside dynamic all var near every {_interval(problem)}"
+        "  # spheres whose signals still reach the record",
         *_leaving(problem),
     ]
 
@@ -64,7 +65,7 @@ def _reach(problem: Problem) -> str:
     """Return the line of v_reach, the radius of the region at a step."""
     least, lost = _radius(problem)
     shrinks = f"$({lost!r}*v_step/(v_t0*(v_duration+(v_duration==0))):%.17g)*step"
-    return f"variable     reach equal {least + lost!r}-{shrinks}"
+    return f"variable     reach equal {least + lost!r}-{shrinks}  # radius of the group inside, which shrinks"
 
 
 def _radius(problem: Problem) -> tuple[float, float]:
@@ -131,10 +132,11 @@ def _leaving(problem: Problem) -> list[str]:
     way = f"{_speed(problem)!r}*(v_duration-v_tau)"
     return [
         f"variable     front equal {row!r}*({way}+{WIDTHS}*({way}+{WIDTHS**1.5:.3f})^(1/3))"
-        f"+({problem.scene.time.duration!r}>v_duration)*v_reach  # farther if -var made the run shorter",
+        f"+({problem.scene.time.duration!r}>v_duration)*v_reach"
+        "  # beyond it spheres leave; farther if -var made the run shorter",
         *_far(problem),
         f"fix          gone all evaporate {LOST * _interval(problem)} {_ALL} far 1"
-        "  # what can no longer affect the record leaves; to keep it: unfix gone",
+        "  # spheres that can no longer affect the record leave; to keep them: unfix gone",
     ]
 
 
