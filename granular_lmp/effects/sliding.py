@@ -106,7 +106,7 @@ def of_meeting(case: Case) -> Finding:
 
 def loss(case: Case) -> str:
     ratio = case.largest_slip()
-    return f"shear forces grow to {ratio:.3g} of what friction bears" if ratio < inf else "open contacts bear shear"
+    return f"shear forces grow to {ratio:.3g} of what friction can hold" if ratio < inf else "open contacts bear shear"
 
 
 def refuse(case: Case) -> str:

@@ -70,10 +70,12 @@ class Packing(GivenValues):
     last: str = choice("last row of fixed ends; auto: held", FACES, default=AUTO)
     sides: str = choice("first and last column of a sheet", (PERIODIC, HELD, FREE, WALL), default=PERIODIC)
     contact_force: float = number("N", "presses the contacts at rest together from outside", 0, 1e12, default=0.0)
-    relax: str = choice("of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box")
+    relax: str = choice(
+        "of unequal spheres: the cell takes the size of the contact force, or keeps its own", BOXES, default="box"
+    )
     relax_friction: float = number("", "of unequal spheres while they come to rest; 0: none", 0, 1e4, default=0.0)
     relax_by: str = choice(
-        "how unequal spheres come to rest; avalanches: large crystals sooner, to other contacts",
+        "how unequal spheres come to rest; avalanches: faster in large crystals, with other contacts",
         WAYS,
         default=WHOLE,
     )

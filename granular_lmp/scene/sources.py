@@ -89,7 +89,7 @@ class Source(AtPlaces):
         },
     )
     amplitude: float = number("", "in D0, k1 D0 or k1 D0 R", 0, 100, open_low=True, default=1.0)
-    frequency: float | None = number("rad/t0", "of periods; the wave's if left out", 1e-6, 20, default=None)
+    frequency: float | None = number("rad/t0", "of the signal; left out: that of the wave", 1e-6, 20, default=None)
     hertz: float | None = number("Hz", "in place of frequency", 1e-6, 1e15, default=None)
     phase: float = number("rad", "of tone, burst and chirp", -2 * pi, 2 * pi, default=0.0)
     delay: float = number("tau", "before the signal begins", 0, 1e7, default=0.0)
