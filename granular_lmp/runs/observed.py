@@ -44,7 +44,7 @@ class Observer:
         }
         self.moved = {name: moved[name] for name in self.names if name in moved}
         if lacks := [name for name in self.names if name not in self.looked | self.moved]:
-            raise SceneError(f"guards: {', '.join(lacks)} is known to LAMMPS alone", because="not built")
+            raise SceneError(f"guards: only LAMMPS knows {', '.join(lacks)}", because="not built")
         suspects = "v_open" in self.looked and not (by_pairs(scene) and lingers(problem))
         self.nearly = nearly_open(problem.rest) if suspects else -np.inf
 
