@@ -523,7 +523,7 @@ def test_every_executor_gives_the_same_table(kind: str, small: Scene, tmp_path: 
 
 
 def test_what_is_not_of_the_standard_library_needs_three_methods(small: Scene, tmp_path: Path) -> None:
-    done = sweep(small, TWO, tmp_path / "sweep", executor=Bare())  # type: ignore[arg-type]
+    done = sweep(small, TWO, tmp_path / "sweep", executor=Bare())
     assert list(done.column("status")) == ["finished", "finished"]
 
 
