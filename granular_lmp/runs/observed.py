@@ -1,7 +1,6 @@
 """The thermo table of a run by another engine: the columns by which the guards of its deck judge it."""
 
 from collections.abc import Callable
-from functools import cached_property
 from math import ceil, sqrt
 
 import numpy as np
@@ -13,6 +12,7 @@ from granular_lmp.effects.creep import creeping
 from granular_lmp.effects.openings import by_pairs, lingers
 from granular_lmp.effects.width import centre_row
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import cached_property
 from granular_lmp.lammps.guards import GUARDS, columns, has_looks
 from granular_lmp.lammps.region_of_influence import reach
 from granular_lmp.problem import Problem

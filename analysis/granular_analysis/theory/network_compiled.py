@@ -17,20 +17,12 @@ from granular_analysis.theory import loops
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_loop import contacts_of
 from granular_analysis.theory.network_state import State
-from granular_analysis.theory.network_verlet import (
-    Bodies,
-    Carried,
-    Moment,
-    arrays_of,
-    begun,
-    extremes,
-    motions,
-    renewed,
-    signals,
-    taken,
-)
+from granular_analysis.theory.network_verlet import Bodies, Carried, Moment, begun, motions, renewed, signals
+from granular_analysis.theory.network_verlet import arrays_of as arrays_of
+from granular_analysis.theory.network_verlet import extremes as extremes
+from granular_analysis.theory.network_verlet import taken as taken
 
-__all__ = ["arrays_of", "extremes", "march", "moments", "taken"]
+__all__ = ["march"]
 
 Floats = NDArray[np.float64]
 AT_ONCE = 10_000_000  # steps times pairs of one call, about 0.2 s, after which a run can be interrupted
