@@ -1,8 +1,8 @@
-"""Steps of LAMMPS's scheme by LAMMPS, NumPy and JAX, over the number of spheres.
+"""Steps of LAMMPS's scheme by LAMMPS and by the network in compiled loops, JAX and NumPy, over the number of spheres.
 
     python -m benchmarks.steps [--spheres N ...] [--repeats N]
 
-The scene is a TR wave in a perfect periodic sheet, whose steps all three take to the same motion. Times are processor
+The scene is a TR wave in a perfect periodic sheet, whose steps all take to the same motion. Times are processor
 seconds of all threads, over contacts and steps: of LAMMPS, on one rank without and with the kernel, the time loop
 without the writing of snapshots; of JAX, on the device that it chooses, a run that is compiled. What came out is in
 RESULTS.md.
@@ -19,7 +19,7 @@ from typing import Any
 from benchmarks.network import processor_seconds, sized
 from benchmarks.timing import both_ratios, interleave, machine, spread, table
 from granular_analysis.measure.snapshot import FirstSnapshot, first_snapshot
-from granular_analysis.theory import network_traced, network_verlet
+from granular_analysis.theory import network_compiled, network_traced, network_verlet
 from granular_lmp import Scene, run
 from granular_lmp.lammps.outputs import LOG
 
@@ -27,10 +27,10 @@ STEP = 0.1  # τ
 SPHERE_STEPS = 3_000_000  # of LAMMPS and JAX; NumPy takes a tenth
 FEWEST = 20  # steps
 HEAD = [
-    *("spheres", "LAMMPS, ns", "with the kernel, ns", "NumPy, ns", "JAX, ns"),
-    *("NumPy over LAMMPS", "JAX over LAMMPS", "JAX over the kernel"),
+    *("spheres", "LAMMPS, ns", "with the kernel, ns", "C, ns", "JAX, ns", "NumPy, ns"),
+    *("C over the kernel", "JAX over the kernel", "NumPy over LAMMPS"),
 ]
-Nanoseconds = tuple[float, float, float, float]
+Nanoseconds = tuple[float, ...]
 
 
 def perfect(spheres: int) -> tuple[Scene, int]:
@@ -42,7 +42,7 @@ def perfect(spheres: int) -> tuple[Scene, int]:
 
 
 def compared(spheres: int, folder: Path) -> Nanoseconds:
-    """Return ns a contact and step of LAMMPS without and with the kernel, NumPy and JAX."""
+    """Return ns a contact and step of LAMMPS without and with the kernel, compiled loops, JAX and NumPy."""
     scene, count = perfect(spheres)
     first = first_snapshot(run(scene, folder / "run", kernel=False))
     run(scene, folder / "kernel", kernel=True)
@@ -52,8 +52,9 @@ def compared(spheres: int, folder: Path) -> Nanoseconds:
     numpy = timed(partial(marched, network_verlet.march, first, few))
     marched(network_traced.march, first, count)  # compiles
     jax = timed(partial(marched, network_traced.march, first, count))
-    unit = 1e9 / pairs
-    return unit * loop / count, unit * kernel / count, unit * numpy / few, unit * jax / count
+    compiled = timed(partial(marched, network_compiled.march, first, count))
+    per_step = loop / count, kernel / count, compiled / count, jax / count, numpy / few
+    return tuple(1e9 / pairs * each for each in per_step)
 
 
 def marched(march: Callable[..., Any], first: FirstSnapshot, count: int) -> None:
@@ -71,9 +72,9 @@ def timed(job: Callable[[], object]) -> float:
 
 def line(spheres: int, rounds: Sequence[Nanoseconds]) -> list[str]:
     """Return one line of the table; ratios are within rounds, and of the smallest times."""
-    lammps, kernel, numpy, jax = zip(*rounds, strict=True)
-    spreads = [spread(each) for each in (lammps, kernel, numpy, jax)]
-    ratios = [both_ratios(numpy, lammps), both_ratios(jax, lammps), both_ratios(jax, kernel)]
+    lammps, kernel, compiled, jax, numpy = zip(*rounds, strict=True)
+    spreads = [spread(each) for each in (lammps, kernel, compiled, jax, numpy)]
+    ratios = [both_ratios(compiled, kernel), both_ratios(jax, kernel), both_ratios(numpy, lammps)]
     return [str(spheres), *spreads, *ratios]
 
 
