@@ -10,6 +10,7 @@ NumPy without it, and ``run.json`` says which in ``device``.
 """
 
 import argparse
+from dataclasses import replace
 
 from granular_analysis.measure.stepping import NetworkEngine, kind_of, sooner
 from granular_analysis.theory.errors import TheoryError
@@ -52,7 +53,8 @@ def main(argv: list[str] | None = None) -> int:
         given = {"time.timestep": options.step, "time.tolerance": options.tolerance}
         options.changes += [f"{key}={value!r}" for key, value in given.items() if value is not None]
         if options.over:
-            return sweep_of(options, engine=NetworkEngine.on(options.device))
+            at_once = 1 if options.workers == "mpi" else options.workers  # ranks may be on many machines
+            return sweep_of(options, engine=replace(NetworkEngine.on(options.device), at_once=at_once))
         scene = Scene.load(options.scene, changes_of(options))
         engine = NetworkEngine.on(sooner(options.device, scene))
         engine.refuse_larger(scene)
