@@ -1,6 +1,7 @@
 """A run without LAMMPS's loop: its folder is that of LAMMPS, whatever reads it, and it stops and continues alike."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -228,6 +229,8 @@ def test_memory_that_is_not_there_is_refused_before_it_runs_out(
     monkeypatch.setattr(stepping, "_free", lambda: 4.1e8)
     with pytest.raises(SceneError, match=r"4800 spheres need 0.43 GB .* \(in the sweep at packing.columns = 300\)"):
         sweep(scene_of("tr_periodic"), {"packing.columns": [3, 300]}, tmp_path / "s", engine=HERE)
+    with pytest.raises(SceneError, match=r"48 spheres in each of 2 runs at once need 0.8 GB .* or columns, or workers"):
+        sweep(scene_of("tr_periodic"), {"packing.columns": [3, 4]}, tmp_path / "s", engine=replace(HERE, at_once=2))
     with pytest.raises(SceneError, match=r"4800 spheres need 0.43 GB"):
         run(scene_of("tr_periodic", {"packing.columns": 300, "time.tolerance": 0.1}), tmp_path / "t", engine=HERE)
     monkeypatch.setattr(stepping, "_free", lambda: np.inf)

@@ -82,6 +82,17 @@ def test_a_record_without_factors_is_that_of_the_steps() -> None:
     assert found.times == pytest.approx(2.5 * np.arange(9))
 
 
+def test_runs_of_equal_traits_and_shapes_share_what_is_compiled() -> None:
+    run = of_kind("smooth")
+    smaller = replace(run, step=0.9 * run.step, state=replace(run.state, motion=0.5 * run.state.motion))
+    gradients.record(run, {})
+    compiled = gradients._recorded._cache_size()
+    found = gradients.record(smaller, {}).motion
+    assert gradients._recorded._cache_size() == compiled
+    expected = np.array([*march(smaller.network, smaller.state, smaller.step, 40, 5)])[:, :, RECORDED]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+
+
 # Of a kind all is compiled once, which takes some seconds; one holds the lines of most
 @pytest.mark.parametrize("kind", members(KINDS, *(kind for kind in KINDS if kind != "friction")))
 def test_what_a_gradient_leaves_is_of_second_order_and_both_modes_are_adjoint(kind: str) -> None:

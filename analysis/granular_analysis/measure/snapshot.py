@@ -29,7 +29,7 @@ from granular_analysis.theory.network import LAWS, Material, Network
 from granular_analysis.theory.network_laws import ADHESIONS
 from granular_analysis.theory.network_motion import Trajectory
 from granular_analysis.theory.network_state import State, loaded, settled, start
-from granular_lmp.runs.record import Record
+from granular_lmp.runs.record import Record, Scene
 
 __all__ = ["first_snapshot"]
 
@@ -39,6 +39,7 @@ _TURNS = {2: ["v_theta"], 3: [f"Orientation.{part}" for part in "WXYZ"]}  # by d
 _SPINS = {2: ["omegaz"], 3: ["omegax", "omegay", "omegaz"]}
 _TITLES = {0: "TIMESTEP", 2: "NUMBER", 4: "BOX", 8: "ATOMS"}  # by line
 SNAPSHOTS = "dump.particles"
+_PRELOAD = 1e6  # steps that the preload of a deck takes
 CENTRE = "dump.centre"  # beside the snapshots; it names the recorded sphere
 # Largest radius (m) of the spheres of a LAMMPS unit style, and the style's units of mass, length and time in SI
 UNITS = ((1e-5, (1e-21, 1e-9, 1e-9)), (1e-3, (1e-15, 1e-6, 1e-6)), (np.inf, (1.0, 1.0, 1.0)))
@@ -163,10 +164,15 @@ def network_of(record: Record, spheres: Spheres, recorded: int) -> FirstSnapshot
     _refuse_replaced(record, network)
     network = replace(network, **outside(record, network, scales))
     direction = ALONG_Y if scene.wave is None else scene.direction
-    state = loaded(network, state.motion)
+    state = loaded(network, state.motion, _preloading(scene) / scales.time)
     if not scene.held_at_rest:  # contacts of spheres that just touch begin where they overlap
         state = settled(network, replace(state, begun=np.zeros_like(state.begun)))
     return FirstSnapshot(network, state, recorded, scales, direction)
+
+
+def _preloading(scene: Scene) -> float:
+    """Return 1 over the time of the preload, in 1/t0; 0 of an extrapolation to short steps."""
+    return 0.0 if scene.time.tolerance is not None else 1 / (_PRELOAD * scene.time.step)
 
 
 def scales_of(record: Record) -> Scales:

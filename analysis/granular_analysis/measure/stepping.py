@@ -50,10 +50,16 @@ class NetworkEngine:
     ----------
     device : as ``run.json`` names it; it ends with what takes the steps.
     room : bytes of the card, inf without one.
+    at_once : runs at once on this machine, all of which must find memory. Another process counts its own.
     """
 
     device: str
     room: float = np.inf
+    at_once: int = 1
+
+    def __reduce__(self) -> tuple[type["NetworkEngine"], tuple[str, float]]:
+        """Return what another process makes the engine of."""
+        return NetworkEngine, (self.device, self.room)
 
     @classmethod
     def on(cls, name: str) -> "NetworkEngine":
@@ -98,15 +104,16 @@ class NetworkEngine:
         return {"jax": version("jax")} if self.by == "JAX" else {}
 
     def refuse_larger(self, scene: Scene) -> None:
-        """Raise TheoryError for a scene that needs more memory than this machine has free, or than the card has."""
+        """Raise TheoryError for runs that need more memory than this machine has free, or than the card has."""
         spheres, records = scene.shape.spheres, scene.time.samples + 1 if scene.wave is None else 0
         of_device = _PROCESS + _SPHERE[scene.space] * spheres
-        of_host = of_device + _READ * spheres * records
+        of_host = self.at_once * (of_device + _READ * spheres * records)
+        each, fewer = (f" in each of {self.at_once} runs at once", ", or workers") if self.at_once > 1 else ("", "")
         for needed, there, where in ((of_host, _free(), "are free"), (of_device, self.room, f"has {self.device}")):
             if needed > there:
                 raise TheoryError(
-                    f"{spheres} spheres need {needed / 1e9:.2g} GB of memory, and {there / 1e9:.2g} GB {where}: take "
-                    "fewer rows or columns"
+                    f"{spheres} spheres{each} need {needed / 1e9:.2g} GB of memory, and {there / 1e9:.2g} GB {where}: "
+                    f"take fewer rows or columns{fewer}"
                 )
 
     def begin(self, setting: Setting) -> "Motion":

@@ -205,7 +205,7 @@ def started(network: Traits, pairs: Pairs, bodies: Bodies, motion: Any, values: 
     way = meetings(network, [*motion[:half], *motion[:half]], pairs, pairs.overlap > pairs.normal.end)
     memory = scaled(way.stiffness, way.slip_rate) if network.law == "incremental" else way.slip_rate
     met = meetings(network, moved(network, bodies, values, list(motion)), pairs, way.closed)
-    now = acting(network, pairs, met, scaled(met.closed, memory))
+    now = acting(network, pairs, met, scaled(met.closed, memory), stepped=True)
     loads = pushed(network, bodies, values, resultants(pairs, now))
     slips = combined(scaled(met.closed, memory), met.tangents.along)
     return Carried(tuple(motion), slips, met.closed, times(loads, bodies.mobility))

@@ -165,7 +165,8 @@ def begun(network: Network, state: State, bodies: Bodies) -> Carried:
     """Return what the first step begins with: the forces of a state, with its velocities."""
     (values,) = signals(network, bodies.step, 0, 1)
     motion = np.array(moved(network, bodies, values, state.motion))
-    now = present(network, replace(state, motion=motion))
+    met = meetings(network, motion, state.pairs, state.begun)
+    now = acting(network, state.pairs, met, state.shear, stepped=True)
     slips = combined(np.where(now.closed, state.shear, 0.0), now.tangents.along)
     loads = pushed(network, bodies, values, resultants(state.pairs, now))
     return Carried(tuple(state.motion), slips, now.closed, times(loads, network.mobility))
@@ -184,7 +185,7 @@ def stepped(network: Network | Traits, pairs: Pairs, bodies: Bodies, before: Car
     met = meetings(network, half, pairs, before.begun)
     rate = scaled(met.stiffness, met.slip_rate) if network.law == "incremental" else met.slip_rate
     memory = scaled(met.closed, plus(_turned(before.memory, met), scaled(step, rate)))
-    now = acting(network, pairs, met, memory)
+    now = acting(network, pairs, met, memory, stepped=True)
     if network.law == "incremental":
         memory = now.spring
     elif network.friction < np.inf:
@@ -212,7 +213,7 @@ def _turned(vector: Vector, met: Meetings) -> Vector:
 def seen(network: Network | Traits, pairs: Pairs, now: Carried) -> Contacts:
     """Return the contacts at the end of a step, with its velocities."""
     met = meetings(network, now.motion, pairs, now.begun)
-    return acting(network, pairs, met, [dot(now.memory, each) for each in met.tangents.along])
+    return acting(network, pairs, met, [dot(now.memory, each) for each in met.tangents.along], stepped=True)
 
 
 def slip_ratios(network: Network | Traits, pairs: Pairs, there: Contacts) -> Floats:

@@ -10,6 +10,7 @@ no C compiler; JAX (``granular-lmp[jax]``) takes them on all cores or on a card.
 """
 
 import argparse
+from dataclasses import replace
 
 from granular_analysis.measure.stepping import NetworkEngine, kind_of
 from granular_analysis.theory.errors import TheoryError
@@ -55,7 +56,8 @@ def main(argv: list[str] | None = None) -> int:
         given = {"time.timestep": options.step, "time.tolerance": options.tolerance}
         options.changes += [f"{key}={value!r}" for key, value in given.items() if value is not None]
         if options.over:
-            return sweep_of(options, engine=NetworkEngine.on(options.device))
+            at_once = 1 if options.workers == "mpi" else options.workers  # ranks may be on many machines
+            return sweep_of(options, engine=replace(NetworkEngine.on(options.device), at_once=at_once))
         scene = Scene.load(options.scene, changes_of(options))
         engine = NetworkEngine.on(options.device)
         engine.refuse_larger(scene)
