@@ -303,7 +303,7 @@ def _in_range(numbers: Integers, ends: Sequence[int], key: str) -> NDArray[np.bo
 
 def _stream(seed: int, stream: int) -> "np.random.RandomState":
     """Return a generator whose numbers stay the same in every version of NumPy."""
-    return np.random.RandomState([seed, stream])  # noqa: NPY002 (the streams of Generator may change)
+    return np.random.RandomState([seed, stream])  # the streams of Generator may change
 
 
 def _spread(count: int, deviation: float, seed: int, stream: int) -> Floats | float:

@@ -179,7 +179,7 @@ def _keep(moment: Moment, folder: Path, streams: dict[str, IO[Any]]) -> None:
     for stream in streams.values():
         stream.flush()
     content = io.BytesIO()
-    np.savez(content, **{"number": np.array(moment.number), **moment.kept()})  # type: ignore[arg-type]
+    np.savez(content, **{"number": np.array(moment.number), **moment.kept()})  # type: ignore[arg-type]  # arrays by name
     with whole(folder / CHECKPOINTS[0]) as draft:
         draft.write_bytes(content.getvalue() + END)
 

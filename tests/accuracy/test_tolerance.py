@@ -61,7 +61,7 @@ def periodic(name: str, rows: int, waves: int, amplitude: float, **more: Any) ->
 
 def described(scene: Scene) -> Wave:
     wave = scene.wave
-    return wave.mode, scene.wavenumber, wave.amplitude, scene.sphere.poisson_ratio  # type: ignore[return-value]
+    return wave.mode, scene.wavenumber, wave.amplitude, scene.sphere.poisson_ratio
 
 
 def wave_of(scene: Scene) -> theory.Wave:

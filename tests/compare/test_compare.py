@@ -200,7 +200,7 @@ def test_an_oblique_run_of_lammps_is_the_exact_lattice_of_its_direction(
         # The time step leaves (ΩΔτ)²Ωτ/24√3 = 2.4e-5 in p of TR, which turns with Ω = 0.68, and less in the others.
         assert error is None or error < 5e-5
     wave = wave_of(record)
-    mode = bloch.mode(name, wave.mode.wavenumber, record.scene.direction + 5, wave.contact)  # type: ignore[arg-type]
+    mode = bloch.mode(name, wave.mode.wavenumber, record.scene.direction + 5, wave.contact)
     turned = replace(wave, mode=mode)
     off = signals.errors(record, THEORIES["exact-lattice"](turned, record.tau))
     assert max(error or 0.0 for error in off.values()) > 2e-3  # five degrees are seen
