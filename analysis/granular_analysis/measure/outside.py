@@ -309,7 +309,7 @@ def _factors(record: Record, network: Network, scales: Scales) -> Floats | tuple
     kinds = kinds_of(scene)
     whole = _stiffnesses(scene.contact, scales)
     if whole != (None, None) and len({kind[:3] for kind in kinds}) > 1:
-        raise TheoryError("contact: the network knows stiffnesses of all contacts where all spheres have one material")
+        raise TheoryError("contact: the network takes [contact] only where all spheres have one material")
     materials = [scales.material(kind) for kind in kinds]
     radii = [scales.radius if kind.radius is None else kind.radius / scales.metre for kind in kinds]
     both = scaled((materials[0],) * 2, (radii[0],) * 2, network.adhesion, load, whole)

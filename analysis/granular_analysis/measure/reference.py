@@ -126,8 +126,8 @@ def _too_long(record: Record, wave: Wave | None) -> str:
     if spheres * until <= most:
         return ""
     return (
-        f"{spheres} spheres until tau = {until:.6g} are more than the {most:.0f} spheres times tau of a run like this "
-        "that the network takes unasked; ask with --theory network"
+        f"{spheres} spheres until tau = {until:.6g} are above the {most:.0f} spheres times tau up to which the network "
+        "is the default in a run like this; ask with --theory network"
     )
 
 

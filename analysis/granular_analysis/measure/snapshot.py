@@ -243,8 +243,8 @@ def _refuse_replaced(record: Record, network: Network) -> None:
     there = 1 + last // _classes(record)
     if there < declared:
         raise TheoryError(
-            f"inclusion: {declared} materials are declared with that of the lattice, and spheres have {there}; must be "
-            "without inclusions whose spheres later ones replace"
+            f"inclusion: {declared} materials are declared with that of the lattice, and spheres have {there}; must "
+            "have no inclusion whose spheres are all replaced by later ones"
         )
 
 

@@ -140,7 +140,7 @@ class NetworkEngine:
         try:
             self.refuse_larger(setting.scene)
             if (here := NetworkEngine.on(kind_of(self.device)).device) != self.device:
-                raise TheoryError(f"device: the engine is of {self.device}, and this process has {here}")
+                raise TheoryError(f"device: the engine was made for {self.device}, and this process has {here}")
             if lacks := missing(NETWORK, others_of(record)):
                 raise TheoryError(f"the network leaves out {', '.join(lacks)}")
             return Motion(network_of(record, spheres, setting.recorded), setting, import_module(STEPS[self.by]))

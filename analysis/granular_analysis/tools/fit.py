@@ -84,13 +84,13 @@ def _verdict(fitted: Fitted) -> list[str]:
     elif found.freedom:
         said = [f"chi2 = {found.chi_squared:.4g} a degree of freedom, of {found.freedom}"]
     else:
-        said = ["as many keys as points: the points do not judge the model"]
+        said = ["as many keys as points: the points cannot test the model"]
     said += _unlikely(fitted)
     worst = int(np.argmax(np.abs(found.residuals)))
     if abs(found.residuals[worst]) > _FAR:
         said.append(
             f"line {fitted.fit.points[worst].line} is {abs(found.residuals[worst]):.0f} standard deviations off: "
-            "another branch, another model, or a start too far away"
+            "try another branch, another model or a nearer start"
         )
     for group in found.blind:
         keys = ", ".join(group)
@@ -214,7 +214,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     changes_argument(parser, "sphere.poisson_ratio=0.3")
     parser.add_argument("--free", nargs="+", required=True, metavar="KEY", help="keys of the scene that are fitted")
     parser.add_argument(
-        "--loss", choices=LOSSES, default="linear", help="linear: least squares; the others weigh outliers down"
+        "--loss", choices=LOSSES, default="linear", help="linear: least squares; the others give outliers less weight"
     )
     parser.add_argument("-o", "--output", metavar="FIGURE", help="draw points, fit and residuals: PNG, PDF or SVG")
     parser.add_argument("--json", metavar="FILE", help="write all of the answer as JSON")

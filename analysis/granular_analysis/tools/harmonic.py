@@ -52,7 +52,7 @@ def harmonic(targets: Sequence[str], by: str | None = None, changes: Mapping[str
         raise ValueError(f"--set {next(iter(changes))}: changes a scene, and a run has its own")
     if len(folders) > 1:
         if by:
-            raise ValueError(f"--by {by} is of one scene or run, not of {len(folders)}")
+            raise ValueError(f"--by {by} takes one scene or run, not {len(folders)}")
         return by_runs([load(folder) for folder in folders])
     if not (folders[0] / STATUS).is_file():
         return _of_scene(Scene.load(targets[0], changes), by)
@@ -153,7 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("targets", nargs="+", metavar="SCENE_OR_RUN", help="a scene, a run, or runs of several phases")
     changes_argument(parser, "wave.amplitude=0.05")
-    parser.add_argument("--by", choices=("theory", "cell", "network"), help="this way, not the first that holds it")
+    parser.add_argument("--by", choices=("theory", "cell", "network"), help="which way (default: the first that holds)")
     parser.add_argument(
         "--seeds", metavar="N", type=int, help="run a disordered scene with N seeds: the mean over them"
     )
