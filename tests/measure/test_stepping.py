@@ -1,6 +1,7 @@
 """A run without LAMMPS's loop: its folder is that of LAMMPS, whatever reads it, and it stops and continues alike."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
