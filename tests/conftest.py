@@ -1,5 +1,7 @@
 """Scenes and LAMMPS runs that several tests share."""
 
+# ruff: noqa: E402 (the environment is set before NumPy is imported)
+
 import gc
 import os
 import shutil
@@ -28,16 +30,16 @@ os.environ["XDG_CACHE_HOME"] = str(CACHE / "without_kernel")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a script; programs under test inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-from granular_lmp import Record, Scene, run  # noqa: E402
-from granular_lmp.errors import LammpsMissingError, RunInterrupted  # noqa: E402
-from granular_lmp.lammps.installation import has_package  # noqa: E402
-from granular_lmp.lammps.kernel import library  # noqa: E402
-from granular_lmp.lammps.outputs import LOG  # noqa: E402
-from granular_lmp.runs import routes  # noqa: E402
-from granular_lmp.runs.folder import locked  # noqa: E402
-from granular_lmp.runs.options import Options  # noqa: E402
-from granular_lmp.studies import forecast  # noqa: E402
-from tests.pause import paused  # noqa: E402
+from granular_lmp import Record, Scene, run
+from granular_lmp.errors import LammpsMissingError, RunInterrupted
+from granular_lmp.lammps.installation import has_package
+from granular_lmp.lammps.kernel import library
+from granular_lmp.lammps.outputs import LOG
+from granular_lmp.runs import routes
+from granular_lmp.runs.folder import locked
+from granular_lmp.runs.options import Options
+from granular_lmp.studies import forecast
+from tests.pause import paused
 
 pytest_plugins = ["tests.durations", "tests.manual.recorder"]
 

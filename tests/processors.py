@@ -18,7 +18,7 @@ TESTS = Path(__file__).parent
 AS_IT_IS = "this processor"
 MANY = "4"  # threads, also where there are fewer cores: the order of the sums is what counts
 # The features that NumPy chooses between here; each of the two names is that of one generation of NumPy
-FOUND: list[str] = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])  # type: ignore[call-overload]
+FOUND: list[str] = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
 AVX2 = bool({"AVX2", "X86_V3"} & set(FOUND))
 AVX512 = bool({"AVX512_SKX", "X86_V4"} & set(FOUND))
 

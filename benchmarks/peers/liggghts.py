@@ -44,7 +44,7 @@ dump         centre centre custom {every} dump.centre id x y
 dump_modify  centre format "%d %.17g %.17g"
 thermo       {steps}
 run          {steps}
-"""  # noqa: E501
+"""  # noqa: E501 (a command is a line)
 FRICTION = 2.0  # twice what our deck allows, because the sliding force has no adhesion in it: no contact slides
 
 

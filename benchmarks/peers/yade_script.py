@@ -8,7 +8,7 @@ from math import atan
 from pathlib import Path
 
 import numpy as np
-from yade import *  # type: ignore[import-not-found]
+from yade import *  # type: ignore[import-not-found]  # only YADE has it
 
 FRICTION = 10.0  # nothing slides
 

@@ -303,7 +303,7 @@ def _in_range(numbers: Integers, ends: Sequence[int], key: str) -> NDArray[np.bo
 
 def _stream(seed: int, stream: int) -> "np.random.RandomState":
     """Return a generator whose numbers stay the same in every version of NumPy."""
-    return np.random.RandomState([seed, stream])  # noqa: NPY002 (the streams of Generator may change)
+    return np.random.RandomState([seed, stream])  # the streams of Generator may change
 
 
 def _spread(count: int, deviation: float, seed: int, stream: int) -> Floats | float:
@@ -324,7 +324,7 @@ def _drawn(free: NDArray[np.bool_], share: float, seed: int, stream: int, name: 
     order = _stream(seed, stream).permutation(np.flatnonzero(free))
     count = round(share * len(order))
     if not count:
-        raise CrystalError(f"{name} = {share!r}: is no sphere of {len(order)} free ones; must be 0, or more of them")
+        raise CrystalError(f"{name} = {share!r}: is less than one of {len(order)} free spheres; must be 0 or larger")
     return order[:count]
 
 

@@ -88,11 +88,9 @@ def held(problem: Problem) -> list[str]:
 
 def loads(problem: Problem) -> list[str]:
     """Return the block of the constant forces on free ends of a chain that is pressed together, [] without any."""
-    units, scale = problem.units, problem.scene.scale
-    mass, time = units.number(scale.mass, mass=1), units.number(scale.time, time=1)
     lines = ["# --- constant forces on free ends, which press the chain together"]
     for number, (sphere, force) in enumerate(problem.rest.loads.items(), 1):
-        of_deck = units.number(force * scale.length, length=1) * mass / time**2
+        of_deck = problem.units.number(force * problem.scene.scale.length, length=1)  # a deck of impacts has m and t0
         lines += [
             f"group        end{number} id {sphere + 1}",
             f"fix          load{number} end{number} addforce 0.0 {of_deck!r} 0.0",

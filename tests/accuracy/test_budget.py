@@ -43,7 +43,7 @@ FEW = np.arange(0.0, 30.5, 0.5)
 def wave_in(scene: Scene, overlap_ratio: float) -> Wave:
     """The wave of a scene in contacts of this overlap ratio."""
     contact = Contact(0.17, overlap_ratio=overlap_ratio)
-    return Wave.of_mode(scene.wave.mode, scene.wavenumber, scene.wave.amplitude, contact)  # type: ignore[arg-type]
+    return Wave.of_mode(scene.wave.mode, scene.wavenumber, scene.wave.amplitude, contact)
 
 
 def names_of(scene: Scene) -> tuple[str, ...]:
@@ -181,7 +181,7 @@ def test_what_is_said_to_halve_an_error_halves_it(name: str, changes: Any) -> No
     scene = PAPER.with_values({"wave.amplitude": 0.05})
     before = budget_of(as_run(scene))[name]
     after = budget_of(as_run(scene.with_values(changes(before.to_halve))))[name]
-    assert after.p / before.p == pytest.approx(0.5, rel=0.1)  # type: ignore[operator]
+    assert after.p / before.p == pytest.approx(0.5, rel=0.1)
 
 
 def test_what_is_said_to_halve_the_error_of_the_step_halves_it() -> None:

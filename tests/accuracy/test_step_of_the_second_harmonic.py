@@ -32,8 +32,8 @@ each_law = pytest.mark.parametrize("law", LAWS)
 
 
 def wave_of_name(mode: str, xi: float, law: str) -> Wave:
-    contact = Contact(0.17, law=law, overlap_ratio=PAPER.sphere.overlap_ratio)  # type: ignore[arg-type]
-    return Wave.of_mode(mode, xi, 0.01, contact)  # type: ignore[arg-type]
+    contact = Contact(0.17, law=law, overlap_ratio=PAPER.sphere.overlap_ratio)
+    return Wave.of_mode(mode, xi, 0.01, contact)
 
 
 def scene_of(mode: str, xi: float, law: str) -> Scene:

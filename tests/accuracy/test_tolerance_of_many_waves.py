@@ -23,7 +23,7 @@ WAVENUMBERS = (0.3, 0.802, 1.475, 2.127, 2.8)
 AMPLITUDES = (0.2, 0.02, 0.3, 0.1)
 # Modes × ξ × ν, the amplitudes in turn. ξ = 2.127 at ν = 0.17 is the antiresonance
 GRID: list[Wave] = [
-    (name, xi, AMPLITUDES[(i + j + k) // 2 % 4], nu)  # type: ignore[misc]  # the names are those of modes
+    (name, xi, AMPLITUDES[(i + j + k) // 2 % 4], nu)
     for i, name in enumerate(("TR", "RT", "L"))
     for j, xi in enumerate(WAVENUMBERS)
     for k, nu in enumerate((-0.5, 0.0, 0.17, 0.45))
@@ -32,7 +32,7 @@ GRID: list[Wave] = [
 _random = np.random.default_rng(2026)
 RANDOM: list[Wave] = [
     (
-        ("TR", "RT", "L")[i % 3],  # type: ignore[misc]
+        ("TR", "RT", "L")[i % 3],
         float(_random.uniform(0.1, 3.1)),
         float(10 ** _random.uniform(-2, -0.5)),
         float(_random.uniform(-0.5, 0.49)),

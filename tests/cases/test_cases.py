@@ -61,7 +61,7 @@ def test_a_number_that_is_printed_is_found_behind_the_words_of_its_line() -> Non
     ],
 )
 def test_a_number_that_is_not_as_expected_is_said(changed: dict[str, object], says: str) -> None:
-    assert says in replace(WIDTH, **changed).missed(PRINTED)  # type: ignore[arg-type]
+    assert says in replace(WIDTH, **changed).missed(PRINTED)
 
 
 def test_a_run_is_made_for_each_combination_of_values() -> None:

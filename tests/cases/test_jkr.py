@@ -135,7 +135,7 @@ def test_what_has_no_meaning_is_refused_by_name() -> None:
     for wrong, message in (
         (lambda: Contact(1.0, 1.0, 0.0), "radius = 1.0, modulus = 1.0 and work = 0.0 must be positive"),
         (lambda: Contact(1.0, np.inf, 1.0), "modulus = inf and"),
-        (lambda: CONTACT.loss("grips"), "parting must be one of load, distance, not 'grips'"),  # type: ignore[arg-type]
+        (lambda: CONTACT.loss("grips"), "parting must be one of load, distance, not 'grips'"),
         (lambda: CONTACT.contact_radius(-9.0), "where the contact ends, not -9.0"),
         (lambda: CONTACT.force(-1.0), "contact_radius must not be negative"),
         (lambda: CONTACT.sticking_speed(0.0), "mass must be positive, not 0.0"),

@@ -135,9 +135,9 @@ def test_the_page_has_angles_and_heights_of_the_law_and_the_rule() -> None:
 
 
 def test_the_page_has_the_speed_in_each_direction_and_the_critical_angle() -> None:
-    degrees, speeds = (numbers(re.search(rf"^\| {name} \|.*$", PAGE, re.MULTILINE)[0])[1:] for name in ("φ", r"\*C\*"))  # type: ignore[index]
+    degrees, speeds = (numbers(re.search(rf"^\| {name} \|.*$", PAGE, re.MULTILINE)[0])[1:] for name in ("φ", r"\*C\*"))
     assert speeds == pytest.approx([scaled_speed(each) for each in degrees], abs=3.5e-4)
-    critical = float(re.search(r"critical angle\*\* of the rule for \*M\* = 1/2 is ([\d.]+)°", PAGE)[1])  # type: ignore[index]
+    critical = float(re.search(r"critical angle\*\* of the rule for \*M\* = 1/2 is ([\d.]+)°", PAGE)[1])
     assert quasi_particle(0.5, critical - 0.1).transmitted < 90
     with pytest.raises(ValueError, match="beyond the critical angle"):
         quasi_particle(0.5, critical + 0.1)

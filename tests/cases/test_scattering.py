@@ -104,7 +104,7 @@ def test_as_many_strikers_make_as_many_solitary_waves(strikers: int) -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: crossing("wall"), "meeting must be 'contact' or 'sphere', not 'wall'"),  # type: ignore[arg-type]
+        (lambda: crossing("wall"), "meeting must be 'contact' or 'sphere', not 'wall'"),
         (lambda: impurity(0.0), "mass must be from 0.1 to 30 times that of a sphere, not 0"),
         (lambda: impurity(1e4), "mass must be from 0.1 to 30 times that of a sphere, not 10000"),
     ],

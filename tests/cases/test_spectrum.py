@@ -30,7 +30,7 @@ def of_theory(mode: str, k: int, poisson_ratio: float | None = None, rows: int =
     scene = ZONE.with_values({"packing.rows": rows, "wave.mode": mode, "wave.wavenumber": 2 * np.pi * k / rows})
     empty = Record.of_centre(TAU, TAU, TAU, TAU, scene)
     ratios = wave_of(empty).contact.closed if poisson_ratio is None else other(poisson_ratio)
-    wave = closed.mode(mode, scene.wavenumber, ratios)  # type: ignore[arg-type]
+    wave = closed.mode(mode, scene.wavenumber, ratios)
     p, q, phi = closed.second_order(wave, ratios, scene.wave.amplitude, TAU)
     return empty.with_signals(p=p, q=q, phi=phi)
 

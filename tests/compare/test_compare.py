@@ -200,7 +200,7 @@ def test_an_oblique_run_of_lammps_is_the_exact_lattice_of_its_direction(
         # The time step leaves (ΩΔτ)²Ωτ/24√3 = 2.4e-5 in p of TR, which turns with Ω = 0.68, and less in the others.
         assert error is None or error < 5e-5
     wave = wave_of(record)
-    mode = bloch.mode(name, wave.mode.wavenumber, record.scene.direction + 5, wave.contact)  # type: ignore[arg-type]
+    mode = bloch.mode(name, wave.mode.wavenumber, record.scene.direction + 5, wave.contact)
     turned = replace(wave, mode=mode)
     off = signals.errors(record, THEORIES["exact-lattice"](turned, record.tau))
     assert max(error or 0.0 for error in off.values()) > 2e-3  # five degrees are seen
@@ -222,7 +222,7 @@ def test_notes_say_why_a_comparison_does_not_mean_what_it_seems(small: Scene, tm
     assert any("largest_torque" in note for note in still.notes)
     echo = PAPER.with_values({"packing.rows": 21, "time.duration": 60.0, "time.allow_echo": True})
     heard = compare.compare(run(echo, tmp_path / "echo"), "second-order")
-    assert any("the walls are heard from tau = 4.9" in note for note in heard.notes)
+    assert any("echoes of the walls arrive from tau = 4.9" in note for note in heard.notes)
     assert heard.notes[0] in compare.table([heard])
     assert compare.compare(run(small, tmp_path / "plain"), "second-order").notes == []
 

@@ -215,7 +215,7 @@ def test_the_widest_line_of_the_figure_is_that_of_the_page() -> None:
 )
 def test_the_lines_of_the_map_are_phase_matched(branch: int, sign: int) -> None:
     first, contact = (np.array([0.55, 0.9]), 0), Contact(0.17)
-    found = list(partners(first, branch, sign, contact, points=120))  # type: ignore[arg-type]  # a parametrised sign
+    found = list(partners(first, branch, sign, contact, points=120))
     assert found
     for target, line, rates in found:
         gaps = pair_of(first, (line, branch), sign, contact).detunings[:, target]

@@ -100,7 +100,7 @@ def test_stiffnesses_are_found_again_from_frequencies(values: dict[str, float]) 
             2,
             branch=name,
             wavenumber=xi,
-        )  # type: ignore[arg-type]
+        )
         for xi in (0.7, 1.4, 2.1)
         for name in ("L", "TR")
     ]

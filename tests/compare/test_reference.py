@@ -107,7 +107,7 @@ def test_a_first_snapshot_that_cannot_be_read_is_a_reason(imperfect: Record, tmp
     assert "has no column v_theta" in compare.compare(untracked).notes[-1]
     assert untracked.folder is not None
     of_first_format(untracked.folder)  # no digest protects its files
-    (untracked.folder / "dump.particles").write_text((imperfect.folder / "dump.particles").read_text())  # type: ignore[operator]
+    (untracked.folder / "dump.particles").write_text((imperfect.folder / "dump.particles").read_text())
     for text in ("", "ITEM: TIMESTEP\n"):
         (untracked.folder / "dump.centre").write_text(text)
         with pytest.raises(TheoryError, match="dump.centre: is no text dump"):
@@ -175,7 +175,7 @@ def test_the_incremental_law_is_held_and_is_not_the_secant_one(tmp_path: Path) -
     pair = extrapolated(scene, tmp_path, (0.00625, 0.003125))
     assert all(error is not None and error < SIGNALS for error in compare.compare(pair.record).error.values())
     secant = replace(pair.record, scene=scene.with_values({"effects.shear_law": "secant"}))
-    assert compare.compare(secant).error["p"] > 10 * SIGNALS  # type: ignore[operator]
+    assert compare.compare(secant).error["p"] > 10 * SIGNALS
 
 
 def test_contacts_that_slide_have_the_friction_of_the_run_and_cost_more(
@@ -187,7 +187,7 @@ def test_contacts_that_slide_have_the_friction_of_the_run_and_cost_more(
     # A single run with the step 0.0125 leaves some 1e-5
     assert all(error is not None and error < 1e-4 for error in result.error.values())
     rough = compare.compare(replace(record, scene=record.scene.with_values({"effects.friction": 0.04})))
-    assert rough.error["p"] > 1e-3  # type: ignore[operator]
+    assert rough.error["p"] > 1e-3
     monkeypatch.setattr(reference, "MOST_UNASKED", 48 * 2.0 * 39)  # each sphere costs as forty
     assert "48 spheres until tau = 2 are more than the 94 spheres times tau" in compare.compare(record).notes[-1]
 

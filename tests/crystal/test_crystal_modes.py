@@ -42,7 +42,7 @@ def at_rest(crystal: ase.Atoms) -> Contacts:
 
 
 def frequencies(contacts: Contacts, k: object, physics: Physics = FULL) -> np.ndarray:
-    return bloch_modes(contacts, SILICA, k, physics)[0]  # type: ignore[arg-type]
+    return bloch_modes(contacts, SILICA, k, physics)[0]
 
 
 # --- the hexagonal lattice -------------------------------------------------------------------------------------------

@@ -66,12 +66,12 @@ def at_rest(name: str, s: float, sphere: Sphere = SILICA, vacancies: float = 0.0
     lattice, axes = packed(sphere, shape), PLANE.get(name, 3)
     load = box_load(lattice, sphere, axes=axes) if sphere is HERTZ else None
     crystal = imperfect(lattice, sphere, spread(s, vacancies=vacancies))
-    return relax(*crystal, load=load, faces=faces, space=axes == 3, **how)  # type: ignore[arg-type]
+    return relax(*crystal, load=load, faces=faces, space=axes == 3, **how)
 
 
 @cache
 def disordered(s: float, seed: int = 1, **how: object) -> Equilibrium:
-    return relax(*imperfect(packed(SILICA, Shape(12, 10, "periodic")), SILICA, spread(s, seed)), **how)  # type: ignore[arg-type]
+    return relax(*imperfect(packed(SILICA, Shape(12, 10, "periodic")), SILICA, spread(s, seed)), **how)
 
 
 def forces(rest: Equilibrium) -> np.ndarray:
@@ -416,7 +416,7 @@ def test_crystals_that_cannot_come_to_rest_are_refused_by_name() -> None:
         relax(raised, [SILICA])
     for how in ({"space": True}, {"faces": [FLOOR]}):
         with pytest.raises(CrystalError, match=r"friction = 0\.3: must be 0 in space and beside walls"):
-            relax(*imperfect(lattice, SILICA, spread(0.01)), friction=0.3, **how)  # type: ignore[arg-type]
+            relax(*imperfect(lattice, SILICA, spread(0.01)), friction=0.3, **how)
 
 
 @pytest.mark.parametrize("by", WAYS)

@@ -104,7 +104,7 @@ def opening_time(wave: Scene) -> float:
     def closed(_: float, y: Floats) -> float:
         return float(1 - np.max(lattice.touching(y.reshape(start.shape), contact, neighbours).stretch))
 
-    closed.terminal = True  # type: ignore[attr-defined]
+    closed.terminal = True
     solution = solve_ivp(
         lambda _, y: lattice.rhs(y.reshape(start.shape), contact, neighbours).ravel(),
         (0.0, wave.time.duration),

@@ -54,7 +54,7 @@ def phases(scene: Scene) -> Floats:
 
 def exact(scene: Scene, tau: ArrayLike, overlap_ratio: float = ETA, points: int = 31, rtol: float = 1e-10) -> Floats:
     """States (T, 6, K) of the phase torus, displacements in Δ0, in the contact geometry of an overlap ratio."""
-    mode = linear_mode(scene.wave.mode, scene.wavenumber, ratios(NU, overlap_ratio=overlap_ratio))  # type: ignore[arg-type]
+    mode = linear_mode(scene.wave.mode, scene.wavenumber, ratios(NU, overlap_ratio=overlap_ratio))
     contact = Contact(NU, overlap_ratio=overlap_ratio)
     neighbours = lattice.torus_neighbours(scene.wavenumber, points)
     amplitude = scene.wave.amplitude

@@ -342,7 +342,7 @@ def error_table(text: str) -> dict[tuple[str, str], str]:
 def measured_errors(label: str) -> dict[str, list[float] | None]:
     """Relative errors of p, q, φ (L: of p) by formula; None where a formula refuses the wave."""
     name, xi = label.split()
-    mode = sh.mode(name, float(xi), SILICA)  # type: ignore[arg-type]
+    mode = sh.mode(name, float(xi), SILICA)
     moving = slice(1 if name == "L" else 3)
     exact = lattice.torus(Wave(mode, AMPLITUDE, Contact(NU)), TAU, rtol=1e-10)[moving]
 

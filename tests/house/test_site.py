@@ -161,7 +161,7 @@ class Served(SimpleHTTPRequestHandler):
         pass
 
     def do_POST(self) -> None:
-        answers: Queue[Any] = self.server.answers  # type: ignore[attr-defined]
+        answers: Queue[Any] = self.server.answers
         answers.put(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
         self.send_response(204)
         self.end_headers()
@@ -171,7 +171,7 @@ class Served(SimpleHTTPRequestHandler):
 def server(site: Path) -> Iterator[ThreadingHTTPServer]:
     """The site, served from this machine."""
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(Served, directory=str(site))) as running:
-        running.answers = Queue()  # type: ignore[attr-defined]
+        running.answers = Queue()
         Thread(target=running.serve_forever, daemon=True).start()
         yield running
         running.shutdown()
@@ -190,7 +190,7 @@ def seen(
     command += [f"--window-size={width + 60},1000", f"http://127.0.0.1:{server.server_address[1]}/frames.html"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as browser:
         try:
-            answer: list[Any] = server.answers.get(timeout=300)  # type: ignore[attr-defined]
+            answer: list[Any] = server.answers.get(timeout=300)
         finally:
             browser.terminate()
     return answer

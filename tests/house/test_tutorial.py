@@ -66,7 +66,7 @@ def command(line: str, folder: Path) -> str:
         try:
             status = PROGRAMS[program](words)
         except SystemExit as end:
-            status = end.code  # type: ignore[assignment]  # of the parser, and in one line of a script
+            status = end.code
     assert not status, f"{line}: {err.getvalue()} {status}"
     return out.getvalue()
 

@@ -27,7 +27,7 @@ STIFF = SCENE.with_values({"contact.normal_stiffness": 500.0, "contact.shear_sti
 
 
 def point(value: float, error: float | None = None, **place: object) -> Point:
-    return Point("frequency", value, error, 2, **place)  # type: ignore[arg-type]
+    return Point("frequency", value, error, 2, **place)
 
 
 def closed_form(scene: Scene) -> list[Point]:
@@ -36,7 +36,7 @@ def closed_form(scene: Scene) -> list[Point]:
     constants = ratios(sphere.poisson_ratio, overlap_ratio=sphere.static_overlap / (2 * sphere.radius))
     scale = 1 / (2 * np.pi * sphere.time_scale)
     return [
-        point(mode(name, xi, constants).frequency * scale, branch=name, wavenumber=xi)  # type: ignore[arg-type]
+        point(mode(name, xi, constants).frequency * scale, branch=name, wavenumber=xi)
         for xi in (0.7, 1.4, 2.1)
         for name in ("L", "TR")
     ]

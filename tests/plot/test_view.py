@@ -425,9 +425,9 @@ def test_a_crystal_at_rest_is_drawn_with_its_contacts_gaps_and_empty_places() ->
     axes = at_rest_figure(scene).axes[0]
     discs, contacts, gaps = axes.collections
     assert len(discs.get_offsets()) == len(rest.atoms) == 118
-    assert len(contacts.get_segments()) == len(rest.contacts)  # type: ignore[attr-defined]
+    assert len(contacts.get_segments()) == len(rest.contacts)
     # Of the 360 contacts of the lattice those of the two empty places are gone, six each
-    assert len(gaps.get_segments()) == 348 - len(rest.contacts) > 0  # type: ignore[attr-defined]
+    assert len(gaps.get_segments()) == 348 - len(rest.contacts) > 0
     assert axes.lines[0].get_xydata().shape == (2, 2)
     empty = axes.lines[0].get_xydata()
     assert np.linalg.norm(empty[:, None] - rest.atoms.positions[None, :, :2], axis=-1).min() > 1.9  # radii

@@ -62,7 +62,7 @@ def test_two_ranks_agree_with_one_on_the_paper_s_case(tmp_path: Path) -> None:
 def test_beside_mpi_ranks_a_run_in_this_process_is_on_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "mpi4py.MPI", raising=False)
     assert routes._this_rank() is None
-    monkeypatch.setitem(sys.modules, "mpi4py.MPI", SimpleNamespace(COMM_SELF="self", COMM_WORLD="world"))  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "mpi4py.MPI", SimpleNamespace(COMM_SELF="self", COMM_WORLD="world"))
     assert routes._this_rank() == "self"
 
 
@@ -79,9 +79,9 @@ def test_an_mpi4py_of_another_mpi_is_one_error(small: Scene, tmp_path: Path, mon
 def test_more_ranks_than_cores_are_refused(small: Scene, tmp_path: Path) -> None:
     for ranks in (0, core_count() + 1, 1.5):
         with pytest.raises(LaunchError, match=f"ranks = {ranks}: must be from 1 to"):
-            run(small, tmp_path / "run", ranks=ranks)  # type: ignore[arg-type]
+            run(small, tmp_path / "run", ranks=ranks)
     assert not (tmp_path / "run").exists()
-    assert run(small, tmp_path / "run", ranks=np.int64(1)).info["ranks"] == 1  # type: ignore[arg-type]
+    assert run(small, tmp_path / "run", ranks=np.int64(1)).info["ranks"] == 1
 
 
 def test_a_run_folder_holds_what_the_design_says_and_nothing_is_written_elsewhere(

@@ -328,7 +328,7 @@ def test_a_scene_is_replaced_table_by_table(scene: Scene) -> None:
     time, material = replace(scene.time, duration=scene.time.duration / 2), replace(scene.material, density=2100.0)
     changed = replace(scene, time=time, material=material)
     assert changed == scene.with_values({"time.duration": time.duration, "sphere.density": 2100.0})
-    assert replace(scene, sphere=material) == replace(scene, material=material)  # type: ignore[call-arg]
+    assert replace(scene, sphere=material) == replace(scene, material=material)
     assert replace(scene) == scene
 
 

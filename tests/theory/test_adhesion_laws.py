@@ -252,7 +252,7 @@ def test_second_order_in_another_direction_and_the_hierarchy_meet_the_lattice() 
 
 
 def test_resonance_and_antiresonance_move_by_a_sixth() -> None:
-    dmt, jkr = (Contact(0.17, adhesion_law=law) for law in ("dmt", "jkr"))  # type: ignore[arg-type]
+    dmt, jkr = (Contact(0.17, adhesion_law=law) for law in ("dmt", "jkr"))
     # Numbers of docs/adhesion-laws.md, to their last digit
     assert [resonance(dmt), antiresonance(dmt)] == pytest.approx([1.476255, 2.128060], abs=5e-7)
     assert [resonance(jkr), antiresonance(jkr)] == pytest.approx([1.308278, 2.531049], abs=5e-7)
@@ -267,7 +267,8 @@ def test_antiresonance_and_resonance_of_the_law_are_in_the_zone_for_every_poisso
     for nu in np.linspace(-1, 0.5, 7):
         contact = Contact(float(nu), adhesion_law="jkr")
         pole, zero = resonance(contact), antiresonance(contact)
-        assert pole is not None and zero is not None  # noqa: PT018
+        assert pole is not None
+        assert zero is not None
         assert 0 < pole + 0.5 < zero < pi
 
 
@@ -284,7 +285,7 @@ def test_energy_less_the_work_of_the_shear_law_is_constant(law: Any) -> None:
 def test_the_secant_law_does_less_work_at_the_resonance_of_a_jkr_crystal() -> None:
     left = []
     for law, wavenumber in (("dmt", 1.475), ("jkr", 1.308)):
-        wave = Wave.of_mode("TR", wavenumber, 0.2, Contact(0.17, adhesion_law=law))  # type: ignore[arg-type]
+        wave = Wave.of_mode("TR", wavenumber, 0.2, Contact(0.17, adhesion_law=law))
         left.append(ledger(wave, np.array([0.0, 200.0]), points=15, rtol=1e-7).relative[-1])
     # Fifteen points of phase and the tolerance leave 1e-5
     assert left == pytest.approx([0.8631, 0.9208], abs=1e-4)

@@ -102,7 +102,7 @@ def test_a_robust_loss_weighs_an_outlier_down(loss: str) -> None:
     data = noisy(0.01)
     data[4] += 1.0
     errors = np.full(len(X), 0.01)
-    plain, robust = (estimate(LINE, line, data, errors, each) for each in ("linear", loss))  # type: ignore[arg-type]
+    plain, robust = (estimate(LINE, line, data, errors, each) for each in ("linear", loss))
     assert (
         abs(robust.values[1] + 1.5 * robust.values[0] - 4.0) < 0.02 < abs(plain.values[1] + 1.5 * plain.values[0] - 4.0)
     )

@@ -58,11 +58,11 @@ BUCKLING = replace(
 
 
 def contact(**changes: object) -> Contact:
-    return Contact(**{"poisson_ratio": NU} | changes)  # type: ignore[arg-type]
+    return Contact(**{"poisson_ratio": NU} | changes)
 
 
 def rows_of_network(first: int, last: int, **changes: object) -> object:
-    return rows_of(test_transfer.crystal(14, **changes), first, last)  # type: ignore[arg-type]
+    return rows_of(test_transfer.crystal(14, **changes), first, last)
 
 
 def shift_on_the_resonance() -> object:
@@ -73,7 +73,7 @@ def shift_on_the_resonance() -> object:
 
 
 def triangular(**changes: object) -> Crystal:
-    return Crystal.of(TRIANGULAR, np.zeros((1, 3)), R, DENSITY, [SILICA], **changes)  # type: ignore[arg-type]
+    return Crystal.of(TRIANGULAR, np.zeros((1, 3)), R, DENSITY, [SILICA], **changes)
 
 
 def film_without_wall() -> Coupled:

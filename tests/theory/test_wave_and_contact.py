@@ -71,7 +71,7 @@ def test_the_closed_form_is_given_the_paper_s_contact_alone() -> None:
         {"prestress": 0.1, "overlap_ratio": 0.01},
         {"adhesion_law": "jkr"},
     ):
-        contact = Contact(NU, **other)  # type: ignore[arg-type]
+        contact = Contact(NU, **other)
         with pytest.raises(ValueError, match=f"closed form does not hold .*{next(iter(other))}"):
             _ = contact.closed
 

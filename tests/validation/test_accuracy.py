@@ -35,7 +35,7 @@ def at_centre(wave: Wave, samples: int) -> tuple[np.ndarray, ...]:
 def lattice(record: Record, overlap_ratio: float) -> tuple[np.ndarray, ...]:
     """The exact lattice for the wave of a run: the paper's equations (0), or with LAMMPS's contact geometry (η)."""
     wave = record.scene.wave
-    start = mode(wave.mode, wave.wavenumber, ratios(NU, overlap_ratio=overlap_ratio))  # type: ignore[arg-type]
+    start = mode(wave.mode, wave.wavenumber, ratios(NU, overlap_ratio=overlap_ratio))
     assert record.scene.time.sample == 0.5
     contact = Contact(NU, overlap_ratio=overlap_ratio)
     return at_centre(Wave(start, wave.amplitude, contact, wave.phase), len(record.tau))

@@ -130,7 +130,7 @@ SHEARS = [2.0**-10, 2.0**-5, 0.5]
 
 
 def model(**options: object) -> str:
-    return contact.pair(contact.model(SILICA, NANO, **{"friction": FRICTION} | options))  # type: ignore[arg-type]
+    return contact.pair(contact.model(SILICA, NANO, **{"friction": FRICTION} | options))
 
 
 # ---------------------------------------------------------------- the commands

@@ -123,8 +123,8 @@ def test_inclusions_and_interfaces_are_marked_in_a_picture(tmp_path: Path) -> No
         interface = line.get_xydata() if line.get_linestyle() == "--" else interface
         dot = line.get_xydata() if line.get_marker() == "o" else dot
     row = record.row
-    assert interface[:, 1] == pytest.approx(record.rest[(row == 3) | (row == 4), 1].mean())  # type: ignore[index]
-    np.testing.assert_allclose(dot, record.rest[(row == 1) & (record.column == 2), :2], atol=1e-12)  # type: ignore[arg-type]
+    assert interface[:, 1] == pytest.approx(record.rest[(row == 3) | (row == 4), 1].mean())
+    np.testing.assert_allclose(dot, record.rest[(row == 1) & (record.column == 2), :2], atol=1e-12)
 
 
 @pytest.mark.usefixtures("unrendered")

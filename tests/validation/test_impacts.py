@@ -135,7 +135,7 @@ def model(scene: ImpactScene, inclusions: list[dict[str, Any]]) -> Chain:
             rows = [*range(inclusion["rows"][0], inclusion["rows"][1] + 1, inclusion.get("every", 1))]
         for name, values in own.items():
             values[rows] = inclusion.get(name, getattr(scene.sphere, name))
-    ends: tuple[End, End] = (scene.packing.first, scene.packing.last)  # type: ignore[assignment]
+    ends: tuple[End, End] = (scene.packing.first, scene.packing.last)
     constants = (own[name] for name in ("radius", "density", "youngs_modulus", "poisson_ratio"))
     chain = spheres(*constants, ends=ends, force=scene.packing.contact_force)
     return replace(chain, restitution=scene.effects.restitution)

@@ -168,8 +168,8 @@ def test_the_arm_of_a_wall_is_the_radius() -> None:
     one = layer()
     one = replace(one, position=[[1000.0, 1000.0, 0.0]], radius=[RADIUS], density=[DENSITY])
     moving = tuple(each[:1] for each in disturbed(layer()))
-    found = fields(one, model(one, 5 * AMPLITUDE), moving, TIME, 200, 3)  # type: ignore[arg-type]  # as many
-    assert apart(one, moving, found) < 1e-7 * SIZE  # type: ignore[arg-type]
+    found = fields(one, model(one, 5 * AMPLITUDE), moving, TIME, 200, 3)
+    assert apart(one, moving, found) < 1e-7 * SIZE
 
 
 def test_a_chain_of_unequal_spheres_of_two_materials_tumbles_as_in_lammps() -> None:

@@ -78,8 +78,8 @@ def fronts(scene: Scene, points: Sequence[Point]) -> Floats:
 def _refuse(scene: Scene) -> None:
     """Raise ValueError for a scene that declares what neither chain nor network holds here."""
     tables = {key: table if isinstance(table, dict) else {} for key, table in scene.given().items()}
-    told = [(each, f"{each}.{name}") for each, table in tables.items() for name in table or [""]]
-    if other := sorted(key.rstrip(".") for section, key in told if not {section, key} & IMPACT_KEYS):
+    keys = [(each, f"{each}.{name}") for each, table in tables.items() for name in table or [""]]
+    if other := sorted(key.rstrip(".") for section, key in keys if not {section, key} & IMPACT_KEYS):
         raise ValueError(f"arrivals and front speeds are of a struck chain or sheet, without {', '.join(other)}")
     packing = scene.packing
     if scene.lattice.sheet and packing.contact_force:

@@ -106,7 +106,7 @@ def _holds_crystal(wave: Wave | None) -> bool:
 
 
 def _against(record: Record, wave: Wave | None) -> list[str]:
-    """Return all that stands against the network of a run, so that its user is not told one reason after the other."""
+    """Return all that stands against the network of a run, so that its user sees every reason at once."""
     lacks = missing(NETWORK, _traits(record, wave))
     found = [f"the network leaves out {', '.join(lacks)}"] if lacks else []
     try:

@@ -50,7 +50,7 @@ class Spheres(NamedTuple):
 
     Attributes
     ----------
-    types : (N,) as of `read_network`.
+    types : (N,) of LAMMPS: spheres of material m, counted from 0, have 2m + 1 (free) or 2m + 2 (held).
     place : (N, d) at rest.
     radius, density : (N,).
     displacement, velocity : (N, d).
@@ -248,32 +248,18 @@ def _refuse_replaced(record: Record, network: Network) -> None:
         )
 
 
-def read_network(
-    path: str | Path,
-    materials: Sequence[Material],
-    *,
-    density: float | None = None,
-    turned: bool = True,
-    **laws: Any,
-) -> tuple[Network, State]:
-    """Return the network of the spheres at rest, in the order of their numbers, and the state they start from.
+def _read(path: Path, density: float | None, *, rotation: bool, turned: bool) -> Spheres:
+    """Return the spheres of a dump, in the order of their numbers.
 
     Parameters
     ----------
     path : the dump.
-    materials : of the spheres: those of material m, counted from 0, have the types 2m + 1 (free) and 2m + 2 (held).
-    density : of all spheres, for a dump without the column mass.
-    turned : whether spheres are turned at the start, so that a dump must hold their angles.
-    laws : as of `granular_analysis.theory.network.Network`.
+    density : of all spheres, for a dump without the column mass; otherwise None.
+    rotation : whether spheres turn, so that the dump must hold their spins.
+    turned : whether spheres are turned at the start, so that the dump must hold their angles too.
 
-    Raises TheoryError for a file that is no dump of step 0, lacks a column or is cut off, for a type without a
-    material, and where not exactly one of the column mass and `density` is given.
+    Raises TheoryError for a file that is no dump of step 0, lacks a column or is cut off.
     """
-    return _placed(_read(Path(path), density, rotation=laws.get("rotation", True), turned=turned), materials, **laws)
-
-
-def _read(path: Path, density: float | None, *, rotation: bool, turned: bool) -> Spheres:
-    """Return the spheres of a dump; raises TheoryError as `read_network`."""
     with _opened(path) as stream:
         head = _head(stream)
         if head[1] != ["0"]:
@@ -290,8 +276,6 @@ def _read(path: Path, density: float | None, *, rotation: bool, turned: bool) ->
         missing = [name for name in needed if name not in names]
         if missing:
             raise TheoryError(f"{path}: has no column {', '.join(missing)}")
-        if ("mass" in names) == (density is not None):
-            raise TheoryError(f"density = {density}: must be given for a dump without the column mass, for no other")
         rows = [stream.readline().split() for _ in range(count)]
         if any(len(row) != len(names) for row in rows):
             raise TheoryError(f"{path}: its first snapshot is cut off")
@@ -317,7 +301,10 @@ def _read(path: Path, density: float | None, *, rotation: bool, turned: bool) ->
 
 
 def _placed(spheres: Spheres, materials: Sequence[Material], **laws: Any) -> tuple[Network, State]:
-    """Return the network of spheres with these materials and laws, and the state they start from."""
+    """Return the network of spheres with these materials and laws, and the state they start from.
+
+    Raises TheoryError for a type without a material.
+    """
     last = spheres.types.max()
     if last > 2 * len(materials):
         raise TheoryError(

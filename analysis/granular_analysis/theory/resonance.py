@@ -126,7 +126,7 @@ def quadratic(waves: Waves, k: Indices, i: Indices, j: Indices) -> Complexes:
     return 0.5 * waves.rates(k, running, np.add.outer(waves.harmonic[i], waves.harmonic[j]))
 
 
-def cubic(waves: Waves, k: Indices, i: Indices, j: Indices, l: Indices) -> Complexes:  # noqa: E741
+def cubic(waves: Waves, k: Indices, i: Indices, j: Indices, l: Indices) -> Complexes:  # noqa: E741 (of N_kijl)
     """Return N_kijl, (k, i, j, l), of the springs alone: the rate of A_k is Σ_ijl N_kijl A_i A_j A_l."""
     ends = waves.crystal.bonds.cubic(*(waves.strain(each, axis, 3) for axis, each in enumerate((i, j, l))))
     harmonic = np.add.outer(waves.harmonic[i], np.add.outer(waves.harmonic[j], waves.harmonic[l]))

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_STRONG = 0.99  # correlation that is told
-_FAR = 5.0  # residual that is told
-_MOVED = 100.0  # factor between a key and its start that is told
-_UNLIKELY = 1e3  # χ² a degree of freedom, and its inverse, that are told
+_STRONG = 0.99  # correlation that is reported
+_FAR = 5.0  # residual that is reported
+_MOVED = 100.0  # factor between a key and its start that is reported
+_UNLIKELY = 1e3  # χ² a degree of freedom, and its inverse, that are reported
 _LINES = 200  # wave numbers of a branch in the figure
 
 
@@ -99,7 +99,7 @@ def _verdict(fitted: Fitted) -> list[str]:
     for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
         correlation = found.correlations[i, j]
         if abs(correlation) > _STRONG:
-            said.append(f"{names[i]} and {names[j]} are hardly told apart: correlation {correlation:.4f}")
+            said.append(f"{names[i]} and {names[j]} can hardly be told apart: correlation {correlation:.4f}")
         elif np.isfinite(correlation):
             said.append(f"correlation of {names[i]} and {names[j]}: {correlation:.2f}")
     return said

@@ -4,11 +4,11 @@
     granular-analysis harmonic SWEEP_OVER_PHASES
     granular-analysis harmonic SCENE --seeds N [-o FOLDER] [--json FILE]
 
-A scene, a file or the name of a shipped one, and a run are told by the first of three ways that holds them: the theory
-of second order of a perfect crystal or layers; the second order of the cell of its spheres; their network. The latter
-two begin from the first snapshot of a run; of a scene, one sample is run for it. ``--by`` asks for one of the three. Of
-a sweep over six or more values of ``wave.phase``, or of its runs, it is measured in the snapshots by least squares.
-`granular_analysis.measure.harmonic` says what is meant, and what the errors are.
+A scene, a file or the name of a shipped one, and a run are treated by the first of three ways that holds them: the
+theory of second order of a perfect crystal or layers; the second order of the cell of its spheres; their network. The
+latter two begin from the first snapshot of a run; of a scene, one sample is run for it. ``--by`` asks for one of the
+three. Of a sweep over six or more values of ``wave.phase``, or of its runs, it is measured in the snapshots by least
+squares. `granular_analysis.measure.harmonic` says what is meant, and what the errors are.
 
 ``--seeds`` runs a disordered scene with N seeds, and its perfect crystal, and prints the mean over the seeds beside
 that of equal spheres (`granular_analysis.measure.disordered`).
