@@ -50,7 +50,7 @@ class NetworkEngine:
     ----------
     device : as ``run.json`` names it; it ends with what takes the steps.
     room : bytes of the card, inf without one.
-    at_once : runs at once on this machine, all of which must find memory. Another process counts its own.
+    at_once : runs at once on this machine, which must all find memory; a process that is handed the engine counts one.
     """
 
     device: str

@@ -137,9 +137,9 @@ INLINE double met(const Contacts *c, const double *motion, const double *memory,
     limit *= c->friction;
     *changes += (normal.closed != 0) != (c->begun[m] != 0) || (slides && size > limit) ||
                 (normal.closed == 0 && (slipped[0] != 0 || slipped[1] != 0));
-    if (slides && size > limit && step > 0 && dashpot > 0 && slipped[0] == 0 && slipped[1] == 0)
-      shear[0] = shear[1] = 0; /* as in LAMMPS, where nothing slides yet */
-    else if (slides && size > limit) { /* in space the slip also turns faster than the limit alone takes it */
+    if (slides && size > limit && step > 0 && slipped[0] == 0 && slipped[1] == 0) { /* its dashpot alone: none in LAMMPS */
+      shear[0] = shear[1] = 0;
+    } else if (slides && size > limit) { /* slides; in space the slip also turns faster than the limit alone takes it */
       const double follows = (grown[0] * shear[0] + grown[1] * shear[1]) / square;
       for (whole a = 0; a < T; a++) {
         if (d == 3 && limit > 0) grown[a] += (size / limit - 1) * (grown[a] - follows * shear[a]);

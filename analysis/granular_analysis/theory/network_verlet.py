@@ -207,7 +207,7 @@ def _turned(vector: Vector, met: Meetings) -> Vector:
     """Return the parts of vectors along the tangents, with the lengths that the vectors had."""
     parts = tuple(dot(vector, each) for each in met.tangents.along)
     left = length(parts)
-    return scaled(quotient(length(vector), left, left > 0, 0.0), parts)
+    return scaled(quotient(length(vector), left, left > 0, 1.0), parts)  # 1: the slope where there is no slip
 
 
 def seen(network: Network | Traits, pairs: Pairs, now: Carried) -> Contacts:
