@@ -37,7 +37,7 @@ def rows(wave: Wave, tau: ArrayLike, *, rows: int = 201, rtol: float = 1e-11) ->
 
     Raises ValueError for fewer than 5 rows, and for a wave that does not run along y.
 
-    Breaks when the walls are heard: the fastest wave, long L, covers half a row per τ. In 201 rows the centre departs
+    Breaks when echoes arrive: the fastest wave, long L, covers half a row per τ. In 201 rows the centre departs
     from the infinite lattice by 1e-7 at τ=175 and by order 1 of the walls' signal at τ=200.
     """
     if rows < 5:

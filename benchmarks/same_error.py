@@ -1,4 +1,4 @@
-"""What the same error costs in LAMMPS, with its kernel, and in the network by NumPy and by JAX.
+"""What the same error costs in LAMMPS, with its kernel, and in the network by compiled loops, NumPy and JAX.
 
     python -m benchmarks.same_error [--repeats N] [SCENE ...]
 
@@ -31,8 +31,8 @@ TARGETS = (1e-1, 1e-2, 1e-3, 1e-4)
 FINE, FIRST = 32, 2  # times the steps of the first run, and steps to a sample in that
 SMALL = 1e-6  # of the largest signal: what is below it vanishes by symmetry
 HEAD = [
-    *("scene", "spheres", "error", "step, t0", "steps", "LAMMPS, s", "with the kernel, s", "NumPy, s", "JAX, s"),
-    "compilation, s",
+    *("scene", "spheres", "error", "step, t0", "steps", "LAMMPS, s", "with the kernel, s", "C, s", "NumPy, s"),
+    *("JAX, s", "compilation, s"),
 ]
 
 
@@ -77,7 +77,7 @@ def lines(name: str, repeats: int) -> list[list[str]]:
     """Return the lines of the table for a scene; seconds are the least of all rounds."""
     declared = Scene.load(name)
     scene = declared.with_values({"time.timestep": declared.time.sample / FIRST})
-    engines = {"NumPy": NetworkEngine.on("numpy"), "JAX": NetworkEngine.on("cpu")}
+    engines = {each: NetworkEngine.on(device) for each, device in (("C", "cpu"), ("NumPy", "numpy"), ("JAX", "jax"))}
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         error = errors(scene, Path(folder))

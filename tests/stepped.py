@@ -21,9 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.second_harmonic import refuse_oblique
 from granular_analysis.theory.contact import Contact
-from granular_analysis.theory.lattice import accelerations, on_torus, torus_trajectory, touching
+from granular_analysis.theory.lattice import accelerations, initial_state, torus_trajectory, touching
 from granular_analysis.theory.lattice_loop import torus_slope
-from granular_analysis.theory.neighbours import Neighbours
+from granular_analysis.theory.neighbours import Neighbours, torus_neighbours, torus_phases
 from granular_analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
@@ -47,6 +47,12 @@ def stepped(waves: Sequence[Wave], per_sample: int, *, records: int = RECORDS, p
     if paper := [wave for wave in waves if not wave.contact.overlap_ratio]:
         raise ValueError(f"overlap_ratio = {paper[0].contact.overlap_ratio} must be above 0: LAMMPS steps the slip")
     return np.stack([_stepped(wave, per_sample, SAMPLE / per_sample, records, points) for wave in waves])
+
+
+def on_torus(wave: Wave, points: int) -> tuple[Floats, Neighbours]:
+    """Return the state of a wave at τ=0 on the phase torus of K points, and its neighbours there."""
+    neighbours = torus_neighbours(wave.mode.wavenumber, points, wave.mode.direction)
+    return initial_state(wave.mode, wave.amplitude, torus_phases(points), wave.contact, neighbours), neighbours
 
 
 def _stepped(wave: Wave, per_sample: int, step: float, records: int, points: int) -> Floats:

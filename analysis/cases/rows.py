@@ -63,7 +63,7 @@ def rows_of(record: Record) -> Rows:
 
 
 def echo(distance: ArrayLike) -> Floats:
-    """τ after which a signal that has run so many rows is heard to 1e-6: ½ row per τ, Airy's d^{1/3} ahead of it."""
+    """τ after which a signal that has run so many rows arrives, to 1e-6: ½ row per τ, Airy's d^{1/3} ahead of it."""
     rows = np.asarray(distance, dtype=float)
     return 2 * np.maximum(rows - AIRY * np.cbrt(rows), 0)
 

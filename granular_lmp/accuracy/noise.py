@@ -87,7 +87,7 @@ def refuse_noise(tolerance: float, noise: Mapping[str, float], names: Sequence[s
         least = min((_SEEN * noise[name] for name in names), default=inf)
         bound = f"; must be at least {least:.2g}, or" if least < inf else ": nothing moves;"
         raise ToleranceError(
-            f"time.tolerance = {tolerance!r}: rounding keeps all that is recorded above it{bound} take a "
+            f"time.tolerance = {tolerance!r}: rounding alone makes larger errors in all that is recorded{bound} take a "
             "larger wave.amplitude or fewer packing.rows, or record where and when the wave is there"
         )
 
@@ -125,8 +125,8 @@ def said(noise: Mapping[str, float], tolerance: float) -> str:
     """Return the sentence about signals that are lost."""
     names = ", ".join(f"{name} ({value:.1g})" for name, value in noise.items())
     return (
-        f"{names}, of which this share is rounding at the step that it needs: cannot meet the tolerance of "
-        f"{tolerance:g} and does not count; a larger wave.amplitude or fewer packing.rows would lift it"
+        f"{names}: this share of it is rounding at the step that it needs, so that it cannot meet the tolerance of "
+        f"{tolerance:g} and is not counted; take a larger wave.amplitude or fewer packing.rows"
     )
 
 

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from granular_lmp.runs.monitors import MonitorRecord
 
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Signals = dict[str, Floats]
 PARTICLES = "output.particles"
 _FIELDS = ("displacement", "rotation", "velocity", "spin")

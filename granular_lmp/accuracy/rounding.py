@@ -108,7 +108,7 @@ def below_rounding(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> 
         return []
     return [
         f"wave.amplitude = {scene.amplitude!r}: p is {size:.2g} D0, and the rounding of positions leaves "
-        f"{least:.2g} D0 by itself; a larger amplitude or fewer packing.rows would lift it"
+        f"{least:.2g} D0 by itself; take a larger amplitude or fewer packing.rows"
     ]
 
 

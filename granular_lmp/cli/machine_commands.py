@@ -14,7 +14,7 @@ def add_to(commands: Commands) -> None:
         commands,
         "build-kernel",
         _build_kernel,
-        "compile what computes contacts faster, which all runs then take; needs a compiler",
+        "compile the kernel, which computes contacts faster and which all runs then take; needs a compiler",
     )
 
     text = 'print what completes commands, options and scenes in a shell: eval "$(granular-lmp completion bash)"'

@@ -152,7 +152,7 @@ def _say_errors(info: dict[str, Any]) -> None:
     noise = info.get("noise", {})
     others = {name: error for name, error in info.get("errors_of_monitors", {}).items() if name not in noise}
     worst = max(others, key=lambda name: others[name], default="")
-    found += f"; of all else {worst} {others[worst]:.1e} at most" if worst else ""
+    found += f"; of all other signals at most {others[worst]:.1e}, in {worst}" if worst else ""
     kind = "error over the velocity of the fastest striker" if "velocity_m_s" in info else "relative error"
     say(f"{kind}, estimated: {found} (tolerance {info['tolerance']:g})")
     if noise:

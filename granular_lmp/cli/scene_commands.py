@@ -155,8 +155,8 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
     yield "guards", ", ".join(problem.guards) or "none"
     for each in problem.sources:
         yield "source", f"{each.words}, as much time as {each.cost} spheres"
-    for watched in problem.monitors:
-        yield "monitor", f"{watched.monitor.name}: {watched.words}, {watched.bytes * found.records / 1e6:.2g} MB"
+    for placed in problem.monitors:
+        yield "monitor", f"{placed.monitor.name}: {placed.words}, {placed.bytes * found.records / 1e6:.2g} MB"
 
 
 def _of_cost(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]":

@@ -26,7 +26,6 @@ from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.mode import TURNS, Mode, Physics
 from granular_lmp.crystal.sphere import Sphere
 
-Complexes = NDArray[np.complex128]
 _HELD = 1e-12  # stiffness over the largest one that holds them in a thick film, whose softest motion has 1e-6
 _FREE = 1e-9  # stiffness over the largest one of a motion that no contact resists
 

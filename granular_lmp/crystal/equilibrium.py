@@ -118,7 +118,7 @@ class Equilibrium:
             "disorder": info.get("disorder"),
             "spheres": len(self.lattice),
             "isolated": info.get("isolated"),
-            "loose": self.rattlers,
+            "rattlers": self.rattlers,
             "contacts_per_sphere": self.contacts_per_sphere,
             "residual": self.residual,
             "newton_steps": self.steps,
@@ -149,10 +149,10 @@ def relax(
     materials : sequence of Sphere
         By index. The contact force of the first is that of its lattice.
     box : "box" or "fixed"
-        Whether the box breathes, along periodic axes and between held spheres, or stays.
+        Whether the box changes its size, along periodic axes and between held spheres, or stays.
     load : (2,) or (3,) array, optional
         T of `granular_lmp.crystal.potential.box_load`, N m, with which the box is pressed; needed where the lattice is
-        compressed and the box breathes, else 0.
+        compressed and the box changes its size, else 0.
     friction : float
         Coefficient μ of Coulomb friction, at least 0, of a first letting go with the shear springs of
         `granular_lmp.crystal.friction`; 0 leaves it out. The springs are released before the spheres come to rest, as
@@ -259,5 +259,5 @@ def _in_words(steps: int, box: str, friction: float, by: str) -> str:
         )
     return way + (
         f"without friction or rotation, {settled.format(RULES[by].settled)}, then {steps} {RULES[by].in_words}; "
-        f"the box {'breathes' if box == 'box' else 'stays'}"
+        f"the box {'changes its size' if box == 'box' else 'keeps its size'}"
     )

@@ -273,7 +273,7 @@ def _branch(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, ph
         )
     if np.abs(others - own).min() < _MEET * own:
         raise SceneError(
-            f"{where} of another branch at this wave vector, where its shape is any; must be beside it",
+            f"{where} of another branch at this wave vector, so that its shape is not unique; take one beside it",
             because="physics",
         )
     return branch_mode(name, vector, float(own), shapes[number - 1])

@@ -79,12 +79,12 @@ class Scale:
         return self.length / self.time
 
 
-def collision_time(mass: float, stiffness: float = 1.0, velocity: float = 1.0) -> float:
-    """Return how long two spheres touch that meet with a velocity, T = 3.218 (μ²/(A² v))^{1/5}.
+def collision_time(mass: float, stiffness: float = 1.0) -> float:
+    """Return how long two spheres touch that meet with the velocity 1 of an impact, T = 3.218 (μ²/(A² v))^{1/5}.
 
     Parameters
     ----------
-    mass, stiffness, velocity : float
-        Reduced mass μ = m₁m₂/(m₁ + m₂), A and v, in the units of an impact or in any consistent ones.
+    mass, stiffness : float
+        Reduced mass μ = m₁m₂/(m₁ + m₂) and A, in the units of an impact.
     """
-    return float(_COLLISION * (mass**2 / (stiffness**2 * velocity)) ** 0.2)
+    return float(_COLLISION * (mass**2 / stiffness**2) ** 0.2)

@@ -35,8 +35,8 @@ def of_meeting(case: Case) -> Finding:
 
 def loss(case: Case) -> str:
     material, force = case.scene.material, case.scene.sphere.contact_force
-    bare, whole = (replace(each, contact_force=force).static_overlap for each in (material.unloaded, material))
-    left = bare / whole if whole else 0.0
+    without, whole = (replace(each, contact_force=force).static_overlap for each in (material.unloaded, material))
+    left = without / whole if whole else 0.0
     return f"the static overlap falls to {left:.3g} of its value"
 
 

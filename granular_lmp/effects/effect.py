@@ -173,8 +173,8 @@ class Effect:
 
     def guard_name(self, scene: Scene, on: Mapping[str, bool]) -> str:
         """Return the title of the guard in the deck of a scene with these effects on, or "" if no guard is needed."""
-        watched = on.get(self.needs, True) and (self.always or not on[self.name])
-        return next((each.title for each in self.guards if watched and each.where(scene)), "")
+        guarded = on.get(self.needs, True) and (self.always or not on[self.name])
+        return next((each.title for each in self.guards if guarded and each.where(scene)), "")
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from granular_lmp.rest.scene import Scene
 PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is counted, against rounding
 WIDER = 1.2  # times the largest pull-off distance, so that no rounding leaves a contact out
 _NEAR = 0.2  # R: pairs with a larger gap at rest do not meet
-_MAY = ", or may between looks"
+_MAY = "; + 1 if one may have opened between looks"
 
 
 def by_pairs(scene: Scene) -> bool:
@@ -96,7 +96,7 @@ def changed_lines(problem: Prepared) -> list[str]:
     if not by_pairs(scene):
         missed = f"abs(f_at_rest-c_touching){on_walls.missed(problem)}{near and '+' + near}"
         return [
-            f"variable     missed atom {missed}  # contacts of a sphere that opened or formed{_MAY * bool(near)}",
+            f"variable     missed atom {missed}  # change in the contacts of a sphere{_MAY * bool(near)}",
             "compute      open inside reduce max v_missed",
         ]
     law, axes = scene.sphere.contact_law, _axes(problem)

@@ -136,18 +136,19 @@ def _between(how: Reading) -> list[str]:
     if how.lengths:
         return [
             f"variable     {name} equal ($(2*v_R:%.17g)-c_extreme[1])/$(v_Delta0:%.17g)"
-            "  # the smallest, in Delta0, of contacts that touch"
+            "  # smallest overlap of all contacts, in Delta0"
         ]
     least, holding = f"c_weakest+{how.adhesive_force!r}", repr(how.holding_force)
     if not how.dashpots:
         overlap = how.overlap_of_share(f"(({least}>0)*({least})/{holding})")
-        return [f"variable     {name} equal {overlap}  # of the smallest normal force, in Delta0"]
+        return [f"variable     {name} equal {overlap}  # overlap under the smallest normal force, in Delta0"]
     squares = (f"c_swift[{axis}]^2" for axis in range(1, how.axes + 1))
     swift = f"sqrt({'+'.join(squares)})"
     share = "(1e-9+(v_spring>0)*((v_spring<1)*v_spring+(v_spring>=1)))"
     # The dashpot of a restitution grows with the force: its bound, and so that of the overlap, are of the force at rest
     return [
         f"variable     spring equal ({least}-2*{how.dashpot!r}*{swift})/{holding}"
-        "  # the smallest normal force, as if the strongest dashpot added the most to it",
-        f"variable     {name} equal {how.overlap_of_share(share)}  # of that force, in Delta0: never above the truth",
+        "  # smallest normal force less the largest of a dashpot",
+        f"variable     {name} equal {how.overlap_of_share(share)}"
+        "  # overlap under that force, in Delta0: a lower bound",
     ]

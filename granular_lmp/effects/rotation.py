@@ -62,7 +62,7 @@ def called_for(case: Case) -> Finding:
     share = spin / (moved + spin)
     reason = f"rotation has {{}} of the kinetic energy of {case.wave_words}"
     if case.mode.cell:
-        return Finding(True, share, reason + ", and branches are counted with it")
+        return Finding(True, share, reason + ", and the numbers of branches count its waves")
     if case.every_mode:
         return Finding(True, share, f"{reason}, but {case.every_mode}")
     if "sides" in case.scene.shape.faces:

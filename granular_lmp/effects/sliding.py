@@ -38,7 +38,9 @@ def measured(problem: Prepared) -> list[str]:
     how, friction = Reading.of(problem), judged_friction(problem)
     pairs = f"c_extreme[2]/({friction}*{sliding_force(how)})"
     if not how.walls:
-        return [f"variable     slip equal {pairs}  # the hardest sheared over the one that touches least: a bound"]
+        return [
+            f"variable     slip equal {pairs}  # largest shear force over the smallest sliding force: an upper bound"
+        ]
     lines, largest = [f"variable     rub equal {pairs}"], "v_rub"
     for each in how.walls:
         name = f"rub_{each.name}"
@@ -104,7 +106,7 @@ def of_meeting(case: Case) -> Finding:
 
 def loss(case: Case) -> str:
     ratio = case.largest_slip()
-    return f"shear forces grow to {ratio:.3g} of what friction bears" if ratio < inf else "open contacts bear shear"
+    return f"shear forces grow to {ratio:.3g} of what friction can hold" if ratio < inf else "open contacts bear shear"
 
 
 def refuse(case: Case) -> str:

@@ -19,7 +19,9 @@ def spread(problem: Prepared) -> list[str]:
         for other in others
         for part in range(1, problem.scene.space + 1)
     )
-    return [f"variable     spread equal ({apart})/$(v_D0:%.17g)  # in the centre row"]
+    return [
+        f"variable     spread equal ({apart})/$(v_D0:%.17g)  # distances in the centre row, in D0: 0 in a plane wave"
+    ]
 
 
 def centre_row(problem: Prepared) -> NDArray[np.int64]:

@@ -52,7 +52,7 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
     seen = {name: f"f_looks[{place}]" for place, name in enumerate(names, 1)}
     sources = " ".join(_sources(names, text))
     return [
-        f"# --- guards: looks whether the effects occur that this deck leaves out{_judges(problem)}",
+        f"# --- guards: do effects occur that this deck leaves out?{_judges(problem)}",
         *inside_lines(problem),
         *look_lines(problem),
         *text,
@@ -152,10 +152,7 @@ def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkp
     asks whether to skip: a dump whose interval is a time counts those that the look has computed, one whose interval is
     in steps has them computed again.
     """
-    scene = problem.scene
-    names = [name for name in problem.guards if GUARDS[name].per_contact(scene) and name in problem.left_out]
-    if SLIP.title in names and BOUND * Case(scene, problem.on).largest_slip() < SLIP.limit_in(problem):
-        names.remove(SLIP.title)
+    names = _of_single_contacts(problem)
     if not names:
         return []
     columns, numbers, ends = "c_contact[1] c_contact[2]", "%.17g %.9g", []
@@ -178,9 +175,18 @@ def _written_out(problem: Problem, how: Reading, seen: Mapping[str, str], checkp
     ]
 
 
+def _of_single_contacts(problem: Problem) -> list[str]:
+    """Return the titles of the guards for which a deck may dump single contacts."""
+    scene = problem.scene
+    names = [name for name in problem.guards if GUARDS[name].per_contact(scene) and name in problem.left_out]
+    if SLIP.title in names and BOUND * Case(scene, problem.on).largest_slip() < SLIP.limit_in(problem):
+        names.remove(SLIP.title)
+    return names
+
+
 def _judges(problem: Problem) -> str:
     """Return the words for the last lines of a deck, which judge its run."""
-    return "; the last lines say INVALID, and why, if they do" if problem.judged else ""
+    return " If so the last lines say INVALID, and why" if problem.judged else ""
 
 
 def _trouble(guard: Guard, problem: Problem) -> str:
@@ -188,6 +194,6 @@ def _trouble(guard: Guard, problem: Problem) -> str:
     limit = guard.limit_in(problem)
     if guard.heading:
         return f"{guard.column}, {guard.heading.format(limit=limit)}"
-    held = UNWAVED_CONTACTS if problem.wave is None else CONTACTS
-    each = f"; {held} then holds each contact" if guard is SLIP else ""
+    dump = UNWAVED_CONTACTS if problem.wave is None else CONTACTS
+    each = f"; {dump} then holds each contact" if guard is SLIP and SLIP.title in _of_single_contacts(problem) else ""
     return f"{guard.column} is above {limit:.4g}: {guard.meaning.rpartition(': ')[2]}{each}"

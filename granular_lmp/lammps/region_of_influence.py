@@ -1,8 +1,8 @@
 """The spheres that the guards of a deck judge, and those that leave the run.
 
 Guards judge the spheres whose state can still affect the record. In a plane wave between walls, or in a finite wave,
-these are in a cone around what is recorded, whose rim moves inwards as fast as signals do. Outside, walls cut the wave
-off and shear contacts strongly, which no record shows.
+these are in a region around what is recorded, whose rim moves inwards as fast as signals do. Outside, walls cut the
+wave off and shear contacts strongly, which no record shows.
 
 Spheres farther out leave the run, which gets shorter by them. The face that they leave behind is a disturbance, and
 the waves ahead of its front fall like an Airy function of the distance over its width d^{1/3} rows after d rows
@@ -31,16 +31,16 @@ _ALL = 2**31 - 1  # spheres that may leave at once
 
 # Widths of the front within which spheres stay: the record then changes by less than 1e-9 of its largest value
 WIDTHS = 5.0
-LOST = 6  # rows that the cone loses until spheres leave again; neighbour lists are made anew then
+LOST = 6  # rows that the region loses until spheres leave again; neighbour lists are made anew then
 
 
 def inside_lines(problem: Problem) -> list[str]:
     """Return the lines for the group of the spheres whose state can still affect the record before the run ends.
 
-    The group holds all spheres if snapshots record them, or in a periodic plane wave. Otherwise it is a cone around the
-    centre, which starts one row inside the strip whose echo arrives after the run (`quiet_rows`) and ends one row from
-    the centre, and the like along y around the rows of each monitor. The group is renewed whenever the cone has lost a
-    row.
+    The group holds all spheres if snapshots record them, or in a periodic plane wave. Otherwise it is a region around
+    the centre, which starts one row inside the strip whose echo arrives after the run (`quiet_rows`) and ends one row
+    from the centre, and the like along y around the rows of each monitor. The group is renewed whenever the region has
+    lost a row.
     """
     scene = problem.scene
     if not watches_part(scene):
@@ -50,7 +50,8 @@ def inside_lines(problem: Problem) -> list[str]:
         *lines,
         _reach(problem),
         f"variable     near atom v_reach>{away}",
-        f"group        inside dynamic all var near every {_interval(problem)}  # whose signals still reach the record",
+        f"group        inside dynamic all var near every {_interval(problem)}"
+        "  # spheres whose signals still reach the record",
         *_leaving(problem),
     ]
 
@@ -61,23 +62,23 @@ def leaving_lines(problem: Problem) -> list[str]:
 
 
 def _reach(problem: Problem) -> str:
-    """Return the line of v_reach, the radius of the cone at a step."""
-    least, lost = _cone(problem)
+    """Return the line of v_reach, the radius of the region at a step."""
+    least, lost = _radius(problem)
     shrinks = f"$({lost!r}*v_step/(v_t0*(v_duration+(v_duration==0))):%.17g)*step"
-    return f"variable     reach equal {least + lost!r}-{shrinks}"
+    return f"variable     reach equal {least + lost!r}-{shrinks}  # radius of the group inside, which shrinks"
 
 
-def _cone(problem: Problem) -> tuple[float, float]:
-    """Return the radius of the cone at the end of a run, and how much larger it is at the start."""
+def _radius(problem: Problem) -> tuple[float, float]:
+    """Return the radius of the region at the end of a run, and how much larger it is at the start."""
     return 1.5 * _row(problem), (_farthest_row(problem) - 2.5) * _row(problem)
 
 
 def reach(problem: Problem, step: int) -> float:
-    """Return the radius of the cone that the guards judge at a step, in units of the deck; infinite without one."""
+    """Return the radius of the region that the guards judge at a step, in units of the deck; infinite without one."""
     scene = problem.scene
     if not watches_part(scene):
         return inf
-    least, lost = _cone(problem)
+    least, lost = _radius(problem)
     renewed = step - step % _interval(problem)
     return least + lost * (1 - renewed * scene.time.step / scene.time.duration)
 
@@ -131,10 +132,11 @@ def _leaving(problem: Problem) -> list[str]:
     way = f"{_speed(problem)!r}*(v_duration-v_tau)"
     return [
         f"variable     front equal {row!r}*({way}+{WIDTHS}*({way}+{WIDTHS**1.5:.3f})^(1/3))"
-        f"+({problem.scene.time.duration!r}>v_duration)*v_reach  # farther if -var made the run shorter",
+        f"+({problem.scene.time.duration!r}>v_duration)*v_reach"
+        "  # beyond it spheres leave; farther if -var made the run shorter",
         *_far(problem),
         f"fix          gone all evaporate {LOST * _interval(problem)} {_ALL} far 1"
-        "  # what can no longer affect the record leaves; to keep it: unfix gone",
+        "  # spheres that can no longer affect the record leave; to keep them: unfix gone",
     ]
 
 
@@ -197,6 +199,6 @@ def _farthest_row(problem: Problem) -> int:
 
 
 def _interval(problem: Problem) -> int:
-    """Return the steps in which the cone loses a row."""
+    """Return the steps in which the region loses a row."""
     time = problem.scene.time
     return max(1, int(time.duration / _farthest_row(problem) / time.step))

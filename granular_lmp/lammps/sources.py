@@ -84,7 +84,7 @@ class _Signal:
     def _of_samples(self, time: str, name: str, s: str) -> list[str]:
         """Return the lines for the interval i, 1 before the first sample, the way s through it, and the signal."""
         steps, i = {"was": "(step-1)", "next": "(step+1)"}.get(name, "step"), s.replace("s", "i", 1) + self.tag
-        way = f"{steps}*$(v_pace{self.tag}:%.17g)" + (f"-{self.late!r}" if self.late else "")
+        way = f"{steps}*$(v_advance{self.tag}:%.17g)" + (f"-{self.late!r}" if self.late else "")
         inside = f"({way}>=0)*(1+floor({way}))" if self.late or time != self.now else f"1+floor({way})"
         _, text = _samples(self, i, f"v_{s}{self.tag}[1]")
         return [
@@ -138,7 +138,7 @@ def _ricker(signal: _Signal, time: str, s: str) -> tuple[str, str]:
 
 def _samples(signal: _Signal, i: str, s: str) -> tuple[str, str]:
     """Return the signal; the interval i stands for the time, and s is the way through it."""
-    c0, c1, c2, c3 = (f"v_c{order}_{signal.tag}[v_{i}]" for order in range(4))
+    c0, c1, c2, c3 = (f"v_c{power}_{signal.tag}[v_{i}]" for power in range(4))
     return "", f"({c0}+{s}*({c1}+{s}*({c2}+{s}*{c3})))"
 
 
@@ -203,7 +203,7 @@ def _source(tag: str, placed: PlacedSource, problem: Problem) -> list[str]:
         intervals = len(source.sampled) - 1
         interval = source.sampled[-1][0] / intervals
         signal = replace(signal, intervals=intervals, late=source.delay / interval)
-        head += [*_tables(tag, source), _line(f"pace{tag}", f"v_step/v_t0/{interval!r}", "samples in a step")]
+        head += [*_tables(tag, source), _line(f"advance{tag}", f"v_step/v_t0/{interval!r}", "samples in a step")]
     else:
         pitch = any("Omega" in line for line in signal.at(signal.now, "push", "s"))
         head += [_line(f"Omega{tag}", repr(placed.frequency), "rad per tau")] if pitch else []

@@ -163,7 +163,7 @@ def quiet_end_of(scene: Scene) -> QuietEnd | None:
     if end.rows > room:
         raise SceneError(
             f"absorb.rows = {end.rows}: leave no room in packing.rows = {shape.rows}, which holds {room} at most; must "
-            "be fewer, for a larger absorb.reflection, or packing.rows more",
+            "be fewer, which takes a larger absorb.reflection, or packing.rows must be more",
             because="physics",
         )
     first, last = 0 if side == "y" else end.rows + 1, shape.rows - 1 - (0 if side == "-y" else end.rows + 1)

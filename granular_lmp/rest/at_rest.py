@@ -117,7 +117,7 @@ def remarks_on_wait(scene: Scene) -> list[str]:
         return []
     return [
         f"{count} spheres with disorder.radius = {scene.disorder.radius!r} take about {seconds:.0f} s to come to rest; "
-        f'packing.relax_by = "{AVALANCHES}" is three to five times as fast, to other contacts, but as many'
+        f'packing.relax_by = "{AVALANCHES}" is three to five times as fast, and ends with other contacts, but as many'
     ]
 
 

@@ -61,7 +61,7 @@ def asked_of_space(scene: Derived) -> str:
     if effects.rolling_stiffness or effects.rolling is True or effects.twisting is True:
         return (
             "effects.rolling and effects.twisting: must be off where packing.space is 3; the modes of a crystal in "
-            "space do not know them"
+            "space do not include them"
         )
     if absorb.rows and (substrate is not None or lattice.film):
         return (
@@ -337,8 +337,8 @@ def quiet_ends(scene: Derived) -> str:
         return f'absorb.rows = {absorb.rows!r}: needs packing.ends = "fixed"; a periodic cell has no ends'
     if packing.rows == AUTO:
         return (
-            'packing.rows = "auto": must be declared with absorb.rows, as no echo says how many are needed: the quiet '
-            "ends, and those that the wave is to cross"
+            'packing.rows = "auto": must be a number with absorb.rows, that of the rows of the quiet ends and of those '
+            "that the wave crosses; no echo sets it"
         )
     if form.fills and not envelope.length:
         return (

@@ -68,7 +68,7 @@ def wave_vector_and_envelope(scene: Derived) -> str:
     if axis is None and (envelope.length > 0) != (envelope.width > 0):
         return (
             f"envelope.length = {envelope.length!r} and envelope.width = {envelope.width!r}: must be both 0 or "
-            f"both above in wave.direction = {wave.direction!r}, along which nothing fits a periodic cell"
+            f"both above 0 in wave.direction = {wave.direction!r}, along which nothing fits a periodic cell"
         )
     if envelope.offset and not envelope.length:
         return f"envelope.offset = {envelope.offset!r}: needs envelope.length above 0, rows"

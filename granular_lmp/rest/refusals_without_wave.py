@@ -295,5 +295,5 @@ def lost_in_rounding(scene: Derived) -> str:
     return (
         f"{_fastest(scene)}: its overlap of {motion:.3g} m is less than {ROUNDINGS_IN_OVERLAP:g} roundings of a "
         f"position in {shape.rows} rows x {shape.columns} columns, displaced by {farthest:.4g} m; must be faster, or "
-        "these smaller"
+        "the crystal and the displacement smaller"
     )

@@ -56,7 +56,7 @@ def _moved(declared: WaveVector, used: WaveVector) -> bool:
 def on_frequency(wave: Wave, wavenumbers: tuple[float, ...]) -> list[str]:
     """Return what became of a frequency in hertz: the first of the wave numbers that have it, rad per row."""
     others = ", ".join(f"{xi:.6g}" for xi in wavenumbers[1:])
-    taken = f"; the smallest is taken, {others} has it too" if others else ""
+    taken = f"; the smallest is taken, {others} has this frequency too" if others else ""
     return [f"wave.frequency {wave.frequency!r} Hz is that of wave.wavenumber {wave.wavenumber!r}{taken}"]
 
 

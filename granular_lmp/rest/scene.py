@@ -37,7 +37,7 @@ from granular_lmp.scene.bodies import (
 from granular_lmp.scene.files import assignment as assignment
 from granular_lmp.scene.files import first_file
 from granular_lmp.scene.monitors import Monitor
-from granular_lmp.scene.records import said
+from granular_lmp.scene.records import without_defaults
 from granular_lmp.scene.samples import located
 from granular_lmp.scene.schema import AUTO, allowed_names, default_name
 from granular_lmp.scene.sections import (
@@ -145,13 +145,13 @@ class Scene(HasCard, Derived):
             "striker": striker,
         }
         if material is None:
-            made = self.from_dict(self._told(tables))
+            made = self.from_dict(self._plain_tables(tables))
         else:  # all fields of a scene, some of them changed
-            made = self._made(tables | {"material": tables.pop("sphere") or material})
+            made = self._of_fields(tables | {"material": tables.pop("sphere") or material})
         self.__dict__.update(made.__dict__)
 
     @classmethod
-    def _made(cls, values: Mapping[str, Any]) -> Self:
+    def _of_fields(cls, values: Mapping[str, Any]) -> Self:
         """Return the scene of its fields, whose combination is checked here."""
         scene = cls._unchecked(values)
         refuse(scene, scene._variant)
@@ -259,14 +259,14 @@ class Scene(HasCard, Derived):
         return tables | {"wave": _without_replaced(tables["wave"])}
 
     @classmethod
-    def _told(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return tables of records as nested plain values; a tolerance or a frequency is told alone, as in a file."""
+    def _plain_tables(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
+        """Return tables of records as nested plain values; a tolerance or a frequency stands alone, as in a file."""
         pairs = {
-            key: _without_replaced(said(tables[key], cls.layout.differing(key)))
+            key: _without_replaced(without_defaults(tables[key], cls.layout.differing(key)))
             for key in ("time", "wave")
             if is_dataclass(tables.get(key))
         }
-        return super()._told({**tables, **pairs})
+        return super()._plain_tables({**tables, **pairs})
 
     def departures(self) -> dict[str, Any]:
         """Return every value that is not its key's default, by dotted key; keys without a default are always there.

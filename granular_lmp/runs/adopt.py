@@ -232,7 +232,7 @@ def _of_strikes(record: Record, dump: Path, problem: Problem) -> None:
         worst = int(off.argmax())
         raise RunFolderError(
             f"{dump}: sphere {place_of(problem.rest.atoms, int(problem.rest.recorded[worst]))} begins with "
-            f"{record.velocity[0, worst].round(6).tolist()} of the unit of velocity, but that of the scene with "
+            f"{record.velocity[0, worst].round(6).tolist()} units of velocity, but in the scene with "
             f"{expected[worst].round(6).tolist()}; give what differs from the scene, for instance striker.1.velocity"
         )
 

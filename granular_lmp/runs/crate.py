@@ -34,12 +34,12 @@ def write_crate(record: Record, path: Path) -> None:
     Raises
     ------
     RunFolderError
-        If the record is of no run folder, or a folder of that name holds something.
+        If the record belongs to no run folder, or a folder of that name holds something.
     PackageMissingError
         Without rocrate.
     """
     if record.folder is None:
-        raise RunFolderError(f"{record!r}: is of no run folder, which a crate would hold")
+        raise RunFolderError(f"{record!r}: belongs to no run folder, and a crate holds one")
     if path.is_dir() and any(path.iterdir()):
         raise RunFolderError(f"{path}: is there already, and not empty; choose another folder")
     optional_package("rocrate")

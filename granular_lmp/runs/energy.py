@@ -38,7 +38,7 @@ def energies(record: Any) -> Floats:
     """
     scene = record.scene
     if scene.wave is not None or scene.material.work_of_adhesion:
-        raise RunFolderError(f"{record!r}: the stored energy is known of spheres that do not adhere, without [wave]")
+        raise RunFolderError(f"{record!r}: the stored energy is known only without adhesion and without [wave]")
     problem = record.problem
     sides = scene.lattice != CHAIN and WALL in (scene.packing.first, scene.packing.last, scene.packing.sides)
     if len(problem.rest.recorded) != len(problem.rest.atoms) or scene.effects.friction or sides:

@@ -97,7 +97,7 @@ class Front:
         if not slowness > 0:
             raise ReadoutError(
                 f"the front has arrived at {len(self.distance)} spheres of the line, and none is later than a nearer "
-                "one; a speed needs two that differ: another direction, a longer run, or more recorded spheres"
+                "one; a speed needs two that differ; take another direction, a longer run, or more recorded spheres"
             )
         half = len(self.distance) // 2
         near, far = (
@@ -168,8 +168,8 @@ def front(
     there = np.isfinite(crests[:, 0])
     if not there.any():
         raise ReadoutError(
-            f"{scene.name}: none of the {len(chosen)} recorded spheres at {direction:g} degrees has a crest: another "
-            "direction, a longer run, or more recorded spheres"
+            f"{scene.name}: none of the {len(chosen)} recorded spheres at {direction:g} degrees has a crest; take "
+            "another direction, a longer run, or more recorded spheres"
         )
     index, time = spheres[chosen][there], scene.scale.time
     row, column = crystal.arrays["row"][index], crystal.arrays["column"][index]
@@ -189,7 +189,7 @@ def _starts(scene: Scene, crystal: ase.Atoms, origin: tuple[int, int] | None) ->
     if scene.form.driven:
         found.append(spheres_at((0, 0), (), crystal, "origin"))
     if not found:
-        raise ReadoutError(f"{scene.name}: nothing strikes, pushes or drives it; say where the front starts, origin")
+        raise ReadoutError(f"{scene.name}: nothing strikes, pushes or drives it; give origin, where the front starts")
     return np.unique(np.concatenate(found))
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from math import ceil, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from granular_lmp.effects.between_looks import nearly_open
 from granular_lmp.effects.case import Case
@@ -11,6 +12,7 @@ from granular_lmp.effects.creep import creeping
 from granular_lmp.effects.openings import by_pairs, lingers
 from granular_lmp.effects.width import centre_row
 from granular_lmp.errors import SceneError
+from granular_lmp.frozen import cached_property
 from granular_lmp.lammps.guards import GUARDS, columns, has_looks
 from granular_lmp.lammps.region_of_influence import reach
 from granular_lmp.problem import Problem
@@ -44,7 +46,7 @@ class Observer:
         }
         self.moved = {name: moved[name] for name in self.names if name in moved}
         if lacks := [name for name in self.names if name not in self.looked | self.moved]:
-            raise SceneError(f"guards: {', '.join(lacks)} is known to LAMMPS alone", because="not built")
+            raise SceneError(f"guards: only LAMMPS knows {', '.join(lacks)}", because="not built")
         suspects = "v_open" in self.looked and not (by_pairs(scene) and lingers(problem))
         self.nearly = nearly_open(problem.rest) if suspects else -np.inf
 
@@ -83,9 +85,14 @@ class Observer:
         stiffest = self.problem.rest.square_rate * sqrt(look.deepest / self.length)
         return self.problem.scene.time.step * sqrt(stiffest)
 
+    @cached_property
+    def row(self) -> NDArray[np.int64]:
+        """The spheres of the centre row."""
+        return centre_row(self.problem)
+
     def spread(self, moment: Moment) -> float:
         """Return how far spheres of the centre row have moved apart, in D0."""
-        return float(np.ptp(moment.fields(centre_row(self.problem))[0], axis=0).sum()) / self.shift
+        return float(np.ptp(moment.fields(self.row)[0], axis=0).sum()) / self.shift
 
     def sideways(self, moment: Moment) -> float:
         """Return how far a sphere of a chain has left its line, in D0."""

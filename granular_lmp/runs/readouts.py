@@ -129,10 +129,10 @@ def _harmonics(tau: Floats, values: Floats, frequency: float) -> Iterator[tuple[
     )
     changed = np.abs(late - early) / 2
     yield "static", [float(whole[0].mean()), max(_rms(errors[0]), abs(float((late - early)[0].mean())) / 2)]
-    for order in range(1, HARMONICS + 1):
-        both = slice(2 * order, 2 * order + 2)
+    for harmonic in range(1, HARMONICS + 1):
+        both = slice(2 * harmonic, 2 * harmonic + 2)
         error = _rms(errors[both])
-        yield str(order), [_rms(np.hypot(*whole[both])), max(error, _rms(np.hypot(*changed[both])))]
+        yield str(harmonic), [_rms(np.hypot(*whole[both])), max(error, _rms(np.hypot(*changed[both])))]
 
 
 def _functions(tau: Floats, frequency: float) -> Floats:
@@ -169,8 +169,8 @@ def fitted(matrix: Floats, signals: Floats) -> tuple[Floats, Floats]:
 
 def readouts_of(record: Record) -> dict[str, Any]:
     """Return the entry ``monitors`` of ``run.json`` from the record of a run; nothing without a monitor of motion."""
-    watched = [each.name for each in record.scene.monitor if each.known.of == "sphere"]
-    return {"monitors": {name: readout(record.monitor(name)) for name in watched}} if watched else {}
+    names = [each.name for each in record.scene.monitor if each.known.of == "sphere"]
+    return {"monitors": {name: readout(record.monitor(name)) for name in names}} if names else {}
 
 
 def readout_columns(info: dict[str, Any]) -> dict[str, float]:
@@ -178,7 +178,7 @@ def readout_columns(info: dict[str, Any]) -> dict[str, float]:
     found: dict[str, float] = {}
     for monitor, said in info.get("monitors", {}).items():
         for component in (name for name in NAMES if name in said):
-            for order, (value, error) in said[component].items():
-                name = f"{monitor}.{component}{'_' * (order == 'static')}{order}"
+            for harmonic, (value, error) in said[component].items():
+                name = f"{monitor}.{component}{'_' * (harmonic == 'static')}{harmonic}"
                 found |= {name: value, f"{name}_error": error}
     return found

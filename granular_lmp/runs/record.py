@@ -312,7 +312,7 @@ class Record(HasCard):
             If the run has no snapshots (``output.particles``).
         """
         if self.folder is None:
-            raise RunFolderError(f"{self!r}: is of no run folder, and so without snapshots")
+            raise RunFolderError(f"{self!r}: belongs to no run folder, and so has no snapshots")
         from granular_lmp.runs.snapshots import Snapshots  # kept out of start-up
 
         return Snapshots.load(self.folder)
@@ -326,7 +326,7 @@ class Record(HasCard):
             If the scene has no such monitor, or its files are missing or damaged.
         """
         if self.folder is None:
-            raise RunFolderError(f"{self!r}: is of no run folder, and so without monitors")
+            raise RunFolderError(f"{self!r}: belongs to no run folder, and so has no monitors")
         from granular_lmp.runs.monitors import MonitorRecord  # kept out of start-up
 
         return MonitorRecord.load(self.folder, name)

@@ -158,12 +158,13 @@ def _checkpoint(instance: Any, looks: str) -> list[str]:
     the last line of the table becomes one more line. LAMMPS sets its fixes up again before it writes, which the one for
     the last lines of the deck does not bear.
     """
-    now, end, watched = instance.extract_global("ntimestep"), int(instance.extract_variable("steps")), looks == "kernel"
+    now, end = instance.extract_global("ntimestep"), int(instance.extract_variable("steps"))
+    in_kernel = looks == "kernel"
     look = 1 if looks == "none" else int(instance.extract_variable("look"))
     steps = min(-now % look, end - now)
-    on = ["timer timeout off", f"run {steps} pre no post no"] if steps or watched else []
+    on = ["timer timeout off", f"run {steps} pre no post no"] if steps or in_kernel else []
     no_table, judged = ["thermo_style custom step"], ["unfix judged"] * instance.has_id("fix", "judged")
-    return [*(no_table if on and not watched else []), *on, *no_table, *judged, f"write_restart {CHECKPOINTS[0]}"]
+    return [*(no_table if on and not in_kernel else []), *on, *no_table, *judged, f"write_restart {CHECKPOINTS[0]}"]
 
 
 def _this_rank() -> Any:

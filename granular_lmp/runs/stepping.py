@@ -60,14 +60,14 @@ def _refuse(problem: Problem) -> None:
     for monitor in scene.monitor:
         if monitor.with_contacts and problem.rest.planes:
             raise SceneError(
-                f'monitor {monitor.name}: what = "{monitor.what}": the forces of walls are recorded by LAMMPS alone; '
+                f'monitor {monitor.name}: what = "{monitor.what}": only LAMMPS records the forces of walls; '
                 'what = "motion" is recorded',
                 because="not built",
             )
     moved = problem.rest.atoms.arrays["fixed"].any() or any(each.motion for each in scene.source)
     if scene.output.forces and moved:
         raise SceneError(
-            "output.forces: those on spheres that are held or moved are recorded by LAMMPS alone", because="not built"
+            "output.forces: only LAMMPS records the forces on spheres that are held or moved", because="not built"
         )
 
 

@@ -64,8 +64,8 @@ class Many:
     def columns(self) -> Columns:
         """Return columns of one length, time by time."""
         times, count = len(self.tau), len(next(iter(self.which.values())))
-        told = {name: np.tile(numbers, times) for name, numbers in self.which.items()}
-        return {"tau": np.repeat(self.tau, count)} | told | {name: each.ravel() for name, each in self.values.items()}
+        which = {name: np.tile(numbers, times) for name, numbers in self.which.items()}
+        return {"tau": np.repeat(self.tau, count)} | which | {name: each.ravel() for name, each in self.values.items()}
 
     def to_pandas(self) -> Any:
         """Return `columns` as a ``pandas.DataFrame``."""
@@ -83,7 +83,9 @@ class Many:
         unit = quantity.unit.words(_length(self.scene), scale.name, of_impact=scale.of_impact)
         unit, meaning = unit + " rad" * (quantity.unit.si == "rad"), quantity.meaning
         axis = f" along {name[-1]}" if name[-2:] in ("_x", "_y", "_z") else ""
-        return _told(self.scene, f"{unit}/t0" if rate else unit, f"rate of {meaning}" if rate else f"{meaning}{axis}")
+        return _attributes(
+            self.scene, f"{unit}/t0" if rate else unit, f"rate of {meaning}" if rate else f"{meaning}{axis}"
+        )
 
 
 class HasTables:
@@ -216,7 +218,7 @@ def to_xarray(record: Any) -> Any:
     """
     scene, signals = record.scene, record.signals
     variables = {
-        name: (("tau", "sphere", "axis")[: values.ndim], values, _told(scene, *_SAID[name]))
+        name: (("tau", "sphere", "axis")[: values.ndim], values, _attributes(scene, *_SAID[name]))
         for name, values in signals.items()
     }
     which: dict[str, Any] = {}
@@ -231,7 +233,7 @@ def _length(scene: Scene) -> str:
     return scene.scale.name if scene.wave is None else "D0"
 
 
-def _told(scene: Scene, unit: str, meaning: str) -> dict[str, str]:
+def _attributes(scene: Scene, unit: str, meaning: str) -> dict[str, str]:
     """Return the attributes of a variable."""
     return {"units": unit.format(length=_length(scene)), "long_name": meaning}
 
@@ -245,7 +247,7 @@ def _dataset(
 ) -> Any:
     """Return an ``xarray.Dataset`` over tau with the scales of a scene, and the scene as TOML."""
     scales = {f"{_length(scene)}_m": length_of(scene), "t0_s": scene.scale.time, "R_m": scene.sphere.radius}
-    coordinates = {"tau": ("tau", tau, _told(scene, *_SAID["tau"]))} | which
+    coordinates = {"tau": ("tau", tau, _attributes(scene, *_SAID["tau"]))} | which
     attributes = scales | {"scene": scene.to_toml()} | attributes
     return optional_package("xarray").Dataset(variables, coordinates, attributes)
 

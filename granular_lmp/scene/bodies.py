@@ -9,7 +9,7 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.scene.places import rows_rule, spheres_rule
 from granular_lmp.scene.schema import ArrayRule, Interval, Rule, Rules, choice, number
 
-_MEASURED, _STIFFEST = "measured, at rest; left out: what the moduli give", (1e-6, 1e12)
+_MEASURED, _STIFFEST = "measured, at rest; left out: from the moduli", (1e-6, 1e12)
 _STIFFNESS = ("N/m", _MEASURED, *_STIFFEST)
 
 
@@ -40,7 +40,7 @@ class Substrate:
     sides: str = choice("under the crystal, or on both sides of it", (BELOW, BOTH), default=BELOW)
     density: float | None = number(
         "kg/m3",
-        "of the half-space, for its surface waves; a run has it rigid; left out: the spheres'",
+        "of the half-space, for surface waves; rigid in a run; left out: that of the spheres",
         1,
         1e5,
         default=None,
@@ -83,7 +83,7 @@ DISORDER_RULES = Rules(
 )
 INCLUSION_RULES = Rules(
     rows=rows_rule(),
-    every=Rule(int, "", "of rows: the first and each so many after it", Interval(1, 10_000_000)),
+    every=Rule(int, "", "every n-th of these rows, starting with the first", Interval(1, 10_000_000)),
     spheres=spheres_rule(),
     disc=ArrayRule(
         float,

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.scene.files import file_text, toml_tables
-from granular_lmp.scene.records import DeclaredKey, Variant, declared_keys, plain, record, said, toml_lines
+from granular_lmp.scene.records import DeclaredKey, Variant, declared_keys, plain, record, toml_lines, without_defaults
 from granular_lmp.scene.schema import (
     Rule,
     Rules,
@@ -70,7 +70,7 @@ class Layout:
     def differing(self, table: str) -> set[str]:
         """Return the names of the keys of a table whose default depends on the kind of the document."""
         dotted = (key.partition(".") for variant in self.variants.values() for key in variant.defaults)
-        return {name for held, _, name in dotted if held == table}
+        return {name for section, _, name in dotted if section == table}
 
 
 @dataclass(frozen=True)
@@ -125,13 +125,13 @@ class Document:
         records: dict[str, Any] = {
             layout.attributes.get(key, key): record(kind, tables.get(key), key, layout.keys_of(key, variant))
             for key, kind in layout.sections.items()
-            if key in tables or key not in (*layout.none_if_left_out, *layout.variants[variant].absent)
+            if key in tables or key not in (*layout.none_if_left_out, *layout.variants[variant].refused)
         }
         records |= {key: cls._records(key, tables.get(key, ()), variant) for key in layout.repeated}
-        return cls._made({"name": name, "description": checked_description(tables)} | cls._solved(records))
+        return cls._of_fields({"name": name, "description": checked_description(tables)} | cls._solved(records))
 
     @classmethod
-    def _made(cls, values: Mapping[str, Any]) -> Self:
+    def _of_fields(cls, values: Mapping[str, Any]) -> Self:
         """Return the document of its fields."""
         return cls(**values)
 
@@ -165,12 +165,12 @@ class Document:
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain values with every default."""
-        held = {key: getattr(self, self.layout.attributes.get(key, key)) for key in self.layout.sections}
+        records = {key: getattr(self, self.layout.attributes.get(key, key)) for key in self.layout.sections}
         tables: dict[str, Any] = {
             key: plain(value, self.keys_of(key))
-            for key, value in held.items()
+            for key, value in records.items()
             if value is not None
-            and key not in self.layout.variants[self._variant].absent
+            and key not in self.layout.variants[self._variant].refused
             and (key not in self.layout.optional or value != type(value)())
         }
         tables |= {key: self._written(key) for key in self.layout.repeated if getattr(self, key)}
@@ -193,8 +193,8 @@ class Document:
         for key in self.layout.sections:
             defaults, table = {each.name: each.default for each in self.keys_of(key)}, tables.pop(key, {})
             given = ((name, value) for name, value in table.items() if value is not defaults[name])
-            said = {name: value for name, value in given if repr(value) != repr(defaults[name])}
-            tables |= {key: said} if said else {}
+            differing = {name: value for name, value in given if repr(value) != repr(defaults[name])}
+            tables |= {key: differing} if differing else {}
         return tables
 
     def to_toml(self, *, full: bool = False) -> str:
@@ -258,20 +258,20 @@ class Document:
             If there is no such table, or a value is not allowed.
         """
         kept = {key: value for key, value in self.given().items() if key not in tables}
-        return self.from_dict(kept | self._told(tables))
+        return self.from_dict(kept | self._plain_tables(tables))
 
     @classmethod
-    def _told(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return tables of records as nested plain values, without those that say nothing."""
-        plain_tables = {key: said(table, cls.layout.differing(key)) for key, table in tables.items()}
+    def _plain_tables(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
+        """Return tables of records as nested plain values, without empty ones."""
+        plain_tables = {key: without_defaults(table, cls.layout.differing(key)) for key, table in tables.items()}
         return {key: table for key, table in plain_tables.items() if table not in (None, {}, [])}
 
     def value(self, key: str) -> Any:
         """Return the value of a dotted key, as `with_values` takes it; None if no field of the scene holds it."""
         table, _, name = key.rpartition(".")
         section, _, number = table.partition(".")
-        held = getattr(self, self.layout.attributes.get(section, section), None)
-        found = getattr(held[int(number) - 1] if number and held else held, name, None)
+        record = getattr(self, self.layout.attributes.get(section, section), None)
+        found = getattr(record[int(number) - 1] if number and record else record, name, None)
         return _lists(found)
 
     @classmethod

@@ -127,7 +127,7 @@ def placed_monitors(
     contacts : Contacts, optional
         Contacts of all spheres; None for a perfect lattice, whose spheres touch those of the next rows only.
     unrecorded : sequence of str
-        Effects that are on and of which the record of contacts may lack forces or torques.
+        Effects that are on and whose forces or torques the record of contacts may lack.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def placed_monitors(
             if unrecorded:
                 raise SceneError(
                     f'monitor {each.name}: what = "{each.what}": must be {WITHOUT_CONTACTS} with the effect '
-                    f"{unrecorded[0]}, of which the record of contacts may lack forces or torques",
+                    f"{unrecorded[0]}, whose forces or torques the record of contacts may lack",
                     because="not built",
                 )
             if contacts is not None and _far(contacts, crystal, shape):

@@ -97,8 +97,8 @@ def place_troubles(rows: Rows, spheres: Spheres, shape: Shape, layers: Rows | No
         top = shape.layers - 1
         cure = "must be left out" if layers is None else f"needs layers, for instance layers = [{top}, {top}],"
         yield (
-            f"{in_words(rows, spheres)}: {cure} in a crystal of several layers, where a row and a column are a "
-            "sphere in each"
+            f"{in_words(rows, spheres)}: {cure} in a crystal of several layers, each of which "
+            "has a sphere at a row and a column"
         )
     for row, column in spheres:
         if row >= shape.rows or column >= shape.columns:

@@ -15,8 +15,8 @@ from granular_lmp.scene.schema import Rule, Rules, refuse_unknown, shown, toml
 MOST_IN_LINE = 20  # arrays in an array
 
 
-class Remembering:
-    """A record that remembers which of its values were given."""
+class GivenValues:
+    """A record that knows which of its values were given."""
 
     __slots__ = ("_given",)
     __match_args__: ClassVar[tuple[str, ...]]  # fields in their order, as a dataclass has it
@@ -24,9 +24,9 @@ class Remembering:
 
     def __new__(cls, *values: Any, **given: Any) -> Self:
         """Make the record, whose fields its class sets."""
-        made = super().__new__(cls)
-        object.__setattr__(made, "_given", frozenset((*cls.__match_args__[: len(values)], *given)))
-        return made
+        new = super().__new__(cls)
+        object.__setattr__(new, "_given", frozenset((*cls.__match_args__[: len(values)], *given)))
+        return new
 
     def __getstate__(self) -> dict[str, Any]:
         return vars(self) | {"_given": self._given}
@@ -36,10 +36,10 @@ class Remembering:
             object.__setattr__(self, name, value)
 
 
-def said(table: Any, differing: Collection[str] = ()) -> Any:
-    """Return what records say, as plain values: what departs from a default.
+def without_defaults(table: Any, differing: Collection[str] = ()) -> Any:
+    """Return records as plain values, without those that are the default.
 
-    A value that was given is said too if its default depends on the scene.
+    A value that was given is kept, though it is the default, if that depends on the scene.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def said(table: Any, differing: Collection[str] = ()) -> Any:
     dict, list of dict, or the plain value
     """
     if isinstance(table, list | tuple):
-        return [said(each) for each in table]
+        return [without_defaults(each) for each in table]
     if not hasattr(table, "__dataclass_fields__"):
         return table
     given = getattr(table, "_given", ())
@@ -130,12 +130,12 @@ class Variant:
     ----------
     defaults : mapping of str to value
         Dotted key → its default, `MISSING` where the key must be given.
-    absent : mapping of str to str
+    refused : mapping of str to str
         Table or dotted key that such a scene does not have → the message that refuses it.
     """
 
     defaults: Mapping[str, Any] = field(default_factory=dict)
-    absent: Mapping[str, str] = field(default_factory=dict)
+    refused: Mapping[str, str] = field(default_factory=dict)
 
 
 @cache  # a scene asks for them dozens of times
@@ -148,5 +148,5 @@ def declared_keys(
     return tuple(
         DeclaredKey(item.name, rule, other.defaults.get(f"{table}.{item.name}", item.default))
         for item, rule in known
-        if rule is not None and not {table, f"{table}.{item.name}"} & other.absent.keys()
+        if rule is not None and not {table, f"{table}.{item.name}"} & other.refused.keys()
     )

@@ -173,7 +173,7 @@ def checked(pairs: Samples, key: str) -> Samples:
         raise refused(f"{name} = {tau[1 + np.argmax(steps <= 0)]:g} after a later time: {name} must increase")
     if abs(tau - step * np.arange(len(tau))).max() > UNEVEN * step:
         raise refused(
-            f"steps of {name} from {steps.min():.6g} to {steps.max():.6g}: must be equal to {UNEVEN:g} of a step"
+            f"steps of {name} from {steps.min():.6g} to {steps.max():.6g}: must be equal within {UNEVEN:g} of a step"
         )
     largest = abs(value).max()
     if value[0] != 0 or largest == 0:
@@ -183,8 +183,9 @@ def checked(pairs: Samples, key: str) -> Samples:
     missed = abs(fit(tau) - value)[inside]
     if missed.max() > SMOOTH * largest:
         raise refused(
-            f"around {name} = {tau[inside][missed.argmax()]:g} every second sample follows from the others to "
-            f"{missed.max() / largest:.2g} of the largest only: must be {SMOOTH:g}; take more samples, or smooth them"
+            f"around {name} = {tau[inside][missed.argmax()]:g} a spline through every second sample misses the others "
+            f"by {missed.max() / largest:.2g} of the largest: must be at most {SMOOTH:g}; take more samples, "
+            "or smooth them"
         )
     return pairs
 

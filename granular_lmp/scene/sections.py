@@ -32,7 +32,7 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.scene.clock import Ladder, Step
 from granular_lmp.scene.forms import FORMS, MEANING, Form
 from granular_lmp.scene.places import LAYERS_RULE, AtPlaces, Rows, Spheres, rows_rule, spheres_rule
-from granular_lmp.scene.records import Remembering
+from granular_lmp.scene.records import GivenValues
 from granular_lmp.scene.schema import AUTO, Auto, Rule, choice, count, flag, number, shown, switch
 
 ENDS = ("fixed", "periodic", AUTO)
@@ -46,7 +46,7 @@ NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all ot
 
 
 @dataclass(frozen=True)
-class Packing(Remembering):
+class Packing(GivenValues):
     """Packing of a lattice: rows along y, columns along x, and what each of its faces is.
 
     Beside a wave sheets are periodic along x unless `sides` says otherwise, and where the `ends` are fixed, the first
@@ -70,10 +70,12 @@ class Packing(Remembering):
     last: str = choice("last row of fixed ends; auto: held", FACES, default=AUTO)
     sides: str = choice("first and last column of a sheet", (PERIODIC, HELD, FREE, WALL), default=PERIODIC)
     contact_force: float = number("N", "presses the contacts at rest together from outside", 0, 1e12, default=0.0)
-    relax: str = choice("of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box")
+    relax: str = choice(
+        "of unequal spheres: the cell takes the size of the contact force, or keeps its own", BOXES, default="box"
+    )
     relax_friction: float = number("", "of unequal spheres while they come to rest; 0: none", 0, 1e4, default=0.0)
     relax_by: str = choice(
-        "how unequal spheres come to rest; avalanches: large crystals sooner, to other contacts",
+        "how unequal spheres come to rest; avalanches: faster in large crystals, with other contacts",
         WAYS,
         default=WHOLE,
     )
@@ -256,7 +258,7 @@ def refuse_step_beside_tolerance(tables: Mapping[str, Any]) -> None:
 
 
 @dataclass(frozen=True)
-class Time(Remembering, Sampled):
+class Time(GivenValues, Sampled):
     """Duration and sampling of the run in τ, and either its time step or the required accuracy.
 
     With a `tolerance` the scene has no step until `granular_lmp.accuracy.tolerance` chooses one.
@@ -284,7 +286,7 @@ LOAD, DISTANCE = "load", "distance"  # where a contact that adheres beyond an ov
 
 
 @dataclass(frozen=True)
-class Effects(Remembering):
+class Effects(GivenValues):
     """Effects in the deck, each true, false or "auto", and the coefficients that some of them need.
 
     `granular_lmp.effects` decides each "auto" and gives the reason. Walls and width of the packing are effects too;
@@ -327,7 +329,7 @@ class Absorb:
 
 
 @dataclass(frozen=True)
-class Output(Remembering, AtPlaces):
+class Output(GivenValues, AtPlaces):
     """Output of a run in addition to the record of the centre sphere; without ``[wave]`` the spheres that are recorded.
 
     They are recorded at each sample, all of them if none are declared, where others have monitors.

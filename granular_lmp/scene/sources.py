@@ -89,14 +89,14 @@ class Source(AtPlaces):
         },
     )
     amplitude: float = number("", "in D0, k1 D0 or k1 D0 R", 0, 100, open_low=True, default=1.0)
-    frequency: float | None = number("rad/t0", "of periods; the wave's if left out", 1e-6, 20, default=None)
+    frequency: float | None = number("rad/t0", "of the signal; left out: that of the wave", 1e-6, 20, default=None)
     hertz: float | None = number("Hz", "in place of frequency", 1e-6, 1e15, default=None)
     phase: float = number("rad", "of tone, burst and chirp", -2 * pi, 2 * pi, default=0.0)
     delay: float = number("tau", "before the signal begins", 0, 1e7, default=0.0)
     cycles: float = number("", "periods of a burst or chirp", 1, 1e5, default=5.0)
     ramp: float = number("tau", "in which a tone or a step rises", 1, 1e5, default=20.0)
     sweep: float = number("", "last frequency of a chirp over its first", 0.01, 100, default=2.0)
-    told: str = ""  # of a measured drive that `in_units` has converted: how long and how large it is
+    measured_words: str = ""  # of a measured drive that `in_units` has converted: how long and how large it is
 
     def in_units(self, scene: Scaled) -> "Source":
         """Return the source with the samples of a measured drive in τ and in the unit of its amplitude.
@@ -122,9 +122,9 @@ class Source(AtPlaces):
                 because="physics",
             )
         most = self.amplitude * samples.largest(pairs)
-        told = f" ({len(pairs)} over {pairs[-1][0]:.4g} s, up to {most:.4g} {si})"
+        measured_words = f" ({len(pairs)} over {pairs[-1][0]:.4g} s, up to {most:.4g} {si})"
         reduced = tuple((seconds / sphere.time_scale, value / unit) for seconds, value in pairs)
-        return replace(self, signal=reduced, told=told)
+        return replace(self, signal=reduced, measured_words=measured_words)
 
     @property
     def sampled(self) -> samples.Samples:
@@ -155,7 +155,7 @@ class Source(AtPlaces):
     def words(self) -> str:
         """Kind and signal in words: "burst of force along y"."""
         what = "motion along" if self.motion else "force along"
-        return f"{self.kind} of {self.turns or f'{what} {self.motion or self.force}'}{self.told}"
+        return f"{self.kind} of {self.turns or f'{what} {self.motion or self.force}'}{self.measured_words}"
 
     @property
     def turns(self) -> str:

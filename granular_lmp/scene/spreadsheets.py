@@ -162,15 +162,15 @@ def _table(text: str, heads: Heads, said: str) -> Table:
     used = [n for n, name in enumerate(names) if name]
     for count, cells in rows:
         if other := [cell for name, cell in zip(names, cells, strict=True) if cell and not name]:
-            raise ValueError(f"line {count}: {other[0]!r} stands under no head")
+            raise ValueError(f"line {count}: {other[0]!r} stands in a column without a head")
     columns = [heads.checked(names[n]) for n in used]
     for each in {each.quantity for each in columns} - {ERROR}:
         if (held := [column.quantity for column in columns].count(each)) > 1:
             raise ValueError(f"{held} columns hold {each}; must be one, in one unit")
     plain, with_commas = _with_points([(count, [cells[n] for n in used]) for count, cells in rows], separator)
     last = lines[after - 1][0]
-    told = [f"{each.quantity} in {each.unit}" if each.unit else each.quantity for each in columns]
-    understood = [f"{said}: {len(rows)} row{'s' * (len(rows) != 1)}: {', '.join(told)}"]
+    described = [f"{each.quantity} in {each.unit}" if each.unit else each.quantity for each in columns]
+    understood = [f"{said}: {len(rows)} row{'s' * (len(rows) != 1)}: {', '.join(described)}"]
     understood += [f"head to line {last}"] if last > 1 else []
     understood += [f"cells parted by {_PARTED_BY[separator]}"] if separator != "," and len(names) > 1 else []
     understood += ["decimals with commas"] if with_commas else []
@@ -243,6 +243,6 @@ def _with_points(rows: Rows, separator: str) -> tuple[Rows, bool]:
     if separator != ";" and all(_THOUSANDS.fullmatch(cell) for _, cell in commas):
         count, cell = commas[0]
         raise ValueError(
-            f"line {count}: {cell} may be a thousand or a decimal; write it with a point, or without comma"
+            f"line {count}: {cell} may mean thousands or decimals; write decimals with a point, thousands without"
         )
     return [(n, [c.replace(",", ".") if _WITH_COMMA.fullmatch(c) else c for c in cells]) for n, cells in rows], True

@@ -83,7 +83,7 @@ class StateRule(Rule):
         found = set()
         for row, column, *_ in state:
             if (row, column) in found:
-                raise SceneError(f"{key}: sphere [{row}, {column}]: is there twice; must be there once, at one time")
+                raise SceneError(f"{key}: sphere [{row}, {column}]: is there twice; must be there once")
             found.add((row, column))
         return tuple(state)
 
@@ -103,7 +103,7 @@ class Start:
     state: State = field(default=(), metadata={"rule": StateRule(str, "SI units", "of single spheres; others rest")})
     noise: float = number("m/s", "largest random velocity along each axis, of all spheres", 0, 1e4, default=0.0)
     seed: int = count("of the random velocities", 0, 2**32 - 1, default=0)
-    touching: bool = flag("spheres that adhere just touch, and are not yet pulled to their overlap", default=False)
+    touching: bool = flag("spheres that adhere begin just in touch, not with their overlap at rest", default=False)
 
     @property
     def places(self) -> list[tuple[int, int]]:
@@ -280,12 +280,12 @@ def _read(name: str, key: str) -> Iterable[tuple[str, list[Any]]]:
     for needed in COLUMNS[:2]:
         if needed not in names:
             raise SceneError(f"{file}: column {needed}: is missing; must have row, column and any of {COLUMNS[2:]}")
-    told = [each.partition("_")[0] for each in (COLUMNS + IN_SPACE if set(names) & _SPATIAL else COLUMNS)]
-    if not set(names) & set(told[2:]):
-        raise SceneError(f"{file}: must have one of the columns {', '.join(COLUMNS[2:])}, as else nothing moves")
+    ways = [each.partition("_")[0] for each in (COLUMNS + IN_SPACE if set(names) & _SPATIAL else COLUMNS)]
+    if not set(names) & set(ways[2:]):
+        raise SceneError(f"{file}: must have one of the columns {', '.join(COLUMNS[2:])}: nothing moves without them")
     for line, cells in table.rows:
         said = {
             each.quantity: cell if isnan(value_of(cell)) else value_of(cell) * _QUANTITIES[each.quantity][each.unit]
             for each, cell in zip(table.columns, cells, strict=True)
         }
-        yield f"{file}: line {line}", [said.get(each, 0.0) for each in told]
+        yield f"{file}: line {line}", [said.get(each, 0.0) for each in ways]

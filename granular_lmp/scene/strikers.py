@@ -83,10 +83,10 @@ def scale_of(strikers: Sequence[Striker], start: Start, sphere: Sphere) -> Scale
     Where all are let go from rest, the largest displacement is ℓ, which gives v = √(A/m) ℓ^{5/4}. Adhesion and
     compression of the spheres are not theirs.
     """
-    bare = sphere.unloaded
+    unloaded = sphere.unloaded
     fastest = max(fastest_striker(strikers), start.fastest(sphere.radius))
-    let_go = sqrt(bare.normal_coefficient / bare.mass) * start.farthest**1.25
-    return Scale.of(bare, fastest or let_go)
+    let_go = sqrt(unloaded.normal_coefficient / unloaded.mass) * start.farthest**1.25
+    return Scale.of(unloaded, fastest or let_go)
 
 
 def stretch(strikers: Sequence[Striker], start: Start, sphere: Sphere) -> float:

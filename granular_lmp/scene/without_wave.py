@@ -16,7 +16,7 @@ from granular_lmp.scene.records import Variant
 WAVE, HELD, NOT_HELD = "wave", "held at rest", "not held at rest"
 MOVING_TABLES = ("striker", "start", "source")  # a scene without [wave] has at least one
 AT_REST = "sphere.work_of_adhesion above 0, or packing.contact_force in a sheet"
-NEEDS_ADHESION = {"sphere.adhesion_law": "is of spheres that adhere; needs sphere.work_of_adhesion above 0, J/m2"}
+NEEDS_ADHESION = {"sphere.adhesion_law": "is only for spheres that adhere; needs sphere.work_of_adhesion above 0, J/m2"}
 
 # --- defaults --------------------------------------------------------------------------------------------------------
 
@@ -40,10 +40,10 @@ _DEFAULTS_NOT_HELD: dict[str, Any] = {
 
 _ONLY_BESIDE_WAVE: dict[str, str] = {
     "wave": "must be left out of a scene without it",
-    "envelope": "is of the scene of a wave: must be left out without [wave]",
+    "envelope": "is only for a wave: must be left out without [wave]",
     **dict.fromkeys(
         (f"packing.{name}" for name in ("layers", "depth", "orientation")),
-        "is of a lattice in space: must be left out without [wave], where a crystal has one layer",
+        "is only for a lattice in space: must be left out without [wave], where a crystal has one layer",
     ),
     "packing.space": "must be left out without [wave], where a [substrate] alone lets spheres leave the plane",
     "time.allow_echo": "must be left out without [wave], where every echo belongs to the answer",
@@ -60,7 +60,7 @@ _ONLY_HELD: dict[str, str] = {
     "absorb": f"absorbs linear waves, and contacts without load have none; needs {AT_REST}",
     **dict.fromkeys(
         ("packing.relax", "packing.relax_friction", "packing.relax_by"),
-        f"is the way to rest under load; needs {AT_REST}",
+        f"says how spheres come to rest under load; needs {AT_REST}",
     ),
     "effects.adhesion": "must be left out beside [[striker]] or [start], as contacts of an impact do not adhere",
     **dict.fromkeys(
@@ -78,7 +78,7 @@ _NOT_BUILT = ("packing.layers", "packing.depth", "packing.orientation", "packing
 _SAID_ELSEWHERE = ("output.",)
 
 VARIANTS = {
-    WAVE: Variant(absent=_ONLY_WITHOUT_WAVE | _ONLY_NOT_HELD),
+    WAVE: Variant(refused=_ONLY_WITHOUT_WAVE | _ONLY_NOT_HELD),
     HELD: Variant(_DEFAULTS_WITHOUT_WAVE, _ONLY_BESIDE_WAVE | _ONLY_NOT_HELD),
     NOT_HELD: Variant(_DEFAULTS_WITHOUT_WAVE | _DEFAULTS_NOT_HELD, _ONLY_BESIDE_WAVE | _ONLY_HELD),
 }
@@ -112,7 +112,7 @@ def refuse_tables(tables: Mapping[str, Any]) -> None:
     """Raise a SceneError for the first table or key that the kind of scene of these tables does not have."""
     variant, sphere = variant_of(tables), tables.get("sphere")
     adheres = variant == WAVE or isinstance(sphere, Mapping) and sphere.get("work_of_adhesion")
-    refused = {**VARIANTS[variant].absent, **({} if adheres else NEEDS_ADHESION)}
+    refused = {**VARIANTS[variant].refused, **({} if adheres else NEEDS_ADHESION)}
     for key, why in refused.items():
         table, _, name = key.partition(".")
         inner = tables.get(table)

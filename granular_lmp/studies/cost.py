@@ -99,7 +99,7 @@ class Plan:
             result["reference"] = self._row(self.references[-1], best, 1) | left | {"runs": runs, "order": power}
             for setting in self.settings:
                 row = self._row(setting, best, self.repeats)
-                message = failures.get(f"{setting.knob}: {setting.name}", "" if row["repeats"] else NOT_RUN)
+                message = failures.get(f"{setting.varied}: {setting.name}", "" if row["repeats"] else NOT_RUN)
                 result["points"].append(row | {"options": setting.options, "message": message})
         rows: list[Row] = result["points"]
         with writable(self.folder):
@@ -109,7 +109,7 @@ class Plan:
 
     def _row(self, setting: Setting, best: Record, repeats: int) -> Row:
         rounds = [there for turn in range(1, repeats + 1) if _is_done(there := self.place(setting, turn))]
-        row = {"knob": setting.knob, "setting": setting.name, "repeats": len(rounds)}
+        row = {"varied": setting.varied, "setting": setting.name, "repeats": len(rounds)}
         if not rounds:
             return row | dict.fromkeys((*NUMBERS, *(f"error_{name}" for name in best.signals)))
         infos = [read_status(there) for there in rounds]
@@ -191,7 +191,7 @@ def measure(plan: Plan, *, budget: float = inf, progress: Progress | None = None
                 except GranularError as error:
                     if isinstance(error, RunInterrupted) or setting in plan.references:
                         raise
-                    failures[f"{setting.knob}: {setting.name}"] = str(error)
+                    failures[f"{setting.varied}: {setting.name}"] = str(error)
                 if progress is not None:
                     left = (monotonic() - started) * sum(work[done:]) / sum(work[:done])
                     progress(done, len(todo), left)

@@ -23,7 +23,7 @@ class Setting:
 
     Attributes
     ----------
-    knob : str
+    varied : str
         Name of its group.
     name : str
         Name in the group.
@@ -32,7 +32,7 @@ class Setting:
         Options of ``granular-lmp run`` that give this setting of the declared scene.
     """
 
-    knob: str
+    varied: str
     name: str
     run: Scene
     options: str
@@ -66,11 +66,11 @@ def settings(scene: Scene) -> tuple[list[Setting], dict[str, str]]:
     wanted = {("time step", f"{step:.4g}"): {"time.timestep": step} for step in steps(scene)}
     wanted |= {("tolerance", f"{each:.0e}"): size | {"time.tolerance": each} for each in TOLERANCES}
     made, refused = list[Setting](), dict[str, str]()
-    for (knob, name), changes in wanted.items():
+    for (varied, name), changes in wanted.items():
         try:
-            made.append(_setting(scene, knob, name, changes))
+            made.append(_setting(scene, varied, name, changes))
         except GranularError as error:
-            refused[f"{knob}: {name}"] = str(error)
+            refused[f"{varied}: {name}"] = str(error)
     return made, refused
 
 
@@ -87,10 +87,10 @@ def steps(scene: Scene) -> list[float]:
     return [longest / 2**k for k in range(HALVINGS + 1)]
 
 
-def _setting(scene: Scene, knob: str, name: str, changes: dict[str, Any]) -> Setting:
+def _setting(scene: Scene, varied: str, name: str, changes: dict[str, Any]) -> Setting:
     """Return a setting; raises every SceneError of its run."""
     run = scene.with_values(changes)
     if scene.wave is not None:
         check_floor(run, linear_signals(run))
     prepare(run)
-    return Setting(knob, name, run, " ".join(f"--set {key}={value}" for key, value in changes.items()))
+    return Setting(varied, name, run, " ".join(f"--set {key}={value}" for key, value in changes.items()))

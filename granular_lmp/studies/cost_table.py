@@ -19,7 +19,7 @@ Row = dict[str, Any]
 
 def failed(row: Row) -> bool:
     """Return whether a setting failed; a tolerance that no step meets is an answer of the study."""
-    return row["knob"] == "time step" and row["message"] not in ("", NOT_RUN)
+    return row["varied"] == "time step" and row["message"] not in ("", NOT_RUN)
 
 
 def errors(record: Record, best: Record) -> dict[str, float | None]:
@@ -56,7 +56,7 @@ def recommended(result: dict[str, Any], accuracy: float) -> str:
         return f"no measured setting has an error of at most {accuracy:g}"
     row = min(met, key=lambda row: float(row["seconds"]))
     error, name = max(largest(row), least)
-    said = f"{row['knob']}, {row['setting']}: {row['seconds']:.3g} s, error {error:.1e} in {name}"
+    said = f"{row['varied']}, {row['setting']}: {row['seconds']:.3g} s, error {error:.1e} in {name}"
     return f"for an error of at most {accuracy:g} the fastest is {said}\n{row['options']}"
 
 
@@ -64,10 +64,10 @@ def text(result: dict[str, Any]) -> str:
     """Return the table for a terminal; errors below that of the reference are marked with <."""
     best = result["reference"]
     names = [key for key in best or {} if key.startswith("error_")]
-    head = f"{'knob':12}{'setting':12}{'rounds':>6}{'s, median':>10}{'(min - max)':>21}"
+    head = f"{'varied':12}{'setting':12}{'rounds':>6}{'s, median':>10}{'(min - max)':>21}"
     lines = [head + "".join(f"{name.removeprefix('error_')[:9]:>10}" for name in names)]
     for row in [*([best] if best else []), *result["points"]]:
-        start = f"{row['knob']:12}{row['setting']:12}"
+        start = f"{row['varied']:12}{row['setting']:12}"
         if not row["repeats"]:
             lines.append(f"{start}{row['message']}")
             continue

@@ -185,7 +185,7 @@ def test_what_the_figures_do_not_know_is_refused_by_name(tmp_path):
     record = run(
         TINY.with_values({"time.duration": 1.0, "output.particles": 1.0, "disorder.vacancies": 0.1}), tmp_path / "run"
     )
-    with pytest.raises(ValueError, match=r"disorder\.vacancies: the figures of disorder leave that out"):
+    with pytest.raises(ValueError, match=r"disorder\.vacancies: the figures of disorder leave it out"):
         disorder.read([record])
 
 

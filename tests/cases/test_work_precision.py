@@ -103,7 +103,7 @@ def content(study: Study) -> dict[str, Any]:
     def row(s: Setting) -> dict[str, Any]:
         times = {"seconds": s.seconds, "seconds_min": s.fastest, "seconds_max": s.slowest}
         errors = {f"error_{name}": value for name, value in s.error.items()}
-        return {"knob": s.family, "setting": s.name, "repeats": 1} | times | errors
+        return {"varied": s.family, "setting": s.name, "repeats": 1} | times | errors
 
     points = [*map(row, study.settings), {"repeats": 0}]
     return {"reference": row(study.reference) | {"runs": ["coarse", "fine"], "order": 2}, "points": points}

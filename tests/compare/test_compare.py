@@ -222,7 +222,7 @@ def test_notes_say_why_a_comparison_does_not_mean_what_it_seems(small: Scene, tm
     assert any("largest_torque" in note for note in still.notes)
     echo = PAPER.with_values({"packing.rows": 21, "time.duration": 60.0, "time.allow_echo": True})
     heard = compare.compare(run(echo, tmp_path / "echo"), "second-order")
-    assert any("the walls are heard from tau = 4.9" in note for note in heard.notes)
+    assert any("echoes of the walls arrive from tau = 4.9" in note for note in heard.notes)
     assert heard.notes[0] in compare.table([heard])
     assert compare.compare(run(small, tmp_path / "plain"), "second-order").notes == []
 

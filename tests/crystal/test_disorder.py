@@ -140,7 +140,7 @@ def test_the_lattice_keeps_the_first_material_where_no_sphere_has_it() -> None:
     ],
 )
 def test_a_share_of_less_than_half_a_sphere_is_refused(disorder: Disorder, inclusions: list, name: str) -> None:
-    with pytest.raises(CrystalError, match=rf"{name} = 0\.01: is no sphere of 42 free ones"):
+    with pytest.raises(CrystalError, match=rf"{name} = 0\.01: is less than one of 42 free spheres"):
         imperfect(WALLED, SILICA, disorder, inclusions)
 
 

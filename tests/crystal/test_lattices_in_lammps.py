@@ -90,7 +90,7 @@ def test_a_chain_has_free_space_beside_it(record_of: Run) -> None:
 def test_no_theory_of_the_hexagonal_lattice_is_compared_with_another(record_of: Run) -> None:
     record, _ = record_of(scene_of("chain", "L"))
     assert beyond(wave_of(record)) == ["packing.lattice = 'chain'"]
-    with pytest.raises(TheoryError, match=r"leaves out packing\.lattice = 'chain'; that hold it: network"):
+    with pytest.raises(TheoryError, match=r"leaves out packing\.lattice = 'chain'; theories that hold it: network"):
         compare(record, "exact-lattice")
 
 

@@ -186,7 +186,7 @@ def test_a_bad_set_of_a_collision_is_one_line(texts: list[str]) -> None:
     try:
         COLLISIONS[0].with_values(dict(assignment(text) for text in texts))
     except SceneError as error:
-        is_one_line(error, {*COLLISION_KEYS, *COLLISIONS[0].to_dict(), "KEY=VALUE", "unknown key"})
+        is_one_line(error, {*COLLISION_KEYS, *COLLISIONS[0].to_dict(), "KEY=VALUE", "unknown key", "not supported"})
 
 
 @st.composite

@@ -17,6 +17,7 @@ from granular_lmp.units import MICRO, NANO, SI, Units, units_for
 from tests.instance import run_deck
 from tests.manual import Measure, Mutant, off, verifies
 
+PAPER = Scene.load("tr_resonant")
 FOLDERS = sorted(path.parent.name for path in SHIPPED.glob("*/scene.toml"))
 
 
@@ -32,6 +33,13 @@ def test_the_paper_s_cases_and_the_other_modes_are_shipped() -> None:
     assert {("TR", xi, "fixed") for xi in (0.802, 1.475, 2.127)} <= waves
     assert {mode for mode, *_ in waves} == {"L", "TR", "RT"}
     assert "periodic" in {ends for *_, ends in waves}
+
+
+def test_a_deck_names_a_dump_of_contacts_only_if_it_writes_one() -> None:
+    scenes = [*map(Scene.load, FOLDERS), PAPER.with_values({"effects.sliding": False, "effects.friction": 0.3})]
+    decks = [build(scene).input_text for scene in scenes]
+    says, writes = ([text in deck for deck in decks] for text in ("then holds each contact", "dump         contacts "))
+    assert says == writes == [False] * len(FOLDERS) + [True]
 
 
 NUMBER = re.compile(r"(-?\d+(?:\.\d+)?(?:e[-+]\d+)?)")

@@ -332,7 +332,9 @@ def test_a_tolerance_holds_for_monitors(tmp_path: Path, capsys: pytest.CaptureFi
     assert mine.names == theirs.names
     np.testing.assert_array_equal(mine.table[:, :2], theirs.table[:, :2])
     worst = max(estimates, key=estimates.__getitem__)
-    assert f"of all else {worst} {estimates[worst]:.1e} at most (tolerance 0.01)" in capsys.readouterr().out
+    assert (
+        f"of all other signals at most {estimates[worst]:.1e}, in {worst} (tolerance 0.01)" in capsys.readouterr().out
+    )
     export(answer, tmp_path / "behind.csv", monitor="behind")
     flux = np.loadtxt(tmp_path / "behind.csv", delimiter=",", skiprows=1)[:, 2]
     np.testing.assert_allclose(flux, behind.flux.ravel() * behind.watt, rtol=1e-12)

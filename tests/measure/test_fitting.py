@@ -242,7 +242,7 @@ def test_an_amplitude_of_a_second_harmonic_tells_poissons_ratio() -> None:
         ([point(1e8)], ("sphere.colour",), "must be a number"),
         ([point(1e8, 1.0), point(1e8)], (E,), "line 2: has no error, and others have"),
         ([point(1e8, 1.0, branch="XX", wavenumber=1.0)], (E,), "XX"),
-        ([Point("arrival", 1e-6, 1e-8, 2, row=3)], (E,), "are of a scene with"),
+        ([Point("arrival", 1e-6, 1e-8, 2, row=3)], (E,), "need a scene with"),
     ],
 )
 def test_what_no_theory_holds_is_refused(points: list[Point], keys: tuple[str, ...], says: str) -> None:

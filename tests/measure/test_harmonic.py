@@ -223,9 +223,9 @@ def test_what_turns_twice_is_found_among_other_orders() -> None:
 
 
 def test_too_few_phases_and_other_runs_are_refused(phases: list[Record]) -> None:
-    with pytest.raises(ValueError, match="has 5 values that do not part the orders; take six"):
+    with pytest.raises(ValueError, match="has 5 values that do not separate the orders; take six"):
         by_runs(phases[:5])
-    with pytest.raises(ValueError, match="has 6 values that do not part the orders"):
+    with pytest.raises(ValueError, match="has 6 values that do not separate the orders"):
         by_runs([*phases[:3], *phases[:3]])
     other = replace(phases[1], scene=phases[1].scene.with_values({"wave.amplitude": 0.1}))
     with pytest.raises(ValueError, match="differ in more than wave.phase"):

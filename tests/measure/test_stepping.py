@@ -1,6 +1,7 @@
 """A run without LAMMPS's loop: its folder is that of LAMMPS, whatever reads it, and it stops and continues alike."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from granular_lmp.scene.collision import Collision
 from granular_lmp.studies.collide import run as collide
 from granular_lmp.studies.sweep import Sweep, sweep
 
-BY_NUMPY = NetworkEngine("cpu, NumPy", traced=False)
+HERE = NetworkEngine.on("cpu")
 SHORT = {"time.duration": 6.0}
 CHANGING = {"run.json", LOG}  # they say when, and how long
 # A wave, a source and a monitor, a monitor of the flux between quiet ends, strikers, spheres that meet, one in space,
@@ -70,7 +71,7 @@ def of_monitor(record: Record, name: str) -> list[np.ndarray]:
 @pytest.mark.parametrize("name", KINDS)
 def test_the_record_is_that_of_lammps(name: str, tmp_path: Path) -> None:
     scene = scene_of(name)
-    theirs, ours = run(scene, tmp_path / "lammps"), run(scene, tmp_path / "network", engine=BY_NUMPY)
+    theirs, ours = run(scene, tmp_path / "lammps"), run(scene, tmp_path / "network", engine=HERE)
     assert ours.tau.tolist() == theirs.tau.tolist()
     pairs = [(ours.signals[signal], values) for signal, values in theirs.signals.items()]
     for one, other in pairs:
@@ -101,7 +102,7 @@ def test_the_record_is_that_of_lammps(name: str, tmp_path: Path) -> None:
 def test_a_sphere_that_is_turned_moves_others_as_in_lammps(tmp_path: Path) -> None:
     turned = [{"spheres": [[0, 0]], "motion": "rotation", "frequency": 0.7, "ramp": 5.0}]
     scene = scene_of("corner_source", {"source": turned, "output.particles": 1.0})
-    theirs, ours = run(scene, tmp_path / "lammps"), run(scene, tmp_path / "network", engine=BY_NUMPY)
+    theirs, ours = run(scene, tmp_path / "lammps"), run(scene, tmp_path / "network", engine=HERE)
     found, expected = (each.snapshots().stack("displacement") for each in (ours, theirs))
     assert np.abs(expected).max() > 0.1
     np.testing.assert_allclose(found, expected, rtol=0, atol=rounding_of(theirs))
@@ -112,16 +113,16 @@ def test_a_sphere_that_is_turned_moves_others_as_in_lammps(tmp_path: Path) -> No
 
 def test_what_reads_runs_reads_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     changes = {"time.duration": 20.0, "output.particles": 2.0}
-    record = run(scene_of("tr_periodic", changes), tmp_path / "run", engine=BY_NUMPY)
+    record = run(scene_of("tr_periodic", changes), tmp_path / "run", engine=HERE)
     assert Record.load(tmp_path / "run") == record
-    assert record.info["device"] == "cpu, NumPy"
+    assert record.info["device"] == HERE.device
     assert record.info["versions"]["lammps"] is None
     assert compare(record).error["p"] < 2e-3  # the error of the step
-    struck = run(scene_of("solitary_chain"), tmp_path / "struck", engine=BY_NUMPY)
+    struck = run(scene_of("solitary_chain"), tmp_path / "struck", engine=HERE)
     assert np.ptp(struck.energy()) < 1e-3 * struck.energy()[0]
     assert compare(struck).error["velocity"] < 2e-3
     assert "the network took the steps of the run too" in compare(struck).notes[0]
-    run(scene_of("struck_crystal", {"time.duration": 12.0}), tmp_path / "sheet", engine=BY_NUMPY)
+    run(scene_of("struck_crystal", {"time.duration": 12.0}), tmp_path / "sheet", engine=HERE)
     for folder in ("run", "struck"):
         assert main(["view", str(tmp_path / folder), "-o", str(tmp_path / f"{folder}.png")]) == 0
         assert main(["export", str(tmp_path / folder), "-o", str(tmp_path / f"{folder}.csv")]) == 0
@@ -129,12 +130,11 @@ def test_what_reads_runs_reads_it(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "m/s" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("engine", ["numpy", "jax"])
-def test_a_run_that_is_stopped_continues_to_the_same_bytes(engine: str, tmp_path: Path) -> None:
-    if engine == "jax":
+@pytest.mark.parametrize("device", ["cpu", "numpy", "jax"])
+def test_a_run_that_is_stopped_continues_to_the_same_bytes(device: str, tmp_path: Path) -> None:
+    if device == "jax":
         pytest.importorskip("jax")
-    by = NetworkEngine.on("cpu") if engine == "jax" else BY_NUMPY
-    scene = scene_of("struck_crystal")
+    by, scene = NetworkEngine.on(device), scene_of("struck_crystal")
     whole = run(scene, tmp_path / "whole", engine=by)
     with pytest.raises(RunInterrupted, match="continue with: granular-analysis network --resume"):
         run(scene, tmp_path / "stopped", engine=by, progress=stopping(100))
@@ -149,17 +149,19 @@ def test_a_run_that_is_stopped_continues_to_the_same_bytes(engine: str, tmp_path
     with pytest.raises(LaunchError, match="continue with: granular-analysis network --resume"):
         resume(tmp_path / "stopped")
     with pytest.raises(LaunchError, match="is continued there only"):
-        resume(tmp_path / "stopped", engine=NetworkEngine("another", traced=False))
+        resume(tmp_path / "stopped", engine=NetworkEngine("another"))
     assert resume(tmp_path / "stopped", engine=by) == whole
     assert files_of(tmp_path / "stopped") == files_of(tmp_path / "whole")
     assert read_status(tmp_path / "stopped")["guards"] == whole.info["guards"]
 
 
-def test_jax_and_numpy_give_one_record(tmp_path: Path) -> None:
-    pytest.importorskip("jax")
+@pytest.mark.parametrize("device", ["numpy", "jax"])
+def test_each_device_gives_one_record(device: str, tmp_path: Path) -> None:
+    if device == "jax":
+        pytest.importorskip("jax")
     scene = scene_of("corner_source")
-    one, other = (run(scene, tmp_path / by.device, engine=by) for by in (BY_NUMPY, NetworkEngine.on("cpu")))
-    assert other.info["versions"]["jax"]
+    one, other = (run(scene, tmp_path / by.device, engine=by) for by in (HERE, NetworkEngine.on(device)))
+    assert ("jax" in other.info["versions"]) == (device == "jax")
     for name, values in one.signals.items():
         np.testing.assert_allclose(other.signals[name], values, rtol=0, atol=1e-11)
     for name, guard in one.info["guards"].items():
@@ -168,20 +170,20 @@ def test_jax_and_numpy_give_one_record(tmp_path: Path) -> None:
 
 def test_a_tolerance_is_met_and_its_ladder_continues(tmp_path: Path) -> None:
     scene = Scene.load("tr_periodic").with_values({"time.duration": 10.0, "time.tolerance": 1e-2})
-    whole, theirs = run(scene, tmp_path / "whole", engine=BY_NUMPY), run(scene, tmp_path / "lammps")
+    whole, theirs = run(scene, tmp_path / "whole", engine=HERE), run(scene, tmp_path / "lammps")
     for name, values in theirs.signals.items():
         np.testing.assert_allclose(whole.signals[name], values, rtol=0, atol=1e-9)
     assert whole.info["launcher"] == "network"
     with pytest.raises(RunInterrupted, match="granular-analysis network --resume"):
-        run(scene, tmp_path / "stopped", engine=BY_NUMPY, progress=stopping(30))
-    assert resume(tmp_path / "stopped", engine=BY_NUMPY) == whole
+        run(scene, tmp_path / "stopped", engine=HERE, progress=stopping(30))
+    assert resume(tmp_path / "stopped", engine=HERE) == whole
 
 
 def test_an_effect_that_is_left_out_and_occurs_fails_the_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     look = stepping.Motion.look
     monkeypatch.setattr(stepping.Motion, "look", lambda *said: look(*said)._replace(changed=3.0))
     with pytest.raises(EffectError, match="contact_opening triggered its guard at tau = 0: open_contacts = 3, above 0"):
-        run(scene_of("tr_periodic"), tmp_path / "run", engine=BY_NUMPY)
+        run(scene_of("tr_periodic"), tmp_path / "run", engine=HERE)
 
 
 ROLLING = {"effects.rolling": True, "effects.rolling_stiffness": 10.0, "effects.rolling_friction": 1.0}
@@ -200,17 +202,17 @@ def test_what_the_network_does_not_hold_is_refused_by_name_before_a_file_is_writ
     name: str, changes: dict[str, Any], message: str, tmp_path: Path
 ) -> None:
     with pytest.raises(SceneError, match=message):
-        run(scene_of(name, changes), tmp_path / "run", engine=BY_NUMPY)
+        run(scene_of(name, changes), tmp_path / "run", engine=HERE)
     assert not (tmp_path / "run").exists()
 
 
 def test_a_collision_takes_the_network(tmp_path: Path) -> None:
     slow = Collision.load("test2", {"collision.steps": 100})
-    ours, theirs = (collide(slow, tmp_path / str(by), engine=by) for by in (BY_NUMPY, None))
+    ours, theirs = (collide(slow, tmp_path / str(by), engine=by) for by in (HERE, None))
     for one, other in ((ours.numbers(), theirs.numbers()), (ours.errors(), theirs.errors())):
         assert one == pytest.approx(other, rel=1e-9, abs=1e-12)
     with pytest.raises(SceneError, match=r"effects\.shear_damping"):
-        collide(Collision.load("test4"), tmp_path / "test4", engine=BY_NUMPY)
+        collide(Collision.load("test4"), tmp_path / "test4", engine=HERE)
 
 
 def command(*words: str) -> int:
@@ -222,16 +224,18 @@ def test_memory_that_is_not_there_is_refused_before_it_runs_out(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(stepping, "_free", lambda: 1e9)
-    with pytest.raises(SystemExit, match=r"1000000 spheres need 4.9 GB of memory, and 1 GB are free: take fewer rows"):
+    with pytest.raises(SystemExit, match=r"1000000 spheres need 5.9 GB of memory, and 1 GB are free: take fewer rows"):
         command("tr_periodic", "--set", "packing.rows=1000", "--set", "packing.columns=1000", "-o", str(tmp_path / "r"))
     monkeypatch.setattr(stepping, "_free", lambda: 4.1e8)
-    with pytest.raises(SceneError, match=r"4800 spheres need 0.42 GB .* \(in the sweep at packing.columns = 300\)"):
-        sweep(scene_of("tr_periodic"), {"packing.columns": [3, 300]}, tmp_path / "s", engine=BY_NUMPY)
-    with pytest.raises(SceneError, match=r"4800 spheres need 0.42 GB"):
-        run(scene_of("tr_periodic", {"packing.columns": 300, "time.tolerance": 0.1}), tmp_path / "t", engine=BY_NUMPY)
+    with pytest.raises(SceneError, match=r"4800 spheres need 0.43 GB .* \(in the sweep at packing.columns = 300\)"):
+        sweep(scene_of("tr_periodic"), {"packing.columns": [3, 300]}, tmp_path / "s", engine=HERE)
+    with pytest.raises(SceneError, match=r"48 spheres in each of 2 runs at once need 0.8 GB .* or columns, or workers"):
+        sweep(scene_of("tr_periodic"), {"packing.columns": [3, 4]}, tmp_path / "s", engine=replace(HERE, at_once=2))
+    with pytest.raises(SceneError, match=r"4800 spheres need 0.43 GB"):
+        run(scene_of("tr_periodic", {"packing.columns": 300, "time.tolerance": 0.1}), tmp_path / "t", engine=HERE)
     monkeypatch.setattr(stepping, "_free", lambda: np.inf)
     with pytest.raises(TheoryError, match="0.5 GB has gpu"):
-        NetworkEngine("gpu", traced=True, room=5e8).refuse_larger(scene_of("tr_periodic", {"packing.columns": 10_000}))
+        NetworkEngine("gpu, JAX", room=5e8).refuse_larger(scene_of("tr_periodic", {"packing.columns": 10_000}))
     assert not [*tmp_path.iterdir()]
 
 
@@ -239,6 +243,7 @@ def test_the_command_runs_a_scene_and_says_what_is_mistyped(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(stepping, "find_spec", lambda _: None)  # without JAX
+    monkeypatch.setattr(stepping, "library", lambda: None)  # and a compiler
     words = ["tr_periodic", "--set", "time.duration=2", "-o", str(tmp_path / "run")]
     assert command(*words, "--step", "0.1") == 0
     said = capsys.readouterr().out
@@ -251,8 +256,9 @@ def test_the_command_runs_a_scene_and_says_what_is_mistyped(
     assert main(["view", str(swept), "-o", str(tmp_path / "sweep.png")]) == 0
     assert main(["sweep", *words[:3], "--set", "time.timestep=0.1", *over, "-o", str(swept)]) == 2
     assert "the network (cpu, NumPy) alone continues, not LAMMPS; choose another" in capsys.readouterr().err
-    with pytest.raises(SystemExit, match="--device gpu: needs JAX: pip install"):
-        command(*words, "--device", "gpu")
+    for device in ("gpu", "jax"):
+        with pytest.raises(SystemExit, match=f"--device {device}: needs JAX: pip install"):
+            command(*words, "--device", device)
     with pytest.raises(RunFolderError, match="is there already"):
         command(*words)
     with pytest.raises(RunFolderError, match="is finished"):
@@ -271,22 +277,11 @@ def test_the_command_runs_a_scene_and_says_what_is_mistyped(
             command(*words, "--device", device)
 
 
-def test_numpy_takes_the_runs_that_it_ends_before_jax_has_compiled_and_continues_them(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    short = scene_of("tr_periodic")
-    assert stepping.sooner("cpu", short) == "numpy"
-    assert stepping.sooner("gpu", short) == "gpu"
-    for longer in (
-        {"packing.columns": 4000},
-        {"time.duration": 1000.0},
-        {"time.duration": 600.0, "time.tolerance": 1e-3},
-    ):
-        assert stepping.sooner("cpu", scene_of("tr_periodic", longer)) == "cpu"
-    assert stepping.kind_of("cpu, NumPy") == "numpy"
-    assert (stepping.kind_of("cpu, JAX"), stepping.kind_of("gpu NVIDIA H100, JAX")) == ("cpu", "gpu")
+def test_a_run_is_continued_on_its_device(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kinds = {"cpu, C": "cpu", "cpu, NumPy": "numpy", "cpu, JAX": "jax", "gpu NVIDIA H100, JAX": "gpu"}
+    assert {device: stepping.kind_of(device) for device in kinds} == kinds
     with pytest.raises(RunInterrupted):
-        run(short, tmp_path / "run", engine=NetworkEngine.on("numpy"), progress=stopping(50))
+        run(scene_of("tr_periodic"), tmp_path / "run", engine=NetworkEngine.on("numpy"), progress=stopping(50))
     assert command("--resume", str(tmp_path / "run")) == 0
     assert read_status(tmp_path / "run")["device"] == "cpu, NumPy"
     capsys.readouterr()
@@ -294,4 +289,4 @@ def test_numpy_takes_the_runs_that_it_ends_before_jax_has_compiled_and_continues
 
 def test_a_run_of_lammps_is_not_continued_by_the_network() -> None:
     with pytest.raises(LaunchError, match="continue with: granular-lmp resume run"):
-        options_of(Path("run"), {"launcher": "module", "ranks": 1}, BY_NUMPY)
+        options_of(Path("run"), {"launcher": "module", "ranks": 1}, HERE)

@@ -301,7 +301,7 @@ def test_a_strike_is_adopted_to_the_record_of_its_run(struck: Path, tmp_path: Pa
 def test_a_strike_of_another_scene_is_not_adopted(struck: Path, tmp_path: Path) -> None:
     with pytest.raises(RunFolderError, match="does not say its variables, .*time.duration = 6.0"):
         adopt(struck, tmp_path / "run")
-    with pytest.raises(RunFolderError, match=r"sphere \[0, 0\] begins with \[0.0, 0.92\d+\] of the unit of velocity"):
+    with pytest.raises(RunFolderError, match=r"sphere \[0, 0\] begins with \[0.0, 0.92\d+\] units of velocity"):
         adopt(struck, tmp_path / "run", changes={"striker.1.velocity": 1.1})
     with pytest.raises(LammpsError, match="13 records instead of 11"):
         adopt(struck, tmp_path / "run", changes={"time.duration": 5.0})

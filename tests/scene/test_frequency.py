@@ -47,7 +47,7 @@ def test_every_wave_number_found_has_the_frequency_also_where_there_are_two() ->
         assert hertz(scene, each, 0.0) == pytest.approx(frequency, rel=1e-12)
     chosen = OPEN.with_values({"wave.mode": "L", "wave.direction": "x", "wave.frequency": frequency})
     assert chosen.wave.wavenumber == found[0]
-    assert f"the smallest is taken, {found[1]:.6g} has it too" in chosen.remarks()[0]
+    assert f"the smallest is taken, {found[1]:.6g} has this frequency too" in chosen.remarks()[0]
 
 
 def test_a_jump_between_branches_is_no_wave_number() -> None:

@@ -122,7 +122,7 @@ def test_a_sheet_that_is_periodic_both_ways_has_no_free_ends(
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ("envelope", "envelope: is of the scene of a wave"),
+        ("envelope", "envelope: is only for a wave"),
         ("absorb", "absorb: absorbs linear waves, and contacts without load have none"),
         ("source", "source: has no unit of time where nothing is at rest"),
     ],

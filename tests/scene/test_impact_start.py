@@ -119,7 +119,7 @@ def test_a_file_with_a_state_is_an_impact(tmp_path: Path, capsys: pytest.Capture
         (["row,column,uy_m", "1,0,nan"], "line 2: uy_m = 'nan': must be 0, or"),
         (["row,column,uy_m", "1.5,0,1e-6"], "line 2: row = 1.5: must be a whole number, counted from 0"),
         (["row,column,uy_m", "-1,0,1e-6"], "line 2: row = -1.0: must be a whole number"),
-        (["row,column,vy_m_s", "1,0,1", "1,0,2"], "sphere [1, 0]: is there twice; must be there once, at one time"),
+        (["row,column,vy_m_s", "1,0,1", "1,0,2"], "sphere [1, 0]: is there twice; must be there once"),
         (["row,column,uy_m", "1,0,1e-300"], "line 2: uy_m = 1e-300: must be 0, or"),
         (["row,column,uy_m", "1,0,1e-20"], "start.state: velocity = 1.33933e-19: its overlap of 1e-20 m is less than"),
         (["row,column,vy_m_s", "1,0,500"], "start.state: velocity = 500: two spheres would overlap by"),

@@ -232,10 +232,10 @@ def changed(place: int, column: int, value: float) -> list[list[float]]:
         ([[0.0, 0.0], [1.0, float("nan")]], r"source\.1\.signal\[1\] = \[1\.0, nan\]: must be \[tau, value\]"),
         ([[tau + 1, value] for tau, value in burst_samples()], "begins at tau = 1: must begin at 0; a delay is"),
         (changed(7, 0, 0.2), "tau = 0.2 after a later time: tau must increase"),
-        (changed(7, 0, 0.95), "must be equal to 1e-06 of a step"),
+        (changed(7, 0, 0.95), "must be equal within 1e-06 of a step"),
         (changed(0, 1, 0.1), "first value 0.1, largest 1: must begin at 0"),
         ([[n, 0.0] for n in range(9)], "first value 0, largest 0: must begin at 0, and not stay there"),
-        (TOO_FEW, r"every second sample follows from the others to 0\.\d+ of the largest only: must be 0\.01"),
+        (TOO_FEW, r"every second sample misses the others by 0\.\d+ of the largest: must be at most 0\.01"),
         (changed(40, 1, 0.9), r"around tau = 5\."),
         (
             burst_samples()[:60],

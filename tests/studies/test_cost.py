@@ -69,8 +69,8 @@ def reference_of(folder: Path, result: dict[str, Any]) -> Record:
     return richardson(coarse, fine)
 
 
-def rows(result: dict[str, Any], knob: str) -> dict[str, dict[str, Any]]:
-    return {row["setting"]: row for row in result["points"] if row["knob"] == knob}
+def rows(result: dict[str, Any], varied: str) -> dict[str, dict[str, Any]]:
+    return {row["setting"]: row for row in result["points"] if row["varied"] == varied}
 
 
 # --- what comes out ---
@@ -78,7 +78,7 @@ def rows(result: dict[str, Any], knob: str) -> dict[str, dict[str, Any]]:
 
 def test_every_setting_of_every_group_is_measured(study: tuple[Path, dict[str, Any]]) -> None:
     _, result = study
-    assert {row["knob"] for row in result["points"]} == GROUPS
+    assert {row["varied"] for row in result["points"]} == GROUPS
     assert [row["message"] for row in result["points"] if not row["repeats"]] == []
     for row in result["points"]:
         assert 0 < row["loop_seconds"] < row["seconds_min"] <= row["seconds"] <= row["seconds_max"]
@@ -170,7 +170,7 @@ def test_what_a_scene_cannot_have_is_left_out_with_the_reason(small: Scene) -> N
 
 
 def test_the_reference_is_finer_than_every_step_of_the_settings(small: Scene) -> None:
-    finest = min(each.run.time.step for each in settings(small)[0] if each.knob == "time step")
+    finest = min(each.run.time.step for each in settings(small)[0] if each.varied == "time step")
     assert [each.run.time.step for each in references(small)] == [finest / 2**k for k in (1, 2, 3)]
 
 
@@ -262,7 +262,7 @@ def test_a_run_that_fails_is_said_and_the_others_go_on(
 ) -> None:
     fail_with(LammpsError("for the test", "run 1", ""))
     result = measure(plan(small, tmp_path / "study", repeats=1))
-    failed = {f"{row['knob']} {row['setting']}": row["message"] for row in result["points"] if not row["repeats"]}
+    failed = {f"{row['varied']} {row['setting']}": row["message"] for row in result["points"] if not row["repeats"]}
     assert failed == {"time step 0.25": "LAMMPS failed at 'run 1': for the test"}
     status, out, _ = cli(capsys, "cost", str(small_toml), "-o", str(tmp_path / "study"), "--repeats", "1")
     assert (status, out.count("LAMMPS failed at 'run 1'")) == (1, 1)
@@ -272,9 +272,9 @@ def test_a_run_that_fails_is_said_and_the_others_go_on(
 
 
 def test_a_tolerance_that_is_not_met_is_an_answer_and_no_failure() -> None:
-    assert not failed({"knob": "tolerance", "message": "time.tolerance = 1e-09: not met"})
-    assert failed({"knob": "time step", "message": "LAMMPS failed"})
-    assert not any(failed({"knob": "time step", "message": message}) for message in ("", NOT_RUN))
+    assert not failed({"varied": "tolerance", "message": "time.tolerance = 1e-09: not met"})
+    assert failed({"varied": "time step", "message": "LAMMPS failed"})
+    assert not any(failed({"varied": "time step", "message": message}) for message in ("", NOT_RUN))
 
 
 def test_a_reference_that_fails_is_raised(
@@ -366,7 +366,7 @@ def test_a_crystal_keeps_its_size_in_every_setting() -> None:
     scene = base(PAPER.with_values(changes | {"wave.wavenumber": np.pi / 4, "time.duration": 2.0}))
     made, refused = settings(scene)
     assert refused == {}
-    assert {setting.knob for setting in made} == GROUPS
+    assert {setting.varied for setting in made} == GROUPS
     assert {setting.run.shape for setting in made} == {scene.shape}
 
 
@@ -417,7 +417,7 @@ def test_a_tolerance_is_met(struck: tuple[Path, dict[str, Any]]) -> None:
 
 def test_the_size_of_a_scene_without_a_wave_is_no_setting(struck: tuple[Path, dict[str, Any]]) -> None:
     folder, result = struck
-    assert {row["knob"] for row in result["points"]} == GROUPS
+    assert {row["varied"] for row in result["points"]} == GROUPS
     with (folder / "cost.csv").open(newline="") as stream:
         table = list(csv.DictReader(stream))
     assert [float(line["error_velocity"]) for line in table] == [row["error_velocity"] for row in result["points"]]

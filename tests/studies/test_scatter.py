@@ -128,7 +128,7 @@ def test_shares_are_those_of_the_linear_lattice(found: Scatter, few_points: None
 
 @pytest.mark.more
 def test_the_network_scatters_as_lammps(found: Scatter, tmp_path: Path) -> None:
-    ours = scatter(SCENE, tmp_path / "network", engine=NetworkEngine("cpu, NumPy", traced=False))
+    ours = scatter(SCENE, tmp_path / "network", engine=NetworkEngine.on("cpu"))
     theirs = [row for row in found.rows if row.signal == "burst"]
     for one, other in zip(ours.rows, theirs, strict=True):
         # The 1e-9 D0 by which records agree, over an amplitude of 1e-3

@@ -31,10 +31,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.integrator import of_state, solver_of, step
-from granular_analysis.theory.lattice import Touching, integrate, longest_step, on_torus, rhs, touching
+from granular_analysis.theory.lattice import Touching, integrate, longest_step, rhs, touching
 from granular_analysis.theory.lattice_loop import torus_slope
 from granular_analysis.theory.neighbours import Neighbours
 from granular_analysis.theory.wave import Wave
+from tests.stepped import on_torus
 
 Floats = NDArray[np.float64]
 

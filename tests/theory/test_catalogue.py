@@ -279,7 +279,7 @@ def test_a_theory_that_lacks_one_trait_of_a_run_refuses_it(theory: str, monkeypa
     for trait in traits(wave):
         monkeypatch.setitem(catalogue.HOLDS, theory, HOLDS[theory] - {trait})
         assert theory not in holding(wave)
-        with pytest.raises(TheoryError, match=f"theory = '{theory}' leaves out {trait}; that hold it: "):
+        with pytest.raises(TheoryError, match=f"theory = '{theory}' leaves out {trait}; theories that hold it: "):
             trajectory(theory, wave, TAU)
         monkeypatch.undo()
 

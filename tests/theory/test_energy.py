@@ -13,6 +13,7 @@ from granular_analysis.theory import bloch, lattice
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave
 from tests.conftest import latin
+from tests.stepped import on_torus
 from tests.theory import energy
 
 NU = 0.17
@@ -172,7 +173,7 @@ def test_the_opening_time_is_where_the_largest_stretch_reaches_one():
 @pytest.mark.slow
 def test_the_resonant_wave_of_the_secant_law_blows_up():
     wave, around = Wave(RESONANT, A, Contact(NU)), np.arange(2232.0, 2236.0, 0.05)
-    start, neighbours = lattice.on_torus(wave, 31)
+    start, neighbours = on_torus(wave, 31)
     tau = np.arange(0.0, 2101.0, 2.0)
     states = lattice.motion(start, wave.contact, neighbours, np.concatenate([tau, around]), 1e-9, A)
     total = energy.energy(states[: len(tau)], wave.contact, neighbours).total

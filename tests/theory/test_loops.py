@@ -20,18 +20,21 @@ from cases.solitary.chain import acceleration, compressed
 from cases.solitary.chain_loop import chain_slope
 from cases.solitary.chain_motion import SIXTH, VERLET, Scheme, march
 from cases.solitary.chain_motion import integrate as integrate_chain
-from granular_analysis.theory import lattice, loops
+from granular_analysis.theory import lattice, loops, network_verlet
 from granular_analysis.theory.contact import Contact, Law
 from granular_analysis.theory.lattice_loop import MOST, torus_slope
 from granular_analysis.theory.neighbours import torus_neighbours
 from granular_analysis.theory.network import Law as NetworkLaw
 from granular_analysis.theory.network import Material, Network, Wall
+from granular_analysis.theory.network_compiled import march as marched
 from granular_analysis.theory.network_ledger import work_rate
 from granular_analysis.theory.network_loop import contact_loop
 from granular_analysis.theory.network_motion import integrate
+from granular_analysis.theory.network_outside import Drive
 from granular_analysis.theory.network_state import State, present, resultants, settled, start
 from granular_analysis.theory.wave import Wave
 from granular_lmp.compiled import seal, trouble
+from tests.conftest import latin
 from tests.stepped import stepped
 
 compiled = pytest.mark.skipif(loops.library() is None, reason="no C compiler")
@@ -107,6 +110,24 @@ def test_forces_of_any_law_are_those_of_the_network(changes: dict[str, object], 
     same = np.array_equal(after.shear, state.shear) and np.array_equal(after.begun, state.begun)
     assert same or not tidy
     assert tidy or not same or "friction" in changes  # a slip at the limit may be rounded beyond it
+
+
+@compiled
+@pytest.mark.parametrize(("changes", "dimension"), latin(LAWS, [2, 3]), ids=str)
+def test_steps_of_any_law_are_those_of_numpy_also_where_pairs_are_searched_again(
+    changes: dict[str, object], dimension: int
+) -> None:
+    network, state = touching(dimension, torn=True, **changes)
+    swing = Drive(np.array([3, 4]), 0, lambda time: 0.3 * np.sin(time), moves=True, longest=1.0, size=0.3)
+    turn = replace(swing, spheres=np.array([20]), component=network.freedoms - 1)
+    push = replace(swing, spheres=np.array([10, 11]), component=1, moves=False, share=np.array([0.01, -0.02]))
+    network = replace(network, drives=(swing, push, turn), drag=np.linspace(0, 0.1, 60))
+    one, other = (np.array([*way(network, state, 0.02, 130, 40)]) for way in (network_verlet.march, marched))
+    assert len(one) == 4  # 130 steps hold three times 40
+    assert np.abs(one[-1, :2] - one[0, :2]).max() > network.margin / 4  # so that they were
+    np.testing.assert_allclose(other, one, rtol=0, atol=1e-11)
+    again = np.array([*marched(network, state, 0.02, 120, 120)])
+    assert again[-1].tobytes() == other[-1].tobytes()
 
 
 @compiled

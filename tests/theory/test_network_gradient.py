@@ -82,6 +82,36 @@ def test_a_record_without_factors_is_that_of_the_steps() -> None:
     assert found.times == pytest.approx(2.5 * np.arange(9))
 
 
+def test_runs_of_equal_traits_and_shapes_share_what_is_compiled() -> None:
+    run = of_kind("smooth")
+    smaller = replace(run, step=0.9 * run.step, state=replace(run.state, motion=0.5 * run.state.motion))
+    gradients.record(run, {})
+    compiled = gradients._recorded._cache_size()
+    found = gradients.record(smaller, {}).motion
+    assert gradients._recorded._cache_size() == compiled
+    expected = np.array([*march(smaller.network, smaller.state, smaller.step, 40, 5)])[:, :, RECORDED]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+
+
+def test_a_slip_that_is_zero_until_a_factor_changes_it_has_its_slope() -> None:
+    """Of four spheres in a square that moves as a whole no contact has a slip, unless one of them is heavier."""
+    places = (2 - OVERLAP) * np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
+    network = Network(places, np.ones(4), np.ones(4), (Material(1.0, 0.2, ADHESION),), rotation=False)
+    signal = tone(0.3, 5.0)
+    push = Drive(np.arange(4), 0, lambda time: 3e-4 * signal(time), longest=3.0, size=3e-4)
+    network = replace(network, drives=(push,))
+    run = factors.Run(network, start(network, 0.0, 0.0), 0.5, 4, 10, np.arange(4))
+    ones = run.neutral("density")
+
+    def read(found: object) -> object:
+        return 1e4 * jnp.sum(found.motion[-1, 0, 0])
+
+    slope = gradients.gradient(run, read, ones)[1]["density"]
+    step = 1e-3 * np.eye(4)[2]
+    ends = [float(read(gradients.record(run, {"density": ones["density"] + way}))) for way in (step, -step)]
+    assert slope[2] == pytest.approx((ends[0] - ends[1]) / 2e-3, rel=1e-5)
+
+
 # Of a kind all is compiled once, which takes some seconds; one holds the lines of most
 @pytest.mark.parametrize("kind", members(KINDS, *(kind for kind in KINDS if kind != "friction")))
 def test_what_a_gradient_leaves_is_of_second_order_and_both_modes_are_adjoint(kind: str) -> None:

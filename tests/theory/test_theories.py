@@ -119,7 +119,7 @@ def test_sliding_contacts_without_snapshots_are_compared_with_nothing(with_physi
     assert (result.predicted, result.measured) == (None, None)
     assert result.notes == [
         "no theory of a plane wave holds effects.sliding: the run is compared with nothing, as "
-        f"{PLAIN!r}: is of no run folder, and so without snapshots"
+        f"{PLAIN!r}: belongs to no run folder, and so has no snapshots"
     ]
     assert f"{'-':>9}{'-':>9}{'-':>9}" in compare.table([result])
     with pytest.raises(TheoryError, match="no theory of a plane wave holds effects.sliding"):

@@ -267,7 +267,7 @@ def test_passing_refuses_what_its_rows_do_not_hold(changes: dict[str, Any], said
 
 def test_the_jkr_law_keeps_its_overlap() -> None:
     jkr = LAYERED.with_values({"sphere.adhesion_law": "jkr"})
-    with pytest.raises(ValueError, match=r"adhesion_law = 'jkr' allows to vary no sphere\.radius; 'dmt' does"):
+    with pytest.raises(ValueError, match=r"sphere\.radius: must not vary with adhesion_law = 'jkr'; take 'dmt'"):
         layers("sphere.radius", scene=jkr)(np.array([5e-7]))
     place, values = layers("inclusion.1.density", scene=jkr), np.array([4400.0])
     agree(Growth(place, 1, 3, 0.963), values)  # the fastest of its resonances

@@ -31,7 +31,7 @@ def lammps(style, folder, xi, timestep=0.05, phase=0.0, last=60):
     """p, q, φ (3, T) of in.plane_wave with another tangential style, at a=0.2, τ ≤ last."""
     text = DECK.read_text()
     assert text.count("tangential mindlin NULL") == 1
-    # As -var sets them, before the deck's own, which says when the walls are heard: from τ = 61.5 and 120.5 on
+    # As -var sets them, before the deck's own, which says when echoes arrive: from τ = 61.5 and 120.5 on
     rows = {60: 87, 120: 151}[last]
     values = {"xi": xi, "timestep": timestep, "phase": phase, "rows": rows, "duration": last}
     given = "".join(f"variable {name} index {value}\n" for name, value in values.items())

@@ -123,7 +123,7 @@ def test_a_scene_reads_back_as_it_was_written() -> None:
         ({"packing.contact_force": 1e-7}, "packing.contact_force = 1e-07: must be 0 with free faces"),
         (
             {"sphere.work_of_adhesion": 0.0, "sphere.adhesion_law": "jkr"},
-            "sphere.adhesion_law: is of spheres that adhere",
+            "sphere.adhesion_law: is only for spheres that adhere",
         ),
     ],
 )

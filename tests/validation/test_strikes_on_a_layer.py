@@ -68,7 +68,7 @@ def test_the_force_on_a_sphere_has_three_components(tmp_path: Path) -> None:
     [
         ({"substrate": None, **UP}, 'striker 1: direction = "z": leaves the plane; needs a .substrate., or'),
         ({"substrate": None, **STATE}, "uz_m = 2e-12: must be 0 for a sphere in the plane"),
-        ({"packing": {"layers": 3}, **UP}, "packing.layers: is of a lattice in space: must be left out without"),
+        ({"packing": {"layers": 3}, **UP}, "packing.layers: is only for a lattice in space: must be left out without"),
         ({"packing": {"space": 3}, "substrate": None, **UP}, "packing.space: must be left out without"),
         ({"sphere": {"work_of_adhesion": 0.0}, **UP}, "substrate: holds spheres that adhere to it; needs sphere.work"),
         ({"start": {"state": [[4, 3, 0.0, 0.0, 0.0, 1e-3, 0.0, 1e-9]]}}, "must be .*; in space uz_m, vz_m_s, spinx"),

@@ -99,6 +99,24 @@ def test_unequal_spheres_that_part_move_as_in_lammps(law: str, tmp_path: Path) -
     assert Record.load(tmp_path / "run").info["guards"]["open_contacts"]["value"] > 1
 
 
+# Contacts that slide while they are loaded, and contacts that just touch and slide before they have a slip
+SLIDES = {
+    "loaded": ("tr_periodic", {"effects.friction": 0.02, "effects.viscosity": 2e-8, "time.duration": 2.0}),
+    "touching": (
+        "point_impact",
+        {"packing.rows": 11, "packing.columns": 9, "striker.1.spheres": [[0, 4]], "time.duration": 3.0}
+        | {"effects.restitution": 0.9, "effects.friction": 0.2},
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", SLIDES)
+def test_damped_contacts_that_slide_at_once_move_as_in_lammps(kind: str, tmp_path: Path) -> None:
+    name, changes = SLIDES[kind]
+    error, bound = difference(Scene.load(name).with_values(changes), tmp_path)
+    assert error < bound
+
+
 @pytest.mark.parametrize("share", [0.999, 1.001])
 def test_a_jkr_contact_that_sticks_or_parts_by_a_thousandth_of_the_speed_moves_as_in_lammps(
     share: float, tmp_path: Path

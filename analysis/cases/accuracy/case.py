@@ -116,7 +116,7 @@ Measured = tuple[Study, Sequence[Setting]]
 
 def _setting(row: dict[str, Any]) -> Setting:
     times = (row["seconds"], row["seconds_min"], row["seconds_max"])
-    return Setting(row["knob"], row["setting"], *times, {name: row[f"error_{name}"] for name in COMPONENTS})
+    return Setting(row["varied"], row["setting"], *times, {name: row[f"error_{name}"] for name in COMPONENTS})
 
 
 # --- level of model --------------------------------------------------------------------------------------------------

@@ -66,9 +66,9 @@ def measured(record: Record) -> tuple[float, float, float]:
         raise ValueError(f"{name}: time.sample = {spacing:g}: must be at most {STEP}")
     velocity = np.full((len(record.tau), len(mass)), np.nan)
     velocity[:, recorded(scene)] = record.velocity[..., 1]
-    watched = slice(2 * CELLS[0], 2 * (CELLS[1] + 3) + 1)
-    if np.isnan(velocity[:, watched]).any():
-        raise ValueError(f"{name}: output.rows: must hold the rows {watched.start} to {watched.stop - 1}")
+    measured = slice(2 * CELLS[0], 2 * (CELLS[1] + 3) + 1)
+    if np.isnan(velocity[:, measured]).any():
+        raise ValueError(f"{name}: output.rows: must hold the rows {measured.start} to {measured.stop - 1}")
     return ratio, decay_of(velocity), rattle_of(velocity)
 
 

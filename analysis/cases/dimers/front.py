@@ -34,7 +34,7 @@ STEP = 0.15
 CELLS = (15, 35)  # The front has one shape there, and no later pulse has overtaken it
 BEHIND = 3  # cells from a light sphere to the front, when its velocity is read
 LOWEST, HIGHEST = 0.03, 1.0  # ε
-SLOWEST = 1.7  # time in which a front passes a sphere, at most, in the cells that are watched
+SLOWEST = 1.7  # time in which a front passes a sphere, at most, in the cells that are measured
 SILENCE = 1e-4  # a pulse below it is rounding ahead of the front
 RESOLUTION = 1e-4  # in the mass ratio of an antiresonance, where λ hardly changes
 
@@ -117,7 +117,7 @@ def antiresonance(low: float, high: float) -> tuple[float, float]:
 
 @lru_cache(maxsize=4)  # decay and rattle are of one motion, and a search for a root asks for its ends again
 def struck(ratio: float) -> Floats:
-    """Return the velocities (T, n) of a struck chain after each step, until the front has passed the watched cells.
+    """Return the velocities (T, n) of a struck chain after each step, until the front has passed the measured cells.
 
     Raises ValueError for a ratio outside [0.03, 1].
     """

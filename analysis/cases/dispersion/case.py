@@ -9,12 +9,10 @@ branches, in units of the resolution 2π/T. ``make dispersion`` does it all.
 import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from cases.dispersion.density import Sheet, density, misses, zone_path
 from cases.runner import script
 
-Floats = NDArray[np.float64]
 BRANCHES = ("lower", "middle", "upper")
 
 

@@ -4,7 +4,7 @@
 
 The script fits 1, τ, and the harmonics 1 to 3 of Ω, with a Hann window, to every row over whole periods at the end of a
 run of form "driven" with snapshots of all spheres, in rows that the slowest of the waves has reached before, and where
-no echo of the far end is heard. It prints median deviations over those rows and draws the amplitudes over the rows.
+no echo of the far end arrives. It prints median deviations over those rows and draws the amplitudes over the rows.
 """
 
 from dataclasses import dataclass, replace
@@ -60,16 +60,16 @@ def compare(record: Record, rows: Rows) -> Comparison:
     first, last = _window(rows.tau, scene.envelope.ramp, period)
     tau, velocity = rows.tau[first:], slowest(wave)
     distance = np.arange(rows.count - 1)
-    # Airy's front of the slowest wave, at the pace of that wave; then the echo of the held end, at the fastest
+    # Airy's front of the slowest wave, at the speed of that wave; then the echo of the held end, at the fastest
     reached = scene.envelope.ramp + (distance + AIRY * np.cbrt(distance)) / velocity < tau[0]
     quiet = int(scene.absorb.rows)
     # From quiet ends no echo comes back, but the rows that absorb move otherwise
-    heard = distance >= rows.count - 1 - quiet if quiet else echo(2 * (rows.count - 1) - distance) <= last
-    n = distance[reached & ~heard & (distance > 0)]
+    echoed = distance >= rows.count - 1 - quiet if quiet else echo(2 * (rows.count - 1) - distance) <= last
+    n = distance[reached & ~echoed & (distance > 0)]
     if len(n) < FEWEST_ROWS:
         raise ValueError(
             f"too short a run or strip: {len(n)} of {FEWEST_ROWS} rows are reached by the slowest wave ({velocity:.3g} "
-            f"rows per tau, ramp {scene.envelope.ramp:g}) at tau = {tau[0]:.4g} and hear no echo until {last:.4g}"
+            f"rows per tau, ramp {scene.envelope.ramp:g}) at tau = {tau[0]:.4g} and see no echo until {last:.4g}"
         )
     fundamental, second = driven_amplitudes(wave, n)
     harmonics = linear.frequency * np.arange(1, 4)

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from cases.layer.monolayer import Layer
@@ -20,7 +19,6 @@ from granular_analysis.theory.phase_matching import zone_edge
 from granular_analysis.theory.scenes import Setting
 from granular_lmp.runs.record import Record
 
-Floats = NDArray[np.float64]
 MEGAHERTZ = 2e6 * np.pi
 # Colours that differ in lightness too, for eyes that hardly tell red from green
 MOTIONS = {"up and down": (0.90, 0.62, 0.0), "in the plane": (0.0, 0.62, 0.45), "turning": (0.34, 0.20, 0.60)}

@@ -15,12 +15,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular_analysis.measure.runs import all_but
 from granular_lmp.runs.record import Record
 
-Floats = NDArray[np.float64]
 Event = Literal["opening", "sliding"]
 EFFECTS: dict[Event, tuple[str, str]] = {
     "opening": ("contact_opening", "open_contacts"),

@@ -16,7 +16,6 @@ from functools import partial
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from cases.runner import script
 from cases.spectrum.points import (
@@ -33,7 +32,6 @@ from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave, antiresonance, generated, nonlinearity, resonance
 from granular_lmp.runs.record import Record
 
-Floats = NDArray[np.float64]
 BOUND = 5e-3  # drawn: the median deviation is to stay below it
 Measured = tuple[Sequence[Point], Sequence[Record]]  # points of sweeps, and their runs, extrapolated
 TITLES = {"TR": "transverse-rotational", "RT": "rotational-transverse", "L": "longitudinal"}

@@ -61,7 +61,7 @@ def standing(wave: Wave, tau: ArrayLike, row: ArrayLike) -> tuple[Floats, Floats
 
 @dataclass(frozen=True)
 class Comparison:
-    """A run beside the theory: its rows, the n of each, where (T, rows) the walls are not heard, and what predicts."""
+    """A run beside the theory: its rows, the n of each, where (T, rows) no echo has arrived, and what predicts."""
 
     wave: Wave
     run: Rows
@@ -93,7 +93,7 @@ class Comparison:
 def compare(record: Record, rows: Rows) -> Comparison:
     """Set the theory beside a run.
 
-    Raises ValueError where p_SH is zero at every row, as for ξ = π/2 and phase 0, and where the walls are heard in all.
+    Raises ValueError where p_SH is zero at every row, as for ξ = π/2 and phase 0, and where echoes reach all rows.
     """
     wave, scene = wave_of(record), record.scene
     xi = wave.mode.wavenumber

@@ -44,7 +44,7 @@ def fronts(scene: Scene, points: Sequence[Point]) -> Floats:
     not there, and for one that no front reaches by 1.3 times the last measured arrival.
     """
     if scene.wave is not None or not scene.striker:
-        raise ValueError("arrivals and front speeds are of a scene with [[striker]] and without [wave]")
+        raise ValueError("arrivals and front speeds need a scene with [[striker]] and without [wave]")
     _refuse(scene)
     sites = Sites.of(scene)
     place, velocity = sites.place * scene.sphere.radius, np.zeros((len(sites.row), 2))
@@ -78,9 +78,9 @@ def fronts(scene: Scene, points: Sequence[Point]) -> Floats:
 def _refuse(scene: Scene) -> None:
     """Raise ValueError for a scene that declares what neither chain nor network holds here."""
     tables = {key: table if isinstance(table, dict) else {} for key, table in scene.given().items()}
-    told = [(each, f"{each}.{name}") for each, table in tables.items() for name in table or [""]]
-    if other := sorted(key.rstrip(".") for section, key in told if not {section, key} & IMPACT_KEYS):
-        raise ValueError(f"arrivals and front speeds are of a struck chain or sheet, without {', '.join(other)}")
+    keys = [(each, f"{each}.{name}") for each, table in tables.items() for name in table or [""]]
+    if other := sorted(key.rstrip(".") for section, key in keys if not {section, key} & IMPACT_KEYS):
+        raise ValueError(f"arrivals and front speeds need a struck chain or sheet without {', '.join(other)}")
     packing = scene.packing
     if scene.lattice.sheet and packing.contact_force:
         raise ValueError(f"packing.contact_force = {packing.contact_force!r}: must be 0 in a sheet with arrivals")

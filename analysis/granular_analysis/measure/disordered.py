@@ -55,7 +55,7 @@ class Value(NamedTuple):
 def refuse(record: Record) -> None:
     """Raise ValueError for a run with anything that these measures do not know, by name."""
     if left := sorted(traits_of(record) - MEASURED):
-        raise ValueError(f"{record.folder}: {', '.join(left)}: the figures of disorder leave that out")
+        raise ValueError(f"{record.folder}: {', '.join(left)}: the figures of disorder leave it out")
 
 
 def coherent(record: Record, fields: Floats, harmonic: int = 1) -> Complexes:

@@ -55,7 +55,7 @@ class Fit:
             line = self.points[given.index(False)].line
             raise ValueError(f"line {line}: has no error, and others have; give all points one, or none")
         if len({each.kind for each in self.points}) > 1 and not all(given):
-            raise ValueError("points of several kinds need their errors, which say what each of them weighs")
+            raise ValueError("points of several kinds need their errors, which set their weights")
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

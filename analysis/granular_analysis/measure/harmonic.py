@@ -191,7 +191,7 @@ def over_phases(phases: ArrayLike, values: Complexes) -> tuple[Complexes, Floats
     angle = np.asarray(phases, dtype=float)
     basis = np.exp(1j * np.multiply.outer(angle, ORDERS))
     if len(angle) <= len(ORDERS) or np.linalg.matrix_rank(basis, tol=1e-3) < len(ORDERS):
-        raise ValueError(f"wave.phase has {len(angle)} values that do not part the orders; take six, pi/3 apart")
+        raise ValueError(f"wave.phase has {len(angle)} values that do not separate the orders; take six, pi/3 apart")
     inverse = np.linalg.pinv(basis)
     flat = values.reshape(len(angle), -1)
     fitted = inverse @ flat

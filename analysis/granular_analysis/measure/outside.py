@@ -85,7 +85,7 @@ def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
     row = np.rint((y - y.min()) / spacing).astype(np.intp)
     whole = np.flatnonzero(np.bincount(row) == columns)
     if not len(whole):
-        raise TheoryError("vacancies: no row is whole, and the places of spheres cannot be told")
+        raise TheoryError("vacancies: no row is whole, and the places of spheres are not known")
     first = np.flatnonzero(row == whole[0])[0]
     parity = (row - scene.shape.centre_row) % 2  # every other row is shifted against that of the centre
     along = (x - x[first]) * lattice.row / spacing - lattice.shift * (parity - parity[first])
@@ -148,13 +148,13 @@ def _sources(scene: Scene, network: Network, scales: Scales) -> Iterator[Drive]:
             newton = scales.kilogram * scales.metre / scales.second**2
             sizes = {"force": newton, "torque": newton * scales.metre, "motion": scales.metre, "angle": 1.0}
             unit = 1 / sizes[str(source.signal[0][1]).partition("_")[0]]
-        signal, pace, largest = signal_of(source, scene, scales.time * scales.second if measured else 1.0)
+        signal, changes_in, largest = signal_of(source, scene, scales.time * scales.second if measured else 1.0)
         yield Drive(
             chosen(source, scene, network.position),
             component,
             _scaled(signal, source.amplitude * unit, scales.time),
             moves=bool(source.motion),
-            longest=pace * scales.time,
+            longest=changes_in * scales.time,
             size=source.amplitude * unit * largest,
         )
 
@@ -286,7 +286,7 @@ def _where(network: Network, wall: Wall, spheres: Integers, pushed: float) -> Wa
         place = brentq(left, farthest - longest, farthest, xtol=1e-15 * longest, rtol=1e-15)
     except ValueError as error:
         raise TheoryError(
-            "walls: do not hold all spheres at rest that must touch them, so that their places cannot be told"
+            "walls: do not hold all spheres at rest that must touch them, so that their places are not known"
         ) from error
     return wall._replace(point=tuple(place * normal))
 
@@ -309,7 +309,7 @@ def _factors(record: Record, network: Network, scales: Scales) -> Floats | tuple
     kinds = kinds_of(scene)
     whole = _stiffnesses(scene.contact, scales)
     if whole != (None, None) and len({kind[:3] for kind in kinds}) > 1:
-        raise TheoryError("contact: the network knows stiffnesses of all contacts where all spheres have one material")
+        raise TheoryError("contact: the network takes [contact] only where all spheres have one material")
     materials = [scales.material(kind) for kind in kinds]
     radii = [scales.radius if kind.radius is None else kind.radius / scales.metre for kind in kinds]
     both = scaled((materials[0],) * 2, (radii[0],) * 2, network.adhesion, load, whole)

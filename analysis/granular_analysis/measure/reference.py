@@ -106,7 +106,7 @@ def _holds_crystal(wave: Wave | None) -> bool:
 
 
 def _against(record: Record, wave: Wave | None) -> list[str]:
-    """Return all that stands against the network of a run, so that its user is not told one reason after the other."""
+    """Return all that stands against the network of a run, so that its user sees every reason at once."""
     lacks = missing(NETWORK, _traits(record, wave))
     found = [f"the network leaves out {', '.join(lacks)}"] if lacks else []
     try:
@@ -126,8 +126,8 @@ def _too_long(record: Record, wave: Wave | None) -> str:
     if spheres * until <= most:
         return ""
     return (
-        f"{spheres} spheres until tau = {until:.6g} are more than the {most:.0f} spheres times tau of a run like this "
-        "that the network takes unasked; ask with --theory network"
+        f"{spheres} spheres until tau = {until:.6g} are above the {most:.0f} spheres times tau up to which the network "
+        "is the default in a run like this; ask with --theory network"
     )
 
 

@@ -29,7 +29,7 @@ from granular_analysis.theory.network import LAWS, Material, Network
 from granular_analysis.theory.network_laws import ADHESIONS
 from granular_analysis.theory.network_motion import Trajectory
 from granular_analysis.theory.network_state import State, loaded, settled, start
-from granular_lmp.runs.record import Record
+from granular_lmp.runs.record import Record, Scene
 
 __all__ = ["first_snapshot"]
 
@@ -39,6 +39,7 @@ _TURNS = {2: ["v_theta"], 3: [f"Orientation.{part}" for part in "WXYZ"]}  # by d
 _SPINS = {2: ["omegaz"], 3: ["omegax", "omegay", "omegaz"]}
 _TITLES = {0: "TIMESTEP", 2: "NUMBER", 4: "BOX", 8: "ATOMS"}  # by line
 SNAPSHOTS = "dump.particles"
+_PRELOAD = 1e6  # steps that the preload of a deck takes
 CENTRE = "dump.centre"  # beside the snapshots; it names the recorded sphere
 # Largest radius (m) of the spheres of a LAMMPS unit style, and the style's units of mass, length and time in SI
 UNITS = ((1e-5, (1e-21, 1e-9, 1e-9)), (1e-3, (1e-15, 1e-6, 1e-6)), (np.inf, (1.0, 1.0, 1.0)))
@@ -49,7 +50,7 @@ class Spheres(NamedTuple):
 
     Attributes
     ----------
-    types : (N,) as of `read_network`.
+    types : (N,) of LAMMPS: spheres of material m, counted from 0, have 2m + 1 (free) or 2m + 2 (held).
     place : (N, d) at rest.
     radius, density : (N,).
     displacement, velocity : (N, d).
@@ -163,10 +164,15 @@ def network_of(record: Record, spheres: Spheres, recorded: int) -> FirstSnapshot
     _refuse_replaced(record, network)
     network = replace(network, **outside(record, network, scales))
     direction = ALONG_Y if scene.wave is None else scene.direction
-    state = loaded(network, state.motion)
+    state = loaded(network, state.motion, _preloading(scene) / scales.time)
     if not scene.held_at_rest:  # contacts of spheres that just touch begin where they overlap
         state = settled(network, replace(state, begun=np.zeros_like(state.begun)))
     return FirstSnapshot(network, state, recorded, scales, direction)
+
+
+def _preloading(scene: Scene) -> float:
+    """Return 1 over the time of the preload, in 1/t0; 0 of an extrapolation to short steps."""
+    return 0.0 if scene.time.tolerance is not None else 1 / (_PRELOAD * scene.time.step)
 
 
 def scales_of(record: Record) -> Scales:
@@ -237,37 +243,23 @@ def _refuse_replaced(record: Record, network: Network) -> None:
     there = 1 + last // _classes(record)
     if there < declared:
         raise TheoryError(
-            f"inclusion: {declared} materials are declared with that of the lattice, and spheres have {there}; must be "
-            "without inclusions whose spheres later ones replace"
+            f"inclusion: {declared} materials are declared with that of the lattice, and spheres have {there}; must "
+            "have no inclusion whose spheres are all replaced by later ones"
         )
 
 
-def read_network(
-    path: str | Path,
-    materials: Sequence[Material],
-    *,
-    density: float | None = None,
-    turned: bool = True,
-    **laws: Any,
-) -> tuple[Network, State]:
-    """Return the network of the spheres at rest, in the order of their numbers, and the state they start from.
+def _read(path: Path, density: float | None, *, rotation: bool, turned: bool) -> Spheres:
+    """Return the spheres of a dump, in the order of their numbers.
 
     Parameters
     ----------
     path : the dump.
-    materials : of the spheres: those of material m, counted from 0, have the types 2m + 1 (free) and 2m + 2 (held).
-    density : of all spheres, for a dump without the column mass.
-    turned : whether spheres are turned at the start, so that a dump must hold their angles.
-    laws : as of `granular_analysis.theory.network.Network`.
+    density : of all spheres, for a dump without the column mass; otherwise None.
+    rotation : whether spheres turn, so that the dump must hold their spins.
+    turned : whether spheres are turned at the start, so that the dump must hold their angles too.
 
-    Raises TheoryError for a file that is no dump of step 0, lacks a column or is cut off, for a type without a
-    material, and where not exactly one of the column mass and `density` is given.
+    Raises TheoryError for a file that is no dump of step 0, lacks a column or is cut off.
     """
-    return _placed(_read(Path(path), density, rotation=laws.get("rotation", True), turned=turned), materials, **laws)
-
-
-def _read(path: Path, density: float | None, *, rotation: bool, turned: bool) -> Spheres:
-    """Return the spheres of a dump; raises TheoryError as `read_network`."""
     with _opened(path) as stream:
         head = _head(stream)
         if head[1] != ["0"]:
@@ -284,8 +276,6 @@ def _read(path: Path, density: float | None, *, rotation: bool, turned: bool) ->
         missing = [name for name in needed if name not in names]
         if missing:
             raise TheoryError(f"{path}: has no column {', '.join(missing)}")
-        if ("mass" in names) == (density is not None):
-            raise TheoryError(f"density = {density}: must be given for a dump without the column mass, for no other")
         rows = [stream.readline().split() for _ in range(count)]
         if any(len(row) != len(names) for row in rows):
             raise TheoryError(f"{path}: its first snapshot is cut off")
@@ -311,7 +301,10 @@ def _read(path: Path, density: float | None, *, rotation: bool, turned: bool) ->
 
 
 def _placed(spheres: Spheres, materials: Sequence[Material], **laws: Any) -> tuple[Network, State]:
-    """Return the network of spheres with these materials and laws, and the state they start from."""
+    """Return the network of spheres with these materials and laws, and the state they start from.
+
+    Raises TheoryError for a type without a material.
+    """
     last = spheres.types.max()
     if last > 2 * len(materials):
         raise TheoryError(

@@ -1,4 +1,4 @@
-"""The network as the engine of a run: LAMMPS's own steps without LAMMPS, in NumPy or by JAX.
+"""The network as the engine of a run: LAMMPS's own steps without LAMMPS, in compiled loops, by JAX or in NumPy.
 
 `granular_lmp.runs.engine` says what an engine gives. The spheres are those of the deck as they begin; the laws of their
 contacts, the walls, the drives and the steps are those of this package.
@@ -20,6 +20,7 @@ from granular_analysis.theory import network_verlet
 from granular_analysis.theory.catalogue import NETWORK, missing
 from granular_analysis.theory.choice import others_of
 from granular_analysis.theory.errors import TheoryError
+from granular_analysis.theory.loops import library
 from granular_analysis.theory.network_state import Pairs, State, search
 from granular_analysis.theory.network_tangents import combined
 from granular_analysis.theory.network_verlet import Carried
@@ -31,13 +32,14 @@ __all__ = ["NetworkEngine"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-ON_DEVICE = "granular_analysis.theory.network_traced"
+STEPS = {  # what takes the steps, as a device ends, and its module
+    "C": "granular_analysis.theory.network_compiled",
+    "JAX": "granular_analysis.theory.network_traced",
+    "NumPy": "granular_analysis.theory.network_verlet",
+}
 # Bytes. Measured, the most that a process held by JAX on a CPU: 370 MB, and a sphere of a perfect sheet 3.5 kB, of an
-# imperfect one 4.1 kB, of fcc 10.5 kB. Without a wave also the record, while it is read
-_PROCESS, _SPHERE, _READ = 4e8, {2: 4500.0, 3: 11000.0}, 130.0
-# Seconds. Measured, of NumPy for a step and for each sphere in it, in the plane and in space; JAX takes 1 until its
-# loop is read from its cache, and 2.3 until it is compiled. A ladder of steps takes about a dozen to a sample
-_STEP, _COMPILED, _LADDER = {2: (1.7e-4, 3.2e-7), 3: (3.5e-4, 1.6e-6)}, 2.0, 12
+# imperfect one 5.2 kB, of fcc 10.5 kB. Without a wave also the record, while it is read
+_PROCESS, _SPHERE, _READ = 4e8, {2: 5500.0, 3: 11000.0}, 130.0
 
 
 @dataclass(frozen=True)
@@ -46,29 +48,38 @@ class NetworkEngine:
 
     Attributes
     ----------
-    device : as ``run.json`` names it.
-    traced : whether JAX takes the steps.
+    device : as ``run.json`` names it; it ends with what takes the steps.
     room : bytes of the card, inf without one.
+    at_once : runs at once on this machine, which must all find memory; a process that is handed the engine counts one.
     """
 
     device: str
-    traced: bool
     room: float = np.inf
+    at_once: int = 1
+
+    def __reduce__(self) -> tuple[type["NetworkEngine"], tuple[str, float]]:
+        """Return what another process makes the engine of."""
+        return NetworkEngine, (self.device, self.room)
 
     @classmethod
     def on(cls, name: str) -> "NetworkEngine":
-        """Return the engine on "cpu", with JAX if it is there, on "numpy", without it in any case, or on "gpu".
+        """Return the engine on "cpu", in compiled loops if there is a compiler, or on "numpy", "jax" or "gpu".
 
-        Raises TheoryError for "gpu" without JAX, or without a card that it knows.
+        "jax" takes all cores of this machine. Raises TheoryError for it and "gpu" without JAX, or without a card that
+        JAX knows.
         """
-        if name == "numpy" or find_spec("jax") is None:
-            if name == "gpu":
-                raise TheoryError("--device gpu: needs JAX: pip install 'granular-lmp[jax]' 'jax[cuda12]'")
-            return cls("cpu, NumPy", traced=False)
+        if name == "cpu" and library() is not None:
+            return cls("cpu, C")
+        if name in {"cpu", "numpy"}:
+            return cls("cpu, NumPy")
+        card = name == "gpu"
+        if find_spec("jax") is None:
+            more = " 'jax[cuda12]'" if card else ""
+            raise TheoryError(f"--device {name}: needs JAX: pip install 'granular-lmp[jax]'{more}")
         import jax  # an extra, and slow to import
 
         try:
-            (first, *_) = jax.devices(name)
+            (first, *_) = jax.devices("cpu" if name == "jax" else name)
         except RuntimeError as error:
             raise TheoryError(f"--device {name}: JAX finds none: {str(error).splitlines()[0]}") from error
         jax.config.update("jax_default_device", first)
@@ -77,26 +88,32 @@ class NetworkEngine:
                 "jax_compilation_cache_dir", str(place("granular-analysis", "jax", "", [version("jax").encode()]))
             )
             jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
-        if name == "cpu":
-            return cls("cpu, JAX", traced=True)
+        if not card:
+            return cls("cpu, JAX")
         room = (first.memory_stats() or {}).get("bytes_limit", np.inf)
-        return cls(f"{name} {first.device_kind}, JAX", traced=True, room=room)
+        return cls(f"{name} {first.device_kind}, JAX", room=room)
+
+    @property
+    def by(self) -> str:
+        """What takes the steps."""
+        return self.device.split(", ")[-1]
 
     @property
     def versions(self) -> Mapping[str, str]:
         """Return the versions of what takes the steps."""
-        return {"jax": version("jax")} if self.traced else {}
+        return {"jax": version("jax")} if self.by == "JAX" else {}
 
     def refuse_larger(self, scene: Scene) -> None:
-        """Raise TheoryError for a scene that needs more memory than this machine has free, or than the card has."""
+        """Raise TheoryError for runs that need more memory than this machine has free, or than the card has."""
         spheres, records = scene.shape.spheres, scene.time.samples + 1 if scene.wave is None else 0
         of_device = _PROCESS + _SPHERE[scene.space] * spheres
-        of_host = of_device + _READ * spheres * records
+        of_host = self.at_once * (of_device + _READ * spheres * records)
+        each, fewer = (f" in each of {self.at_once} runs at once", ", or workers") if self.at_once > 1 else ("", "")
         for needed, there, where in ((of_host, _free(), "are free"), (of_device, self.room, f"has {self.device}")):
             if needed > there:
                 raise TheoryError(
-                    f"{spheres} spheres need {needed / 1e9:.2g} GB of memory, and {there / 1e9:.2g} GB {where}: take "
-                    "fewer rows or columns"
+                    f"{spheres} spheres{each} need {needed / 1e9:.2g} GB of memory, and {there / 1e9:.2g} GB {where}: "
+                    f"take fewer rows or columns{fewer}"
                 )
 
     def begin(self, setting: Setting) -> "Motion":
@@ -122,26 +139,18 @@ class NetworkEngine:
         )
         try:
             self.refuse_larger(setting.scene)
-            if self.traced and (here := NetworkEngine.on(kind_of(self.device)).device) != self.device:
-                raise TheoryError(f"device: the engine is of {self.device}, and this process has {here}")
+            if (here := NetworkEngine.on(kind_of(self.device)).device) != self.device:
+                raise TheoryError(f"device: the engine was made for {self.device}, and this process has {here}")
             if lacks := missing(NETWORK, others_of(record)):
                 raise TheoryError(f"the network leaves out {', '.join(lacks)}")
-            return Motion(network_of(record, spheres, setting.recorded), setting, self.traced)
+            return Motion(network_of(record, spheres, setting.recorded), setting, import_module(STEPS[self.by]))
         except TheoryError as error:
             raise SceneError(str(error), because="not built") from error
 
 
 def kind_of(device: str) -> str:
     """Return what `NetworkEngine.on` takes for a device as ``run.json`` names it."""
-    return "numpy" if device.endswith("NumPy") else device.split(",")[0].split()[0]
-
-
-def sooner(name: str, scene: Scene) -> str:
-    """Return "numpy" in place of "cpu" for a scene whose steps NumPy takes before JAX has compiled them."""
-    of_step, of_sphere = _STEP[scene.space]
-    steps = scene.time.samples * _LADDER if scene.time.tolerance is not None else scene.time.steps
-    seconds = steps * (of_step + of_sphere * scene.shape.spheres)
-    return "numpy" if name == "cpu" and seconds < _COMPILED else name
+    return {"cpu, NumPy": "numpy", "cpu, JAX": "jax"}.get(device, device.split(",")[0].split()[0])
 
 
 def _free() -> float:
@@ -154,23 +163,23 @@ def _free() -> float:
 
 
 class Motion:
-    """The network of a run on its way."""
+    """The network of a run on its way, by steps of a module: `STEPS`."""
 
-    def __init__(self, first: FirstSnapshot, setting: Setting, traced: bool) -> None:
+    def __init__(self, first: FirstSnapshot, setting: Setting, steps: Any) -> None:
         self.network, self.state, self.step, self.distances = (
             first.network,
             first.state,
             setting.step,
             setting.distances,
         )
-        self.traced, self.steps = traced, steps_of(traced)
+        self.steps = steps
         pairs = self.state.pairs
         self.rested = _keys(pairs, len(self.network.position))[pairs.overlap > pairs.normal.end]
         self._found_again(pairs)
 
     def _found_again(self, pairs: Pairs) -> None:
         """Take other pairs: which of them touched at rest, and how many that did are too far apart to be listed."""
-        self.pairs, self.arrays = pairs, self.steps.arrays_of(pairs) if self.traced else pairs
+        self.pairs, self.arrays = pairs, self.steps.arrays_of(pairs)
         self.at_rest = np.isin(_keys(pairs, len(self.network.position)), self.rested)
         self.lost = len(self.rested) - int(np.count_nonzero(self.at_rest))
 
@@ -194,11 +203,6 @@ class Motion:
         seen = self.steps.extremes(self.network, self.arrays, found.now, self.at_rest, self.distances < reach)
         look = Look(*map(float, seen))
         return look._replace(changed=look.changed + self.lost)
-
-
-def steps_of(traced: bool) -> Any:
-    """Return the module that takes the steps."""
-    return import_module(ON_DEVICE) if traced else network_verlet
 
 
 def _keys(pairs: Pairs, spheres: int) -> NDArray[np.intp]:

@@ -25,7 +25,7 @@ STILL = 1e-6  # share of the vertical resonance; nothing holds spheres whose fre
 _ROUNDING = 1e-12  # share of a frequency; a decay that is no larger is none
 SLOWEST = 1e-3  # leaking waves begin at this share of the first wave number
 STEP = 0.05  # a leaking wave changes by at most this share of its frequency from one wave number to the next
-PACE = 1 / 40  # which is at most this share of the one where surface wave and vertical resonance meet
+LONGEST_STEP = 1 / 40  # which is at most this share of the one where surface wave and vertical resonance meet
 
 
 class Wave(NamedTuple):
@@ -186,7 +186,7 @@ class Film(NamedTuple):
 
     def _steps(self, xi: float) -> int:
         """Return in how many steps leaking waves are followed over a range of wave numbers, rad per row."""
-        return max(1, int(np.ceil(xi / (PACE * self.crossing) - _ROUNDING)))
+        return max(1, int(np.ceil(xi / (LONGEST_STEP * self.crossing) - _ROUNDING)))
 
 
 def _met(point: Point, guided: Floats, leaking: Floats) -> float:

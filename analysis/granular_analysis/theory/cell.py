@@ -150,9 +150,9 @@ def second_order(
     start = np.array([displacement, velocity], dtype=complex)
     course = Course.of(np.asarray(time, dtype=float), float(np.sqrt(cell.highest)))
     moved = course.polynomials(cell.matrix, start)
-    heard = course.polynomials(csr_array(cell.matrix.T), np.asarray(readout, dtype=complex))
+    read = course.polynomials(csr_array(cell.matrix.T), np.asarray(readout, dtype=complex))
     forces, far = _forces(cell, course, moved)
-    return Second(course.answer(0.5 * (heard * cell.inverse_mass.T.ravel()) @ forces), far)
+    return Second(course.answer(0.5 * (read * cell.inverse_mass.T.ravel()) @ forces), far)
 
 
 def fields(
@@ -269,9 +269,9 @@ class Course:
 
     def answer(self, moments: Complexes) -> Complexes:
         """Return P·Y (T, R) from P·T_n M⁻¹ of the forces at the points, (R, K, S)."""
-        heard = np.asarray(dct(moments, type=3, axis=1)) / len(self.rates)
+        read = np.asarray(dct(moments, type=3, axis=1)) / len(self.rates)
         turned = np.exp(1j * np.outer(self.actual, self.points))
-        onward, backward = self.integral(heard * turned.conj()), self.integral(heard * turned)
+        onward, backward = self.integral(read * turned.conj()), self.integral(read * turned)
         answers = np.sum((turned * onward - turned.conj() * backward) * (-0.5j * self.gain[:, None]), axis=1)
         return np.asarray(chebval(1 - 2 * self.times / self.whole, self._expanded(answers).T).T)
 

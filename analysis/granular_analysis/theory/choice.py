@@ -181,7 +181,7 @@ def refuse_less(name: str, traits: frozenset[str]) -> None:
     if missing := catalogue.missing(name, traits):
         allowed = [each for each in catalogue.REFERENCES if not catalogue.missing(each, traits)]
         raise TheoryError(
-            f"theory = {name!r} leaves out {', '.join(missing)}; that hold it: {', '.join(allowed) or 'none'}"
+            f"theory = {name!r} leaves out {', '.join(missing)}; theories that hold it: {', '.join(allowed) or 'none'}"
         )
 
 

@@ -1,4 +1,4 @@
-"""One contact of the crystal: what every theory here is told of the spheres, and what each derives from it.
+"""One contact of the crystal: what every theory here knows of the spheres, and what each derives from it.
 
 The paper's contact is Hertz–Mindlin's, with κ = g1/k1 = 2(1−ν)/(2−ν). `Contact` says how a lattice departs from it, and
 is the only description of one: `granular_analysis.theory.bloch.hexagonal` makes the crystal of it,

@@ -210,7 +210,7 @@ class _Search:
         if there.any():
             ends = zip(self.parameters, self.values(inner), there, strict=True)
             said = ", ".join(f"{each.name} = {value:.6g}" for each, value, at in ends if at)
-            raise ValueError(f"the best values lie beyond what is allowed, at {said}: another model, or another branch")
+            raise ValueError(f"the best values lie beyond what is allowed, at {said}; take another model or branch")
 
     def values(self, inner: Floats) -> Floats:
         """Return the values of what is fitted."""

@@ -284,12 +284,6 @@ def torus_trajectories(
     return np.moveaxis(states[..., :3, :], 1, 0)
 
 
-def on_torus(wave: Wave, points: int) -> tuple[Floats, Neighbours]:
-    """Return the state of a wave at τ=0 on the phase torus of K points, and its neighbours there."""
-    neighbours = torus_neighbours(wave.mode.wavenumber, points, wave.mode.direction)
-    return initial_state(wave.mode, wave.amplitude, torus_phases(points), wave.contact, neighbours), neighbours
-
-
 def torus(
     wave: Wave, tau: ArrayLike, *, row: float = 0, points: int = 31, rtol: float = 1e-11
 ) -> tuple[Floats, Floats, Floats]:

@@ -21,13 +21,13 @@ typedef ptrdiff_t whole; /* intp of NumPy */
 #endif
 
 /* Pairs of `network_state.Pairs` with any of their laws, in the plane or in space: of d components, and T = d − 1
-   tangents. `loss` is √5 ζ of a restitution, negative without one. */
+   tangents. `loss` is √5 ζ of a restitution, negative without one; a `step` is one of velocity Verlet, or 0. */
 typedef struct {
   whole spheres, pairs, dimension, jkr, incremental, shear, adheres;
-  double friction, viscosity, loss;
+  double friction, viscosity, loss, step;
   const whole *first, *second;
   const double *apart, *length, *overlap, *radii, *shortened, *mass, *A, *B, *F, *frame;
-  const unsigned char *begun;
+  unsigned char *begun;
 } Contacts;
 
 INLINE double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
@@ -82,6 +82,7 @@ INLINE double met(const Contacts *c, const double *motion, const double *memory,
   const whole N = c->spheres, M = c->pairs, T = d - 1, f = d == 2 ? 3 : 6;
   const whole turn = d == 2 ? 2 : 0; /* the first of the turns about x, y and z */
   const int slides = c->friction < INFINITY;
+  const double step = c->step;
   double power = 0;
   *changes = 0;
   for (whole i = 0; i < f * N; i++) load[i] = 0;
@@ -116,34 +117,49 @@ INLINE double met(const Contacts *c, const double *motion, const double *memory,
       if (!c->adheres) limit = fabs(repulsion);
     }
     double across[2], slipped[2] = {0}, spring[2] = {0}, shear[2] = {0}, grown[2] = {0}, square = 0;
+    double before[3] = {0}, kept = 1; /* a memory that turns along keeps its length */
+    for (whole k = 0; k < d && step > 0; k++) before[k] = memory[k * M + m];
+    for (whole a = 0; a < T; a++) slipped[a] = step > 0 ? dot(before, along[a]) : memory[a * M + m];
+    if (step > 0) {
+      const double left = sqrt(slipped[0] * slipped[0] + slipped[1] * slipped[1]);
+      kept = left > 0 ? sqrt(dot(before, before)) / left : 0;
+    }
     for (whole a = 0; a < T; a++) {
-      slipped[a] = memory[a * M + m];
       across[a] = dot(along[a], rate);
       const double slip_rate = (across[a] - dot(about[a], turning)) * normal.closed;
+      grown[a] = c->incremental ? stiffness * slip_rate : slip_rate;
+      if (step > 0) slipped[a] = (kept * slipped[a] + step * grown[a]) * normal.closed;
       spring[a] = !c->incremental ? stiffness * slipped[a] : normal.closed != 0 ? slipped[a] : 0;
       shear[a] = spring[a] + c->shear * dashpot * slip_rate;
-      grown[a] = c->incremental ? stiffness * slip_rate : slip_rate;
       square += shear[a] * shear[a];
     }
     const double size = slides ? sqrt(square) : 0;
     limit *= c->friction;
     *changes += (normal.closed != 0) != (c->begun[m] != 0) || (slides && size > limit) ||
                 (normal.closed == 0 && (slipped[0] != 0 || slipped[1] != 0));
-    if (slides && size > limit) { /* slides; in space the slip also turns faster than the limit alone takes it */
+    if (slides && size > limit && step > 0 && slipped[0] == 0 && slipped[1] == 0) { /* its dashpot alone: none in LAMMPS */
+      shear[0] = shear[1] = 0;
+    } else if (slides && size > limit) { /* slides; in space the slip also turns faster than the limit alone takes it */
       const double follows = (grown[0] * shear[0] + grown[1] * shear[1]) / square;
       for (whole a = 0; a < T; a++) {
         if (d == 3 && limit > 0) grown[a] += (size / limit - 1) * (grown[a] - follows * shear[a]);
         const double left = shear[a] * (limit / size);
         spring[a] = left - (shear[a] - spring[a]);
         shear[a] = left;
+        if (step > 0) slipped[a] = stiffness > 0 ? spring[a] / stiffness : 0;
       }
     }
-    if (d == 3) {
+    if (step > 0) {
+      const double *memorized = c->incremental ? spring : slipped;
+      for (whole k = 0; k < d; k++)
+        memory_rate[k * M + m] = memorized[0] * along[0][k] + memorized[1] * along[1][k];
+      c->begun[m] = normal.closed != 0;
+    } else if (d == 3) {
       const double turns = (across[0] * lean[1] - lean[0] * across[1]) / distance;
       grown[0] += turns * slipped[1];
       grown[1] -= turns * slipped[0];
     }
-    for (whole a = 0; a < T; a++) memory_rate[a * M + m] = grown[a];
+    for (whole a = 0; a < T && step == 0; a++) memory_rate[a * M + m] = grown[a];
     const double arm = c->shortened[m] * normal.overlap, work = 2 * stiffness * normal.spreading;
     double twist[3];
     for (int k = 0; k < 3; k++) twist[k] = shear[0] * about[0][k] + shear[1] * about[1][k];
@@ -164,7 +180,9 @@ INLINE double met(const Contacts *c, const double *motion, const double *memory,
 }
 
 /* Forces and torques (f, N) of pairs, and the rates of their memory (T, M): `network_state.contacts` and `resultants`.
-   Returns dW/dt of the ledger, and how many contacts slide, have begun or ended, or are open and have a memory. */
+   Returns dW/dt of the ledger, and how many contacts slide, have begun or ended, or are open and have a memory. With a
+   step the memory is the vector (d, M) of `network_verlet.Carried`, in place of its rates is that after the step, and
+   `begun` is renewed. */
 double touched(const Contacts *c, const double *motion, const double *memory, double *load, double *memory_rate,
                whole *changes)
 {
@@ -174,6 +192,73 @@ double touched(const Contacts *c, const double *motion, const double *memory, do
   }
   if (c->jkr) return met(c, motion, memory, load, memory_rate, changes, 3, 1);
   return met(c, motion, memory, load, memory_rate, changes, 3, 0);
+}
+
+/* What a step takes of spheres, and of D drives by signals: `network_verlet.Bodies`. Pairs hold until a sphere is beyond
+   `reach` from its `place`. */
+typedef struct {
+  whole drives;
+  double reach;
+  const double *mobility, *kept, *shares, *place;
+  const whole *component, *moves;
+  const unsigned char *acts;
+} Bodies;
+
+/* arctan, by its series where that is exact to rounding */
+INLINE double turn_of(double x)
+{
+  const double y = x * x;
+  return y < 1e-4 ? x * (1 - y * (1.0 / 3 - y * (1.0 / 5 - y * (1.0 / 7 - y * (1.0 / 9 - y / 11))))) : atan(x);
+}
+
+/* One more turn by the rotation vectors h·spin: `network_verlet._composed` */
+INLINE void compose(whole N, double h, const double *spin, double *turns)
+{
+  for (whole i = 0; i < N; i++) {
+    const double way[3] = {h * spin[i], h * spin[N + i], h * spin[2 * N + i]}, grows = 1 + dot(way, way) / 12;
+    const double a[3] = {grows * way[0], grows * way[1], grows * way[2]};
+    const double b[3] = {turns[i], turns[N + i], turns[2 * N + i]}, both = 1 / (1 - dot(a, b) / 4);
+    for (int k = 0; k < 3; k++) {
+      const int l = (k + 1) % 3, m = (k + 2) % 3;
+      turns[k * N + i] = both * (b[k] + a[k] + 0.5 * (a[l] * b[m] - a[m] * b[l]));
+    }
+  }
+}
+
+/* Steps of `network_verlet.stepped` in the motion (2f, N), memory and accelerations of spheres, by `values` (count, D, 2)
+   of their drives; `kick` (f, N) is room. Returns how many it took, less than 0 if the last went beyond the reach. */
+whole verlet(const Contacts *c, const Bodies *b, double *motion, double *memory, double *rates, double *kick,
+             const double *values, whole count)
+{
+  const whole N = c->spheres, d = c->dimension, f = d == 2 ? 3 : 6;
+  const double h = c->step;
+  double *velocity = motion + f * N, *turns = motion + d * N;
+  for (whole n = 1; n <= count; n++, values += 2 * b->drives) {
+    double farthest = 0;
+    whole changes;
+    for (whole k = 0; k < f * N; k++) velocity[k] = kick[k] = velocity[k] + h / 2 * rates[k];
+    for (whole k = 0; k < d * N; k++) motion[k] += h * kick[k];
+    for (whole i = 0; i < N && d == 2; i++) turns[i] += turn_of(h * kick[d * N + i]);
+    if (d == 3) compose(N, h, kick + d * N, turns);
+    for (whole q = 0; q < b->drives; q++)
+      for (whole i = 0, k = b->component[q] * N; i < N && b->moves[q]; i++)
+        if (b->acts[q * N + i]) {
+          motion[k + i] = values[2 * q] * b->shares[q * N + i];
+          velocity[k + i] = values[2 * q + 1] * b->shares[q * N + i];
+        }
+    touched(c, motion, memory, rates, memory, &changes);
+    for (whole q = 0; q < b->drives; q++)
+      for (whole i = 0, k = b->component[q] * N; i < N && !b->moves[q]; i++)
+        rates[k + i] += values[2 * q] * b->shares[q * N + i];
+    for (whole k = 0; k < f; k++)
+      for (whole i = k * N; i < (k + 1) * N; i++) {
+        rates[i] *= b->mobility[i];
+        velocity[i] = b->kept[i - k * N] * (kick[i] + h / 2 * rates[i]);
+      }
+    for (whole k = 0; k < d * N; k++) farthest = fmax(farthest, fabs(motion[k] - b->place[k]));
+    if (farthest > b->reach) return -n;
+  }
+  return count;
 }
 
 /* Spheres in a row of chain.py: displacements and velocities in units of chain_motion.py; no dashpots are NULL. */

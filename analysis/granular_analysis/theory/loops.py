@@ -49,6 +49,8 @@ def _typed(found: ctypes.CDLL) -> ctypes.CDLL:
     """Return the library with the types of its functions; raises AttributeError for one that lacks some."""
     pointer, size = ctypes.c_void_p, ctypes.c_ssize_t
     found.touched.argtypes = [pointer] * 6
+    found.verlet.argtypes = [*[pointer] * 7, size]
+    found.verlet.restype = size
     for slope in (found.chain, found.chain_complex, found.torus, found.torus_complex):
         slope.argtypes = [pointer] * 3
     found.stepped.argtypes = [*[pointer] * 3, ctypes.c_double, size]

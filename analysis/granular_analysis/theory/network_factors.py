@@ -19,7 +19,8 @@ A delay traces the signal itself, which has to take arrays of JAX: all of `granu
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from jax import numpy as jnp
@@ -27,7 +28,7 @@ from jax.errors import TracerArrayConversionError
 from numpy.typing import NDArray
 
 from granular_analysis.theory.errors import TheoryError
-from granular_analysis.theory.network import Network
+from granular_analysis.theory.network import Network, Traits
 from granular_analysis.theory.network_state import Pairs, State, acting, meetings, resultants
 from granular_analysis.theory.network_tangents import combined, scaled, times
 from granular_analysis.theory.network_traced import Arrays, arrays_of, on_device, pairs_of
@@ -50,6 +51,39 @@ FACTORS = {
     "drives": (1.0, "drives"),
     "delay": (0.0, "drives"),
 }
+
+
+class Plan(NamedTuple):
+    """Properties of a run for which it is compiled; runs with equal ones and equal shapes share what JAX has traced.
+
+    `late` is the run itself where a delay traces its signals, else None.
+    """
+
+    traits: Traits
+    samples: int
+    every: int
+    late: "Run | None"
+
+
+class Given(NamedTuple):
+    """Arrays of a run on the device.
+
+    Attributes
+    ----------
+    arrays, bodies : of the pairs and of the spheres.
+    lightness : (N,) 1/m, 0 of held spheres.
+    values : (steps + 1, D, 2) of the signals.
+    motion, quadrature, spheres, contacts : of the start and of the record, as of `Run`.
+    """
+
+    arrays: Arrays
+    bodies: Bodies
+    lightness: Any
+    values: Any
+    motion: Any
+    quadrature: Any
+    spheres: Any
+    contacts: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,26 +119,41 @@ class Run:
         shapes: dict[str, tuple[int, ...]] = {"spheres": (count,), "pairs": (pairs,), "drives": (drives,), "runs": ()}
         return {name: np.full(shapes[each], value) for name, (value, each) in FACTORS.items() if name in names}
 
+    def plan(self, factors: Factors) -> Plan:
+        """Return what the run with such factors is compiled for."""
+        return Plan(self.network.traits, self.samples, self.every, self if "delay" in factors else None)
 
-def prepared(run: Run, factors: Factors) -> tuple[Pairs, Bodies, Any, Carried]:
+    @cached_property
+    def given(self) -> Given:
+        """Return the arrays of the run on the device."""
+        network = self.network
+        free = 1.0 if network.held is None else 1.0 - network.held
+        return Given(
+            arrays_of(self.state.pairs),
+            *on_device((Bodies.of(network, self.step), free / network.mass, _driven(self), self.state.motion)),
+            *on_device((self.quadrature, self.spheres, np.asarray(self.contacts, dtype=np.intp))),
+        )
+
+
+def prepared(plan: Plan, given: Given, factors: Factors) -> tuple[Pairs, Bodies, Any, Carried]:
     """Return pairs, spheres, values of the signals, and what the first step begins with."""
-    network = run.network
-    arrays, bodies = varied(network, arrays_of(run.state.pairs), on_device(Bodies.of(network, run.step)), factors)
-    pairs, values = pairs_of(network, arrays), driven(run, factors)
-    motion = jnp.asarray(run.state.motion)
+    arrays, bodies = varied(plan.traits, given, factors)
+    pairs, motion = pairs_of(plan.traits, arrays), given.motion
+    values = given.values if plan.late is None else jnp.asarray(_driven(plan.late, factors["delay"]))
+    values = values * jnp.asarray(factors.get("drives", jnp.ones(len(plan.traits.drives))))[:, None]
     if "phase" in factors:
-        motion = jnp.cos(factors["phase"]) * motion + jnp.sin(factors["phase"]) * jnp.asarray(run.quadrature)
-    return pairs, bodies, values, started(network, pairs, bodies, motion * factors.get("amplitude", 1.0), values[0])
+        motion = jnp.cos(factors["phase"]) * motion + jnp.sin(factors["phase"]) * given.quadrature
+    motion = motion * factors.get("amplitude", 1.0)
+    return pairs, bodies, values, started(plan.traits, pairs, bodies, motion, values[0])
 
 
-def driven(run: Run, factors: Factors) -> Any:
-    """Return the values of the signals at all steps, (steps + 1, D, 2), with factors."""
+def _driven(run: Run, delays: Any = None) -> Any:
+    """Return the values of the signals at all steps, (steps + 1, D, 2), late by delays (D,)."""
     network = run.network
-    if "delay" in factors:
-        late = zip(network.drives, factors["delay"], strict=True)
+    if delays is not None:
+        late = zip(network.drives, delays, strict=True)
         network = replace(network, drives=tuple(replace(each, signal=_delayed(each.signal, by)) for each, by in late))
-    values = jnp.asarray(signals(network, run.step, 0, run.samples * run.every + 1))
-    return values * jnp.asarray(factors.get("drives", jnp.ones(len(network.drives))))[:, None]
+    return signals(network, run.step, 0, run.samples * run.every + 1)
 
 
 def _delayed(signal: Callable[[Any], Any], by: Any) -> Callable[[Any], Any]:
@@ -120,17 +169,16 @@ def _delayed(signal: Callable[[Any], Any], by: Any) -> Callable[[Any], Any]:
     return late
 
 
-def varied(network: Network, arrays: Arrays, bodies: Bodies, factors: Factors) -> tuple[Arrays, Bodies]:
+def varied(traits: Traits, given: Given, factors: Factors) -> tuple[Arrays, Bodies]:
     """Return the numbers of pairs and spheres with factors."""
-    count, still = len(network.position), jnp.zeros(len(network.walls))
+    arrays, bodies, count, still = given.arrays, given.bodies, len(traits.position), jnp.zeros(len(traits.walls))
     radius, density = (jnp.asarray(factors.get(name, 1.0)) * jnp.ones(count) for name in ("radius", "density"))
     lighter = 1 / (radius**3 * density)
-    ways, turns = [lighter] * network.dimension, [lighter / radius**2] * (network.freedoms - network.dimension)
+    ways, turns = [lighter] * traits.dimension, [lighter / radius**2] * (traits.freedoms - traits.dimension)
     first, second, radii = arrays["first"], arrays["second"], arrays["radii"]
     larger = radii * jnp.stack([radius[first], jnp.concatenate([radius, still])[second]])
     wider = _curvature(radii) / _curvature(larger)
-    free = jnp.ones(count) if network.held is None else 1.0 - jnp.asarray(network.held)
-    light = jnp.concatenate([free * lighter / jnp.asarray(network.mass), still])
+    light = jnp.concatenate([lighter * given.lightness, still])
     both = light[first] + light[second]
     normal, shear = (factors.get(name, 1.0) for name in ("normal_stiffness", "shear_stiffness"))
     arrays = arrays | {
@@ -151,13 +199,13 @@ def _curvature(radii: Any) -> Any:
     return 1 / radii[0] + jnp.where(flat, 0.0, 1 / jnp.where(flat, 1.0, radii[1]))
 
 
-def started(network: Network, pairs: Pairs, bodies: Bodies, motion: Any, values: Any) -> Carried:
+def started(network: Traits, pairs: Pairs, bodies: Bodies, motion: Any, values: Any) -> Carried:
     """Return what the first step begins with, of a motion after the straight way without forces from rest."""
     half = network.freedoms
     way = meetings(network, [*motion[:half], *motion[:half]], pairs, pairs.overlap > pairs.normal.end)
     memory = scaled(way.stiffness, way.slip_rate) if network.law == "incremental" else way.slip_rate
     met = meetings(network, moved(network, bodies, values, list(motion)), pairs, way.closed)
-    now = acting(network, pairs, met, scaled(met.closed, memory))
+    now = acting(network, pairs, met, scaled(met.closed, memory), stepped=True)
     loads = pushed(network, bodies, values, resultants(pairs, now))
     slips = combined(scaled(met.closed, memory), met.tangents.along)
     return Carried(tuple(motion), slips, met.closed, times(loads, bodies.mobility))

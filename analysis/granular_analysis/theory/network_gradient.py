@@ -32,8 +32,8 @@ from jax import numpy as jnp
 from numpy.typing import NDArray
 
 from granular_analysis.theory.errors import TheoryError
-from granular_analysis.theory.network import Network
-from granular_analysis.theory.network_factors import Factors, Run, prepared
+from granular_analysis.theory.network import Traits
+from granular_analysis.theory.network_factors import Factors, Given, Plan, Run, prepared
 from granular_analysis.theory.network_state import Pairs, with_walls
 from granular_analysis.theory.network_tangents import combined, dot, less, scaled
 from granular_analysis.theory.network_traced import on_device
@@ -87,7 +87,7 @@ class _Looks(NamedTuple):
         )
 
 
-def _look(network: Network, pairs: Pairs, now: Carried) -> _Looks:
+def _look(network: Traits, pairs: Pairs, now: Carried) -> _Looks:
     """Return what contacts and spheres do at one moment; nothing has a slope by it."""
     now = lax.stop_gradient(now)
     there = seen(network, pairs, now)
@@ -97,10 +97,10 @@ def _look(network: Network, pairs: Pairs, now: Carried) -> _Looks:
     return lax.stop_gradient(_Looks(least, there.closed, there.closed, share, jnp.max(jnp.stack(far))))
 
 
-def _power(run: Run, pairs: Pairs, now: Carried) -> Any:
+def _power(network: Traits, pairs: Pairs, now: Carried, contacts: Any) -> Any:
     """Return the power (C,) through the contacts that are recorded."""
-    network, dimension = run.network, run.network.dimension
-    if not len(run.contacts):
+    dimension = network.dimension
+    if not len(contacts):
         return jnp.zeros(0)
     there = seen(network, pairs, now)
     pull = less(combined(there.shear, there.tangents.along), scaled(there.repulsion, there.normal))
@@ -110,17 +110,17 @@ def _power(run: Run, pairs: Pairs, now: Carried) -> Any:
         speed = [row[end] for row in rates]
         lever = arm - pairs.shortened * there.overlap
         gains.append(dot(force, speed[:dimension]) + lever * dot(there.twist, speed[dimension:]))
-    return ((gains[1] - gains[0]) / 2)[np.asarray(run.contacts)]
+    return ((gains[1] - gains[0]) / 2)[contacts]
 
 
-def _marched(run: Run, factors: Factors) -> tuple[Record, tuple[_Looks, _Looks]]:
+def _marched(plan: Plan, given: Given, factors: Factors) -> tuple[Record, tuple[_Looks, _Looks]]:
     """Return the record of a run, and what was seen at its begin and until its end."""
-    network, spheres = run.network, jnp.asarray(run.spheres)
-    pairs, bodies, values, begin = prepared(run, factors)
+    network, samples, every, _ = plan
+    pairs, bodies, values, begin = prepared(plan, given, factors)
     again = partial(jax.checkpoint, prevent_cse=False)  # which is for no scan
 
     def noted(now: Carried) -> tuple[Any, Any]:
-        return jnp.stack([row[spheres] for row in now.motion]), _power(run, pairs, now)
+        return jnp.stack([row[given.spheres] for row in now.motion]), _power(network, pairs, now, given.contacts)
 
     def one(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], None]:
         now, looks = carry
@@ -128,8 +128,8 @@ def _marched(run: Run, factors: Factors) -> tuple[Record, tuple[_Looks, _Looks]]
         return (now, looks.with_more(_look(network, pairs, now))), None
 
     # The way back holds the start of each part, and of each step of the part that it runs again
-    many, few = _part(run.samples, run.every)
-    whole = few == run.every
+    many, few = _part(samples, every)
+    whole = few == every
 
     def few_steps(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], None]:
         return lax.scan(again(one), carry, at)[0], None
@@ -141,16 +141,16 @@ def _marched(run: Run, factors: Factors) -> tuple[Record, tuple[_Looks, _Looks]]
     def many_samples(carry: tuple[Carried, _Looks], at: Any) -> tuple[tuple[Carried, _Looks], Any]:
         return lax.scan(sample, carry, at)
 
-    shape = run.samples // many, many, run.every // few, few, *values.shape[1:]
+    shape = samples // many, many, every // few, few, *values.shape[1:]
     first = _look(network, pairs, begin)
     (_, last), found = lax.scan(
         again(many_samples) if whole else many_samples, (begin, first), values[1:].reshape(shape)
     )
     rows = [
-        jnp.concatenate([now[None], later.reshape(run.samples, *now.shape)])
+        jnp.concatenate([now[None], later.reshape(samples, *now.shape)])
         for now, later in zip(noted(begin), found, strict=True)
     ]
-    return Record(run.step * run.every * jnp.arange(run.samples + 1), *rows), (first, last)
+    return Record(bodies.step * every * jnp.arange(samples + 1), *rows), (first, last)
 
 
 def _part(samples: int, every: int) -> tuple[int, int]:
@@ -176,29 +176,29 @@ def _divisors(number: int) -> list[int]:
 _recorded = partial(jax.jit, static_argnums=0)(_marched)
 
 
-def _number(run: Run, objective: Objective) -> Callable[[Factors], tuple[Any, tuple[_Looks, _Looks]]]:
+def _number(plan: Plan, objective: Objective, given: Given) -> Callable[[Factors], tuple[Any, tuple[_Looks, _Looks]]]:
     """Return what reads a number off the record of factors, beside what was seen."""
 
     def number(factors: Factors) -> tuple[Any, tuple[_Looks, _Looks]]:
-        found, looks = _marched(run, factors)
+        found, looks = _marched(plan, given, factors)
         return objective(found), looks
 
     return number
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _value_and_slope(run: Run, objective: Objective, factors: Factors) -> Any:
-    return jax.value_and_grad(_number(run, objective), has_aux=True)(factors)
+def _value_and_slope(plan: Plan, objective: Objective, given: Given, factors: Factors) -> Any:
+    return jax.value_and_grad(_number(plan, objective, given), has_aux=True)(factors)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _along(run: Run, objective: Objective, factors: Factors, direction: Factors) -> Any:
-    return jax.jvp(_number(run, objective), (factors,), (direction,), has_aux=True)
+def _along(plan: Plan, objective: Objective, given: Given, factors: Factors, direction: Factors) -> Any:
+    return jax.jvp(_number(plan, objective, given), (factors,), (direction,), has_aux=True)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _slope_along(run: Run, objective: Objective, factors: Factors, direction: Factors) -> Any:
-    return jax.jvp(jax.grad(_number(run, objective), has_aux=True), (factors,), (direction,), has_aux=True)
+def _slope_along(plan: Plan, objective: Objective, given: Given, factors: Factors, direction: Factors) -> Any:
+    return jax.jvp(jax.grad(_number(plan, objective, given), has_aux=True), (factors,), (direction,), has_aux=True)
 
 
 def record(run: Run, factors: Factors) -> Record:
@@ -209,7 +209,7 @@ def record(run: Run, factors: Factors) -> Record:
     TheoryError
         For spheres that move so far that others may touch.
     """
-    found, looks = _recorded(run, on_device(dict(factors)))
+    found, looks = _recorded(run.plan(factors), run.given, on_device(dict(factors)))
     _refuse(_events(run, *looks), kinks=True)
     return Record(*map(np.asarray, found))
 
@@ -234,14 +234,18 @@ def gradient(
     TheoryError
         For such a run without `kinks`, and for spheres that move so far that others may touch.
     """
-    (value, looks), slope = _value_and_slope(run, objective, on_device(dict(factors)))
+    (value, looks), slope = _value_and_slope(run.plan(factors), objective, run.given, on_device(dict(factors)))
     _refuse(_events(run, *looks), kinks)
     return float(value), _by_name(slope)
 
 
 def bytes_of_gradient(run: Run, objective: Objective, factors: Factors) -> int:
     """Return the memory that `gradient` takes on the device beside what it is given, as its compiled program says."""
-    found: Any = _value_and_slope.lower(run, objective, on_device(dict(factors))).compile().memory_analysis()
+    found: Any = (
+        _value_and_slope.lower(run.plan(factors), objective, run.given, on_device(dict(factors)))
+        .compile()
+        .memory_analysis()
+    )
     return int(found.temp_size_in_bytes)
 
 
@@ -252,7 +256,9 @@ def derivative(
 
     Other parameters, and what is refused, as of `gradient`.
     """
-    value, slope, looks = _along(run, objective, on_device(dict(factors)), on_device(dict(direction)))
+    value, slope, looks = _along(
+        run.plan(factors), objective, run.given, on_device(dict(factors)), on_device(dict(direction))
+    )
     _refuse(_events(run, *looks), kinks)
     return value, slope
 
@@ -264,7 +270,9 @@ def hessian_product(
 
     Other parameters, and what is refused, as of `gradient`.
     """
-    slope, change, looks = _slope_along(run, objective, on_device(dict(factors)), on_device(dict(direction)))
+    slope, change, looks = _slope_along(
+        run.plan(factors), objective, run.given, on_device(dict(factors)), on_device(dict(direction))
+    )
     _refuse(_events(run, *looks), kinks)
     return _by_name(slope), _by_name(change)
 
@@ -312,7 +320,7 @@ class Events(NamedTuple):
 
 def events(run: Run, factors: Factors) -> Events:
     """Return which contacts opened, closed or slid in a run, and how near others were."""
-    return _events(run, *_recorded(run, on_device(dict(factors)))[1])
+    return _events(run, *_recorded(run.plan(factors), run.given, on_device(dict(factors)))[1])
 
 
 def _events(run: Run, first: _Looks, last: _Looks) -> Events:

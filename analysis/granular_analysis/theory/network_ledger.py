@@ -22,13 +22,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_state import Contacts, Pairs, State, present, slip
 from granular_analysis.theory.network_tangents import dot, module_of, quotient
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,23 +14,39 @@ from numpy.typing import NDArray
 
 from granular_analysis.theory import loops
 from granular_analysis.theory.network import Network
-from granular_analysis.theory.network_state import State, damping_ratio
+from granular_analysis.theory.network_state import Pairs, State, damping_ratio
 
 Floats = NDArray[np.float64]
 Acting = Callable[[Floats, Floats, Floats, Floats], tuple[float, bool]]
 
 
-class _Contacts(ctypes.Structure):
+class Contacts(ctypes.Structure):
     """`Contacts` of loops.c, and the arrays that it points to, which live as long."""
 
     arrays: list[NDArray[Any]]
     _fields_ = [
         *((name, ctypes.c_ssize_t) for name in ("spheres", "pairs", "dimension")),
         *((name, ctypes.c_ssize_t) for name in ("jkr", "incremental", "shear", "adheres")),
-        *((name, ctypes.c_double) for name in ("friction", "viscosity", "loss")),
+        *((name, ctypes.c_double) for name in ("friction", "viscosity", "loss", "step")),
         *((name, ctypes.c_void_p) for name in ("first", "second", "apart", "length", "overlap", "radii", "shortened")),
         *((name, ctypes.c_void_p) for name in ("mass", "A", "B", "F", "frame", "begun")),
     ]
+
+
+def contacts_of(network: Network, pairs: Pairs, begun: NDArray[np.bool_], step: float = 0.0) -> Contacts:
+    """Return what the loops take of pairs and of whether they touch, for steps of velocity Verlet or, with 0, none."""
+    ends = (pairs.first, pairs.second, pairs.apart, pairs.length, pairs.overlap, pairs.radii, pairs.shortened)
+    arrays = [np.ascontiguousarray(each) for each in (*ends, pairs.mass, pairs.A, pairs.B, pairs.F, pairs.frame, begun)]
+    data = Contacts(
+        *(len(network.position), len(pairs.first), network.dimension),
+        *(("dmt", "jkr").index(network.adhesion), network.law == "incremental", network.shear, network.adheres),
+        *(network.friction, network.viscosity),
+        -1.0 if network.restitution is None else sqrt(5) * damping_ratio(network.restitution),
+        step,
+        *map(loops.address, arrays),
+    )
+    data.arrays = arrays
+    return data
 
 
 def contact_loop(network: Network, state: State) -> Acting | None:
@@ -40,20 +56,10 @@ def contact_loop(network: Network, state: State) -> Acting | None:
     and whether the motion is settled: no contact slides, has begun or ended, or has yet to forget its slip. Pairs, and
     whether they had begun to touch, are those of `state`.
     """
-    loop, pairs = loops.library(), state.pairs
+    loop = loops.library()
     if loop is None:
         return None
-    ends = (pairs.first, pairs.second, pairs.apart, pairs.length, pairs.overlap, pairs.radii, pairs.shortened)
-    numbers = (pairs.mass, pairs.A, pairs.B, pairs.F, pairs.frame, state.begun)
-    arrays = [np.ascontiguousarray(each) for each in (*ends, *numbers)]
-    data = _Contacts(
-        *(len(network.position), len(pairs.first), network.dimension),
-        *(("dmt", "jkr").index(network.adhesion), network.law == "incremental", network.shear, network.adheres),
-        *(network.friction, network.viscosity),
-        -1.0 if network.restitution is None else sqrt(5) * damping_ratio(network.restitution),
-        *map(loops.address, arrays),
-    )
-    data.arrays = arrays
+    data = contacts_of(network, state.pairs, state.begun)
 
     def acting(motion: Floats, memory: Floats, load: Floats, memory_rate: Floats) -> tuple[float, bool]:
         changes = ctypes.c_ssize_t()

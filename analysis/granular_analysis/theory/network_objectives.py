@@ -4,7 +4,7 @@ Each is a function of a `Record` and of what it asks for, by ``jax.numpy``; ``fu
 
     gradient(run, partial(amplitude, row=0, places=places, wavevector=(0.0, 0.8), frequency=1.2), factors)
 
-A partial function is compiled with the run, so make it once and hand it on.
+A partial function is compiled once for all runs of equal traits and shapes, so make it once and hand it on.
 """
 
 from typing import Any

@@ -295,8 +295,13 @@ def meetings(network: Network | Traits, motion: Vector, pairs: Pairs, begun: Boo
     )
 
 
-def acting(network: Network | Traits, pairs: Pairs, met: Meetings, memory: Vector) -> Contacts:
-    """Return the forces of pairs that meet so, and the rate of their memory, of d − 1 parts."""
+def acting(
+    network: Network | Traits, pairs: Pairs, met: Meetings, memory: Vector, *, stepped: bool = False
+) -> Contacts:
+    """Return the forces of pairs that meet so, and the rate of their memory, of d − 1 parts.
+
+    With `stepped`, a contact that has no slip yet and slides by its dashpot alone has no shear force, as in LAMMPS.
+    """
     xp = module_of(met.overlap)
     frame, closed, slip_rate = met.tangents, met.closed, met.slip_rate
     spring: Vector
@@ -308,7 +313,8 @@ def acting(network: Network | Traits, pairs: Pairs, met: Meetings, memory: Vecto
         spring, memory_rate = scaled(met.stiffness, memory), slip_rate
     repulsion = pairs.normal.repulsion(met.overlap, met.radius, closed)
     shear, limit = spring, repulsion + 2 * pairs.normal.pull * pairs.F
-    if network.viscosity or network.restitution is not None:
+    damped = network.viscosity or network.restitution is not None
+    if damped:
         dashpot = pairs.damping * dashpots(network, pairs, met.radius)
         repulsion = repulsion - dashpot * dot(met.normal, met.rate)
         shear = plus(spring, scaled(network.shear * dashpot, slip_rate))
@@ -318,6 +324,10 @@ def acting(network: Network | Traits, pairs: Pairs, met: Meetings, memory: Vecto
         size = length(wanted)
         slides = size > limit
         shear = scaled(quotient(limit, size, slides, 1.0), wanted)
+        if stepped and damped:
+            slips = length(memory) > 0
+            shear = scaled(slips | ~slides, shear)
+            slides = slides & slips
         # What slides keeps the slip with which spring and dashpot together have the limit
         left = less(shear, less(wanted, spring))
         spring = tuple(xp.where(slides, after, before) for after, before in zip(left, spring, strict=True))
@@ -390,16 +400,19 @@ def start(
     return loaded(network, motion.reshape(-1, count))
 
 
-def loaded(network: Network, motion: Floats) -> State:
-    """Return the state of a motion (2f, N) after the straight way of `start`."""
+def loaded(network: Network, motion: Floats, rate: float = 0.0) -> State:
+    """Return the state of a motion (2f, N) after the straight way of `start`.
+
+    rate : 1 over the time that the way takes, for dashpots of contacts that slide on it; 0 if none resists.
+    """
     dimension = network.dimension
-    places, rates = np.split(motion, 2)
+    places, _ = np.split(motion, 2)
     pairs = search(network, places[:dimension])
     way = np.concatenate([places, places])  # the way in one unit of time, as a velocity
     begun = pairs.overlap > pairs.normal.end
     arrived = contacts(network, way, pairs, np.zeros((dimension - 1, len(pairs.first))), begun)
-    still = np.concatenate([places, 0 * rates])  # so slow a way that no dashpot resists it
-    moved = settled(network, State(still, pairs, np.array(arrived.memory_rate), begun))
+    slow = np.concatenate([places, rate * places])
+    moved = settled(network, State(slow, pairs, np.array(arrived.memory_rate), begun))
     return settled(network, replace(moved, motion=motion))
 
 
@@ -415,7 +428,8 @@ def slip(now: Contacts) -> Vector:
 
 def settled(network: Network, state: State) -> State:
     """Return the state without the slip of contacts that are open, or beyond the limit of friction."""
-    now = present(network, state)
+    met = meetings(network, state.motion, state.pairs, state.begun)
+    now = acting(network, state.pairs, met, state.shear, stepped=True)
     if network.law == "incremental":
         return replace(state, shear=np.array(now.spring), begun=now.closed)
     kept = tuple(

@@ -165,7 +165,8 @@ def begun(network: Network, state: State, bodies: Bodies) -> Carried:
     """Return what the first step begins with: the forces of a state, with its velocities."""
     (values,) = signals(network, bodies.step, 0, 1)
     motion = np.array(moved(network, bodies, values, state.motion))
-    now = present(network, replace(state, motion=motion))
+    met = meetings(network, motion, state.pairs, state.begun)
+    now = acting(network, state.pairs, met, state.shear, stepped=True)
     slips = combined(np.where(now.closed, state.shear, 0.0), now.tangents.along)
     loads = pushed(network, bodies, values, resultants(state.pairs, now))
     return Carried(tuple(state.motion), slips, now.closed, times(loads, network.mobility))
@@ -184,7 +185,7 @@ def stepped(network: Network | Traits, pairs: Pairs, bodies: Bodies, before: Car
     met = meetings(network, half, pairs, before.begun)
     rate = scaled(met.stiffness, met.slip_rate) if network.law == "incremental" else met.slip_rate
     memory = scaled(met.closed, plus(_turned(before.memory, met), scaled(step, rate)))
-    now = acting(network, pairs, met, memory)
+    now = acting(network, pairs, met, memory, stepped=True)
     if network.law == "incremental":
         memory = now.spring
     elif network.friction < np.inf:
@@ -206,13 +207,13 @@ def _turned(vector: Vector, met: Meetings) -> Vector:
     """Return the parts of vectors along the tangents, with the lengths that the vectors had."""
     parts = tuple(dot(vector, each) for each in met.tangents.along)
     left = length(parts)
-    return scaled(quotient(length(vector), left, left > 0, 0.0), parts)
+    return scaled(quotient(length(vector), left, left > 0, 1.0), parts)  # 1: the slope where there is no slip
 
 
 def seen(network: Network | Traits, pairs: Pairs, now: Carried) -> Contacts:
     """Return the contacts at the end of a step, with its velocities."""
     met = meetings(network, now.motion, pairs, now.begun)
-    return acting(network, pairs, met, [dot(now.memory, each) for each in met.tangents.along])
+    return acting(network, pairs, met, [dot(now.memory, each) for each in met.tangents.along], stepped=True)
 
 
 def slip_ratios(network: Network | Traits, pairs: Pairs, there: Contacts) -> Floats:
@@ -247,6 +248,11 @@ def extremes(network: Network | Traits, pairs: Pairs, now: Carried, rested: Any,
         xp.max(xp.where(closed, slip_ratios(network, pairs, there), 0.0), initial=0.0),
         xp.sqrt(sum(each * each for each in turning)),
     )
+
+
+def arrays_of(pairs: Pairs) -> Pairs:
+    """Return what `extremes` takes of pairs."""
+    return pairs
 
 
 def taken(rows: Vector, spheres: NDArray[np.int64]) -> Floats:

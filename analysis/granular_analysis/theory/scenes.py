@@ -80,7 +80,7 @@ def declared(key: str, value: Any) -> str:
 def need_wave(scene: Scene) -> None:
     """Raise ValueError for a scene of strikers or a state alone."""
     if scene.wave is None:
-        raise TheoryError("wave: missing table; this theory is of scenes with a wave")
+        raise TheoryError("wave: missing table; this theory needs a wave")
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +222,7 @@ class Setting:
             return sphere.static_overlap
         if sphere.adhesion_law != "dmt":
             varied = ", ".join(sorted(self.numbers.keys() & CONTACT))
-            raise TheoryError(f"sphere.adhesion_law = {sphere.adhesion_law!r} allows to vary no {varied}; 'dmt' does")
+            raise TheoryError(f"{varied}: must not vary with adhesion_law = {sphere.adhesion_law!r}; take 'dmt'")
         radius, modulus, ratio, adhesion, pressed = (self.number(key) for key in CONTACT)
         hertz = 2 / 3 * modulus / (1 - ratio**2) * np.sqrt(radius / 2)
         pull, stiffness = np.pi * adhesion * radius, self.scene.contact.normal_stiffness  # 2πw Rc, Rc = R/2

@@ -237,7 +237,7 @@ class Coupled:
         k = padded(wavevector)
         fastest = np.minimum(self.substrate.cutoff * np.linalg.norm(k, axis=-1) * (1 - 1e-12), below)
         if not np.isfinite(fastest).all():
-            raise ValueError("the guided waves of a plate have no end: give the frequency below which they are asked")
+            raise ValueError("a plate has infinitely many guided waves: give the frequency below which to find them")
         matrix, held = self._at(k)(fastest)
         counts = held + np.sum(np.linalg.eigvalsh(_hermitian(matrix)) < 0, axis=-1)
         numbers = np.arange(counts.max(initial=0))

@@ -111,9 +111,9 @@ def changes_by_mass(rows: Rows, frequency: float, name: str) -> Floats:
     motion = np.linalg.solve(whole, source)
     result = np.zeros(len(rows.mass))
     for _, flux, amplitude in behind.leaving:
-        heard = np.zeros(ends[-1], dtype=complex)
-        heard[ends[-2] :] = amplitude
-        pushed = np.linalg.solve(whole.T, heard) * frequency**2 * np.concatenate(rows.mass) * motion
+        outgoing = np.zeros(ends[-1], dtype=complex)
+        outgoing[ends[-2] :] = amplitude
+        pushed = np.linalg.solve(whole.T, outgoing) * frequency**2 * np.concatenate(rows.mass) * motion
         here = (amplitude @ motion[ends[-2] :]).conj()
         result += 2 * flux / incident.flux * np.real(here * np.add.reduceat(pushed, ends[:-1]))
     return result

@@ -43,7 +43,7 @@ _TURNS = 60  # Newton steps to a resonance
 
 
 class Spot(NamedTuple):
-    """A crystal, the wave vector (3,) of the wave number 1, and the length in which amplitudes are told."""
+    """A crystal, the wave vector (3,) of the wave number 1, and the length in which amplitudes are given."""
 
     crystal: Crystal
     unit: NDArray[Any]

@@ -223,7 +223,7 @@ def notes(record: Record, wave: Wave | None, reference: Reference) -> list[str]:
         loud.append(f"no theory of a plane wave holds {', '.join(beyond(wave))}: the run is compared with {instead}")
     echo = record.scene.echo_time
     if record.tau[-1] > echo and reference.name != NETWORK:
-        loud.append(f"the walls are heard from tau = {echo:.4g} on; the theory is that of the infinite lattice")
+        loud.append(f"echoes of the walls arrive from tau = {echo:.4g} on; the theory is that of the infinite lattice")
     return loud
 
 

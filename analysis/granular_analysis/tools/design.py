@@ -99,7 +99,7 @@ class Question:
             for end in () if key == "wave.direction" else (low, high):
                 self.scene.with_values({key: end})  # the scene knows which numbers are allowed
         if self.goal == "frequency" and self.least:
-            raise ValueError("--least: must be left out for --best frequency, which is met or missed")
+            raise ValueError("--least: must be left out for --best frequency, which is a value to reach")
         if self.goal == "frequency" and not 0 < self.at < np.inf:
             raise ValueError(f"--at {self.at:g}: must be the frequency of the wave, above 0 Hz")
         if self.goal == "gap" and not 0 < self.branch < (count := len(self.place(self._low).crystal.mass) * 3):
@@ -150,7 +150,7 @@ class Question:
         if scene.packing.lattice != "hexagonal" or scene.direction != 90 or not scene.inclusion:
             raise ValueError("passing is of a wave along y at [[inclusion]] of rows in a hexagonal crystal")
         if other := [key for key in self.keys if not key.endswith(".density")]:
-            raise ValueError(f"passing knows no derivative by {', '.join(other)}; vary densities")
+            raise ValueError(f"passing has no derivative by {', '.join(other)}; vary densities")
         owners = np.zeros(scene.shape.rows, dtype=int)
         for number, each in enumerate(scene.inclusion, 1):
             differs = sorted(name for name, value in vars(each).items() if value != getattr(type(each)(), name))

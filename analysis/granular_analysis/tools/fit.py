@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_STRONG = 0.99  # correlation that is told
-_FAR = 5.0  # residual that is told
-_MOVED = 100.0  # factor between a key and its start that is told
-_UNLIKELY = 1e3  # χ² a degree of freedom, and its inverse, that are told
+_STRONG = 0.99  # correlation that is reported
+_FAR = 5.0  # residual that is reported
+_MOVED = 100.0  # factor between a key and its start that is reported
+_UNLIKELY = 1e3  # χ² a degree of freedom, and its inverse, that are reported
 _LINES = 200  # wave numbers of a branch in the figure
 
 
@@ -84,13 +84,13 @@ def _verdict(fitted: Fitted) -> list[str]:
     elif found.freedom:
         said = [f"chi2 = {found.chi_squared:.4g} a degree of freedom, of {found.freedom}"]
     else:
-        said = ["as many keys as points: the points do not judge the model"]
+        said = ["as many keys as points: the points cannot test the model"]
     said += _unlikely(fitted)
     worst = int(np.argmax(np.abs(found.residuals)))
     if abs(found.residuals[worst]) > _FAR:
         said.append(
             f"line {fitted.fit.points[worst].line} is {abs(found.residuals[worst]):.0f} standard deviations off: "
-            "another branch, another model, or a start too far away"
+            "try another branch, another model or a nearer start"
         )
     for group in found.blind:
         keys = ", ".join(group)
@@ -99,7 +99,7 @@ def _verdict(fitted: Fitted) -> list[str]:
     for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
         correlation = found.correlations[i, j]
         if abs(correlation) > _STRONG:
-            said.append(f"{names[i]} and {names[j]} are hardly told apart: correlation {correlation:.4f}")
+            said.append(f"{names[i]} and {names[j]} can hardly be told apart: correlation {correlation:.4f}")
         elif np.isfinite(correlation):
             said.append(f"correlation of {names[i]} and {names[j]}: {correlation:.2f}")
     return said
@@ -214,7 +214,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     changes_argument(parser, "sphere.poisson_ratio=0.3")
     parser.add_argument("--free", nargs="+", required=True, metavar="KEY", help="keys of the scene that are fitted")
     parser.add_argument(
-        "--loss", choices=LOSSES, default="linear", help="linear: least squares; the others weigh outliers down"
+        "--loss", choices=LOSSES, default="linear", help="linear: least squares; the others give outliers less weight"
     )
     parser.add_argument("-o", "--output", metavar="FIGURE", help="draw points, fit and residuals: PNG, PDF or SVG")
     parser.add_argument("--json", metavar="FILE", help="write all of the answer as JSON")

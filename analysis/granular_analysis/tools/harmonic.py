@@ -4,11 +4,11 @@
     granular-analysis harmonic SWEEP_OVER_PHASES
     granular-analysis harmonic SCENE --seeds N [-o FOLDER] [--json FILE]
 
-A scene, a file or the name of a shipped one, and a run are told by the first of three ways that holds them: the theory
-of second order of a perfect crystal or layers; the second order of the cell of its spheres; their network. The latter
-two begin from the first snapshot of a run; of a scene, one sample is run for it. ``--by`` asks for one of the three. Of
-a sweep over six or more values of ``wave.phase``, or of its runs, it is measured in the snapshots by least squares.
-`granular_analysis.measure.harmonic` says what is meant, and what the errors are.
+A scene, a file or the name of a shipped one, and a run are treated by the first of three ways that holds them: the
+theory of second order of a perfect crystal or layers; the second order of the cell of its spheres; their network. The
+latter two begin from the first snapshot of a run; of a scene, one sample is run for it. ``--by`` asks for one of the
+three. Of a sweep over six or more values of ``wave.phase``, or of its runs, it is measured in the snapshots by least
+squares. `granular_analysis.measure.harmonic` says what is meant, and what the errors are.
 
 ``--seeds`` runs a disordered scene with N seeds, and its perfect crystal, and prints the mean over the seeds beside
 that of equal spheres (`granular_analysis.measure.disordered`).
@@ -52,7 +52,7 @@ def harmonic(targets: Sequence[str], by: str | None = None, changes: Mapping[str
         raise ValueError(f"--set {next(iter(changes))}: changes a scene, and a run has its own")
     if len(folders) > 1:
         if by:
-            raise ValueError(f"--by {by} is of one scene or run, not of {len(folders)}")
+            raise ValueError(f"--by {by} takes one scene or run, not {len(folders)}")
         return by_runs([load(folder) for folder in folders])
     if not (folders[0] / STATUS).is_file():
         return _of_scene(Scene.load(targets[0], changes), by)
@@ -153,7 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("targets", nargs="+", metavar="SCENE_OR_RUN", help="a scene, a run, or runs of several phases")
     changes_argument(parser, "wave.amplitude=0.05")
-    parser.add_argument("--by", choices=("theory", "cell", "network"), help="this way, not the first that holds it")
+    parser.add_argument("--by", choices=("theory", "cell", "network"), help="which way (default: the first that holds)")
     parser.add_argument(
         "--seeds", metavar="N", type=int, help="run a disordered scene with N seeds: the mean over them"
     )

@@ -1,17 +1,18 @@
 """Run a scene without LAMMPS: its deck, stepped as LAMMPS steps it, by the network of its spheres.
 
-    granular-analysis network SCENE [-o RUN] [--device cpu|gpu] [--step TAU | --tolerance SHARE]
+    granular-analysis network SCENE [-o RUN] [--device cpu|jax|gpu] [--step TAU | --tolerance SHARE]
     granular-analysis network SCENE --over KEY=VALUES [--workers N] [-o SWEEP]
     granular-analysis network --resume RUN
 
 The run folder is one of ``granular-lmp run``, with the same record to rounding: ``granular-lmp view``, ``export`` and
-``front`` and ``granular-analysis compare`` read it. JAX takes the steps if it is installed (``granular-lmp[jax]``),
-NumPy without it, and ``run.json`` says which in ``device``.
+``front`` and ``granular-analysis compare`` read it. Compiled loops take the steps on one core, or NumPy where there is
+no C compiler; JAX (``granular-lmp[jax]``) takes them on all cores or on a card. ``device`` of ``run.json`` says which.
 """
 
 import argparse
+from dataclasses import replace
 
-from granular_analysis.measure.stepping import NetworkEngine, kind_of, sooner
+from granular_analysis.measure.stepping import NetworkEngine, kind_of
 from granular_analysis.theory.errors import TheoryError
 from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.cli.arguments import changes_argument, changes_of, folder_arguments
@@ -28,7 +29,10 @@ def main(argv: list[str] | None = None) -> int:
     changes_argument(parser, "wave.wavenumber=1.2")
     folder_arguments(parser, "run folder (default: runs/NAME), with --over a sweep folder (default: sweeps/NAME)")
     parser.add_argument(
-        "--device", choices=["cpu", "gpu"], default="cpu", help="where the steps are taken; a gpu by JAX"
+        "--device",
+        choices=["cpu", "jax", "gpu"],
+        default="cpu",
+        help="where the steps are taken: on one core, on all cores by JAX, or on a card by JAX",
     )
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--step", type=float, metavar="TAU", help="the time step, time.timestep of the scene")
@@ -52,9 +56,10 @@ def main(argv: list[str] | None = None) -> int:
         given = {"time.timestep": options.step, "time.tolerance": options.tolerance}
         options.changes += [f"{key}={value!r}" for key, value in given.items() if value is not None]
         if options.over:
-            return sweep_of(options, engine=NetworkEngine.on(options.device))
+            at_once = 1 if options.workers == "mpi" else options.workers  # ranks may be on many machines
+            return sweep_of(options, engine=replace(NetworkEngine.on(options.device), at_once=at_once))
         scene = Scene.load(options.scene, changes_of(options))
-        engine = NetworkEngine.on(sooner(options.device, scene))
+        engine = NetworkEngine.on(options.device)
         engine.refuse_larger(scene)
         folder = options.output or f"runs/{scene.name}"
         with interruptible() as progress:

@@ -87,9 +87,9 @@ def outlook(setting: Setting, crystal: Crystal) -> str:
         turns = turned(crystal, waves, [periods])[0]
         slides = f", none slides above a friction of {far.friction:.2g}" if far.friction > SILENT else ""
         opens = _opens(a, far.opening, " or above")
-        return f"{said}{opens}{slides}; third order turns waves by up to {turns:.2g} rad in ten periods"
+        return f"{said}{opens}{slides}; third order shifts phases by up to {turns:.2g} rad in ten periods"
     alone = validity(crystal, setting.mode().times(scene.displacement_amplitude))
-    turns = "" if np.isnan(alone.drift) else f", which third order turns by {alone.drift:.2g} rad a period"
+    turns = "" if np.isnan(alone.drift) else f", whose phase third order shifts by {alone.drift:.2g} rad a period"
     slides = f" and slide below a friction of {alone.friction:.2g}" if alone.friction > SILENT else ""
     opens = _opens(a, alone.opening)
     creeps = f"; slip winds up, and spheres creep by {alone.creep:.2g} of it a period" if alone.creep > SILENT else ""

@@ -145,13 +145,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         film = Film.of(setting, options.density, options.direction, thickness=options.thickness, below=below)
         points, understood = measured(options.data) if options.data else ([], "")
         vectors = wavevectors(setting, points)
-        told = [table(film)] + ([understood, beside(points, film.met(points, vectors))] if points else [])
+        parts = [table(film)] + ([understood, beside(points, film.met(points, vectors))] if points else [])
     at = np.linalg.norm(vectors, axis=1) / np.linalg.norm(film.unit)
     edge = zone_edge(film.coupled.crystal, film.unit) / float(np.linalg.norm(film.unit))
     limit = options.limit or max([min(edge, BEYOND * film.crossing), *(1.05 * at)])
     numbers = limit * np.arange(1, POINTS + 1) / POINTS
     waves = [*film.guided(numbers), *film.leaking(numbers)]
-    print("\n".join(told))
+    print("\n".join(parts))
     save(draw(film, waves, setting.scene.name, points, at), options.output)
     write_csv(Path(options.output).with_suffix(".csv"), Wave._fields, waves)
 

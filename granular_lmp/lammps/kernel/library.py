@@ -214,7 +214,7 @@ def chosen(wanted: bool | None, deck: str) -> bool:
     if wanted is False and alone:
         raise LaunchError(f"{alone}; run it without kernel=False")
     if lack and (wanted or alone):
-        raise LaunchError(f"kernel=True: {lack}; run it without")
+        raise LaunchError(f"kernel=True: {lack}; run it without the kernel")
     if wanted is not None:
         return wanted
     try:
