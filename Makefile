@@ -132,7 +132,7 @@ tested-docs: docs
 
 # Each version keeps its folder; SITE=dev is that of the default branch; PUSH=--push sends gh-pages to its origin. The front
 # door leads to the latest release
-VERSION := $(shell sed -n 's/^__version__ = "\(.*\)"/\1/p' granular_lmp/__init__.py)
+VERSION := $(shell sed -n 's/^__version__ = "\(.*\)"/\1/p' granular_lmp/version.py)
 SITE ?= $(VERSION) latest
 PUSH ?=
 

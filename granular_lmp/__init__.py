@@ -21,6 +21,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from granular_lmp.card import PAINTERS
+from granular_lmp.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from granular_lmp.accuracy.ladder import build as build
@@ -40,8 +41,6 @@ if TYPE_CHECKING:
     from granular_lmp.studies.sweep import sweep as sweep
 
     ImpactRecord, ImpactScene = Record, Scene
-
-__version__ = "0.2.0"
 
 # Loaded on first use: ASE and LAMMPS would otherwise slow down every `granular-lmp --help`.
 _HOMES = {

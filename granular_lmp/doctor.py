@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp import __version__
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.errors import GranularError
 from granular_lmp.frozen import dataclass
@@ -29,6 +28,7 @@ from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.routes import check_machine
 from granular_lmp.studies.forecast import speed
+from granular_lmp.version import __version__
 
 # A TR wave of the paper's spheres, one wavelength in a periodic cell of 12 rows, for three periods.
 SELF_TEST = """

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from granular_lmp import __version__
 from granular_lmp.cli import (
     machine_commands,
     modes_command,
@@ -13,6 +12,7 @@ from granular_lmp.cli import (
 )
 from granular_lmp.cli.arguments import Commands
 from granular_lmp.cli.completion import Parser
+from granular_lmp.version import __version__
 
 # To make the parsers of all commands takes as long as to read and check a scene
 GROUPS = {

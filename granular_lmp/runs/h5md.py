@@ -20,11 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp import __version__
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import in_space
 from granular_lmp.runs.record import Record, optional_package
 from granular_lmp.runs.scales import length_of
+from granular_lmp.version import __version__
 
 NANO = 1e-9  # m in a nm, s in a ns: MDAnalysis knows no larger unit
 TYPES = {"moving": 1, "held": 2}  # as in the data file of the deck

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp import __version__
 from granular_lmp.crystal.lattices import HEXAGONAL
 from granular_lmp.lammps.guard_results import measured, seen_every
 from granular_lmp.lammps.guards import GUARDS, line_interval
@@ -17,6 +16,7 @@ from granular_lmp.problem import Problem
 from granular_lmp.rest.absorption import quiet_end_of, quiet_side
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.seal import scene_digest
+from granular_lmp.version import __version__
 
 
 def description(problem: Problem, edits: list[str], launcher: str, ranks: int) -> dict[str, Any]:
