@@ -166,7 +166,7 @@ def network_of(record: Record, spheres: Spheres, recorded: int) -> FirstSnapshot
     direction = ALONG_Y if scene.wave is None else scene.direction
     state = loaded(network, state.motion, _preloading(scene) / scales.time)
     if not scene.held_at_rest:  # contacts of spheres that just touch begin where they overlap
-        state = settled(network, replace(state, begun=np.zeros_like(state.begun)))
+        state = settled(network, replace(state, begun=np.zeros_like(state.begun)), stepped=True)
     return FirstSnapshot(network, state, recorded, scales, direction)
 
 

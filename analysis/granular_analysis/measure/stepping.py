@@ -95,7 +95,7 @@ class NetworkEngine:
 
     @property
     def by(self) -> str:
-        """What takes the steps."""
+        """Name of what takes the steps: C, JAX or NumPy."""
         return self.device.split(", ")[-1]
 
     @property

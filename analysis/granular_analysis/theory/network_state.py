@@ -412,13 +412,14 @@ def loaded(network: Network, motion: Floats, rate: float = 0.0) -> State:
     begun = pairs.overlap > pairs.normal.end
     arrived = contacts(network, way, pairs, np.zeros((dimension - 1, len(pairs.first))), begun)
     slow = np.concatenate([places, rate * places])
-    moved = settled(network, State(slow, pairs, np.array(arrived.memory_rate), begun))
-    return settled(network, replace(moved, motion=motion))
+    moved = settled(network, State(slow, pairs, np.array(arrived.memory_rate), begun), stepped=True)
+    return settled(network, replace(moved, motion=motion), stepped=True)
 
 
-def present(network: Network, state: State) -> Contacts:
-    """Return the contacts of a state."""
-    return contacts(network, state.motion, state.pairs, state.shear, state.begun)
+def present(network: Network, state: State, *, stepped: bool = False) -> Contacts:
+    """Return the contacts of a state; `stepped` as of `acting`."""
+    met = meetings(network, state.motion, state.pairs, state.begun)
+    return acting(network, state.pairs, met, state.shear, stepped=stepped)
 
 
 def slip(now: Contacts) -> Vector:
@@ -426,10 +427,12 @@ def slip(now: Contacts) -> Vector:
     return tuple(quotient(each, now.stiffness, now.stiffness > 0, 0.0) for each in now.spring)
 
 
-def settled(network: Network, state: State) -> State:
-    """Return the state without the slip of contacts that are open, or beyond the limit of friction."""
-    met = meetings(network, state.motion, state.pairs, state.begun)
-    now = acting(network, state.pairs, met, state.shear, stepped=True)
+def settled(network: Network, state: State, *, stepped: bool = False) -> State:
+    """Return the state without the slip of contacts that are open, or beyond the limit of friction.
+
+    stepped : as of `acting`.
+    """
+    now = present(network, state, stepped=stepped)
     if network.law == "incremental":
         return replace(state, shear=np.array(now.spring), begun=now.closed)
     kept = tuple(

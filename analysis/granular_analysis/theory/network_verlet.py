@@ -165,8 +165,7 @@ def begun(network: Network, state: State, bodies: Bodies) -> Carried:
     """Return what the first step begins with: the forces of a state, with its velocities."""
     (values,) = signals(network, bodies.step, 0, 1)
     motion = np.array(moved(network, bodies, values, state.motion))
-    met = meetings(network, motion, state.pairs, state.begun)
-    now = acting(network, state.pairs, met, state.shear, stepped=True)
+    now = present(network, replace(state, motion=motion), stepped=True)
     slips = combined(np.where(now.closed, state.shear, 0.0), now.tangents.along)
     loads = pushed(network, bodies, values, resultants(state.pairs, now))
     return Carried(tuple(state.motion), slips, now.closed, times(loads, network.mobility))
