@@ -324,7 +324,9 @@ def _drawn(free: NDArray[np.bool_], share: float, seed: int, stream: int, name: 
     order = _stream(seed, stream).permutation(np.flatnonzero(free))
     count = round(share * len(order))
     if not count:
-        raise CrystalError(f"{name} = {share!r}: is less than one of {len(order)} free spheres; must be 0 or larger")
+        raise CrystalError(
+            f"{name} = {share!r}: is less than one of {len(order)} free spheres; must be 0, or one at least"
+        )
     return order[:count]
 
 

@@ -80,7 +80,7 @@ class Scale:
 
 
 def collision_time(mass: float, stiffness: float = 1.0) -> float:
-    """Return how long two spheres touch that meet with the velocity 1 of an impact, T = 3.218 (μ²/(A² v))^{1/5}.
+    """Return how long two spheres touch that meet with the velocity 1 of an impact, T = 3.218 (μ²/A²)^{1/5}.
 
     Parameters
     ----------
