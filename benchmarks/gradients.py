@@ -3,8 +3,8 @@
     python -m benchmarks.gradients [--repeats N] [--largest N]
 
 Packings are the unequal sheets of `benchmarks.device`, and the number is the energy of one sphere's motion. Times are
-processor seconds on one core, or those of the clock on a GPU, of programs that are compiled; what they are told in is a
-run without gradients. Memory is what the compiled program says that it takes beside its arguments. What came out is in
+processor seconds on one core, or those of the clock on a GPU, of programs that are compiled; their unit is a run
+without gradients. Memory is what the compiled program says that it takes beside its arguments. What came out is in
 RESULTS.md.
 """
 
