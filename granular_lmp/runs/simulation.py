@@ -19,16 +19,17 @@ from granular_lmp.lammps.guards import has_looks
 from granular_lmp.lammps.kernel_guards import watched_text
 from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import DUMP, SCENE, SNAPSHOTS, RunLog, mend_dump
+from granular_lmp.problem import Problem
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import manifest
 from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record
 from granular_lmp.runs.routes import Job, log_tail
 
-Judge = Callable[[Record], dict[str, Any]]
+Judge = Callable[[Problem, Record], dict[str, Any]]
 
 
-def nothing_more(_: Record) -> dict[str, Any]:
+def nothing_more(_problem: Problem, _record: Record) -> dict[str, Any]:
     """Return no more entries of ``run.json``."""
     return {}
 
@@ -43,7 +44,7 @@ class Simulation:
     edits : list of str
         Lines by which its text differs from the one that this package writes.
     judge : callable
-        Returns more entries of ``run.json`` from the record of a run that did not fail.
+        Returns more entries of ``run.json`` from the problem and the record of a run that did not fail.
     kernel : bool
         True if the kernel computes the contacts, which then sees them for the guards too.
     """
@@ -161,7 +162,7 @@ class Simulation:
 
     def judged(self, record: Record) -> dict[str, Any]:
         """Return the entries of ``run.json`` of a run that did not fail: what is read off its record."""
-        return readouts_of(record) | self.judge(record)
+        return readouts_of(record) | self.judge(self.deck.problem, record)
 
 
 def _not_finite(record: Record, *, tracked: bool) -> str:

@@ -18,7 +18,6 @@ import pytest
 
 from cases.pull_off import jkr
 from granular_lmp import Scene, build, compiled, run
-from granular_lmp.accuracy.ladder import sphere_steps
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.cli import main
 from granular_lmp.crystal.search import overlapping
@@ -637,7 +636,7 @@ def test_doctor_says_whether_there_is_one(
 
 def test_cost_takes_it_and_keeps_its_runs_apart(small: Scene, tmp_path: Path) -> None:
     made = cost.plan(small, tmp_path / "cost", repeats=1)
-    fastest = min(made.settings, key=lambda setting: sphere_steps(setting.run))
+    fastest = min(made.settings, key=lambda setting: setting.work)
     result = cost.measure(replace(made, settings=[fastest]))
     assert result["kernel"] is True
     runs = list((tmp_path / "cost" / "runs").glob("*/1"))
