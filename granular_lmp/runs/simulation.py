@@ -116,7 +116,7 @@ class Simulation:
 
     def mend(self, folder: Path) -> None:
         """Cut what a stop left of the dumps back to whole records."""
-        mend(folder, self.scene)
+        mend(folder, self.deck.problem)
 
     def collect(self, folder: Path, *, stopped: bool) -> Record:
         """Return the record of a run, finished or not, and write that of a centre sphere to ``trajectory.csv``.
@@ -124,7 +124,7 @@ class Simulation:
         Dumps are mended if the run was stopped or continued, or lost a sphere; to look for it costs more than to read.
         """
         if not (folder / self.dump).exists():
-            return Record.empty(self.scene, folder)
+            return Record.empty(self.deck.problem, folder)
         try:
             record = None if stopped else Record.from_dump(folder, self.scene)
         except RunFolderError:
@@ -156,7 +156,7 @@ class Simulation:
 
     def _monitors_lack(self, folder: Path, expected: int) -> str:
         """Return which file of a monitor lacks records; "" if none does."""
-        names = monitor_files(self.scene)
+        names = monitor_files(self.deck.problem)
         missing = (name for name in names if not is_whole(folder / name, expected, self.steps))
         return next((f"{name} lacks records" for name in missing), "")
 
@@ -176,7 +176,7 @@ def _fewer(record: Record, expected: int) -> str:
     return "" if len(record.tau) == expected else f"{len(record.tau)} records instead of {expected}"
 
 
-def mend(folder: Path, scene: Scene) -> None:
-    """Mend the dumps of a run folder: `mend_dump`, `mend_binary`."""
-    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, SNAPSHOTS, *monitor_files(scene)))):
+def mend(folder: Path, problem: Problem) -> None:
+    """Mend the dumps of the run folder of a problem: `mend_dump`, `mend_binary`."""
+    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, SNAPSHOTS, *monitor_files(problem)))):
         (mend_binary if path.suffix == ".bin" else mend_dump)(path)

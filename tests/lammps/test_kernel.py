@@ -380,7 +380,7 @@ def test_a_checkpoint_is_that_of_lammps(name: str, stop: Callable[..., None], tm
     lock = os.open(other, os.O_RDONLY)
     run_input(other, "in.resume", lock)
     os.close(lock)
-    mend(other, scene)
+    mend(other, prepare(scene))
     assert largest_difference(whole, Record.from_dump(other, scene)) < ROUNDING
 
 
