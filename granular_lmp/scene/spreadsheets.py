@@ -70,14 +70,12 @@ def value_of(cell: str) -> float:
     return float(cell) if _NUMBER.fullmatch(cell) else nan
 
 
-def read(
-    file: str | Path, quantities: Quantities, words: Words, said: str = "", *, largest: int = LARGEST_TABLE
-) -> Table:
+def read(file: str | Path, quantities: Quantities, words: Words, said: str = "") -> Table:
     """Return the table in a file.
 
     Parameters
     ----------
-    file : a regular file of at most `largest` bytes, in UTF-8, UTF-16 with a byte order mark, or Windows-1252.
+    file : a regular file of at most `LARGEST_TABLE` bytes, in UTF-8, UTF-16 with a byte order mark, or Windows-1252.
     quantities : what a column may hold, with its units.
     words : other words and symbols for a quantity.
     said : what the user wrote for the file, if that is not its path.
@@ -88,8 +86,12 @@ def read(
         If the file cannot be read, has no head, or a head or a line is not understood.
     """
     said = said or str(file)
+    return _of_bytes(file_bytes(Path(file), LARGEST_TABLE, said), Heads(quantities, words), said)
+
+
+def _of_bytes(raw: bytes, heads: "Heads", said: str) -> Table:
     try:
-        return _table(_decoded(file_bytes(Path(file), largest, said)), Heads(quantities, words), said)
+        return _table(_decoded(raw), heads, said)
     except (ValueError, csv.Error) as error:
         raise TableError(f"{said}: {one_line(error)}") from None
 
@@ -107,14 +109,16 @@ def numbers(
     SceneError
         As `read` does, for more than `most` rows, or for a cell that is no number.
     """
-    raw = file_bytes(Path(file), largest, said)
+    raw, heads = file_bytes(Path(file), largest, said), Heads(quantities, words)
     if len(raw) - len(raw.translate(None, _BREAKS)) > 2 * most + _LOWEST_HEAD:  # two end a line on some systems
         raise TableError(f"{said}: must have at most {most} rows")
-    if plain := _plain(raw, Heads(quantities, words)):
+    columns: Sequence[Column]
+    lines: Sequence[int]
+    if plain := _plain(raw, heads):
         columns, values = plain
-        lines: Sequence[int] = range(2, 2 + len(values))
+        lines = range(2, 2 + len(values))
     else:
-        table = read(file, quantities, words, said, largest=largest)
+        table = _of_bytes(raw, heads, said)
         columns, lines = table.columns, [line for line, _ in table.rows]
         values = np.array([_values(columns, line, cells, said) for line, cells in table.rows])
         values = values.reshape(-1, len(columns))
