@@ -11,6 +11,7 @@ import json
 import posixpath
 import re
 import tomllib
+from functools import cache
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -73,6 +74,7 @@ def on_files(files: Files, config: Any) -> Files:
 
 def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
     """Fill in the generated tables, and turn links that leave ``docs`` into what the site holds."""
+    page.meta["tags"] = sought().get(page.file.src_uri)  # which the search of the site takes before all else
     if page.parent is None:  # the only page of its tab: no list of pages beside it
         page.meta["hide"] = ["navigation"]
     if "<!-- scene keys -->" in text:
@@ -95,10 +97,23 @@ def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
     return moved_links(text, source.get(page.file.src_uri, f"docs/{page.file.src_uri}"), page.file.src_uri)
 
 
+@cache
+def sought() -> dict[str, list[str]]:
+    """Return what readers look for, by the page that answers it, from the last table of the glossary."""
+    glossary = (ROOT / "docs" / "glossary.md").read_text("utf-8")
+    found: dict[str, list[str]] = {}
+    for line in glossary.partition("| you look for | it is |\n|---|---|\n")[2].splitlines():
+        words, answer = line.strip("| ").split(" | ")
+        for link in _LINK.finditer(answer):
+            found.setdefault(link[3], []).extend(words.split(", "))
+    return found
+
+
 def table_of(text: str) -> str:
-    """Return a CSV file as a table of Markdown."""
+    """Return a CSV file as a table of Markdown, which a search of the site leaves out."""
     head, *rows = ([cell.replace("|", "\\|") for cell in row] for row in csv.reader(text.splitlines()))
-    return "\n".join(f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows))
+    lines = (f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows))
+    return "\n".join(['<div data-search-exclude markdown="1">\n', *lines, "\n</div>"])
 
 
 def notebook_page(notebook: dict[str, Any], title: str) -> str:

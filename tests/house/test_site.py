@@ -113,6 +113,43 @@ def test_no_equation_is_left_as_its_source(site: Path) -> None:
         assert re.findall(r"<m[io]>(?:&|&amp;|\\\\[^<]*)</m[io]>", html) == [], path
 
 
+# The program of the site's search, in Node in place of a browser; it answers a page of results for each question
+SEARCH = """
+const fs = require("fs"), vm = require("vm");
+const [program, index, ...questions] = process.argv.slice(1);
+const answers = [];
+const place = {console, postMessage: (answer) => answers.push(answer)};
+place.self = place;
+place.addEventListener = (_, listener) => { place.ask = listener; };
+vm.runInNewContext(fs.readFileSync(program, "utf8"), place);
+(async () => {
+  await place.ask({data: {type: 0, data: {options: {}, ...JSON.parse(fs.readFileSync(index))}}});
+  for (const data of questions) await place.ask({data: {type: 2, data}});
+  console.log(JSON.stringify(answers.slice(1).map(({data}) => data.items.map((page) => page[0].location))));
+})();
+"""
+NODE = shutil.which("node")
+
+
+def found_first(site: Path, questions: list[str]) -> list[str]:
+    """Return the page, without its section, that a search of the site shows first for each question; "" for none."""
+    if NODE is None:
+        pytest.skip("no Node")
+    (program,) = site.glob("assets/javascripts/workers/search.*.min.js")
+    words = [NODE, "-e", SEARCH, str(program), str(site / "search" / "search_index.json"), *questions]
+    answers = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    return [pages[0].partition("#")[0] if pages else "" for pages in json.loads(answers)]
+
+
+def test_a_search_shows_the_page_that_answers_first(site: Path) -> None:
+    answers = {
+        word: page.replace(".md", "/") for page, words in loaded("site_hooks").sought().items() for word in words
+    }
+    answers |= {"steel": "tutorial/", "wave speed": "crystals/", "zzz": ""}
+    assert dict(zip(answers, found_first(site, [*answers]), strict=True)) == answers
+    assert {"PDMS", "periodic boundary", "group velocity", "friction", "Hertz", "polydisperse"} < answers.keys()
+
+
 # ---------------------------------------------------------------- the site in a browser
 
 WIDTHS = (1280, 390)  # pixels of a window and of a telephone
