@@ -89,6 +89,7 @@ WAVES: dict[str, Settings] = {
         "inclusion": [{"rows": [20, 21], "density": 2500.0}],
         "pair": [{"of": [0, 1], "normal_stiffness": 500.0}],
     },
+    "table": {"packing.table": {"sphere": [12, 13], "density": [2500.0, 1900.0], "normal_stiffness": [1.2, 1.0]}},
 }
 
 IMPACT = ImpactScene.load("point_impact").with_values(
@@ -136,6 +137,7 @@ IMPACTS: dict[str, Settings] = {
     # that meet
     "touching": ADHERE | {"start.touching": True},
     "forces": {"output.forces": True},
+    "table": {"packing.table": {"sphere": [10, 11], "density": [7000.0, 9000.0]}},
 }
 
 

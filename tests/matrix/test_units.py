@@ -33,8 +33,10 @@ RUN = ("impacts, chain", "compressed_chain", "waves, radii", "monolayer_rocking"
 
 
 def texts(scene: Scene) -> dict[str, str]:
-    """Return the files of a deck."""
-    return {name: "".join(pieces) for name, pieces in build(scene).files().items()}
+    """Return the files of a deck; a table of spheres, whose name depends on its values, as "spheres.csv"."""
+    table = scene.packing.table or "spheres.csv"
+    named = {name: "".join(pieces).replace(table, "spheres.csv") for name, pieces in build(scene).files().items()}
+    return {name.replace(table, "spheres.csv"): text for name, text in named.items()}
 
 
 @pytest.mark.parametrize("name", members(SCENES, *list(SCENES)[1::2]))
