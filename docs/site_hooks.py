@@ -11,7 +11,11 @@ import json
 import posixpath
 import re
 import tomllib
+from collections.abc import Iterable
+from functools import cache
 from html import unescape
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 from unicodedata import lookup
@@ -73,17 +77,11 @@ def on_files(files: Files, config: Any) -> Files:
 
 def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
     """Fill in the generated tables, and turn links that leave ``docs`` into what the site holds."""
+    page.meta["tags"] = sought().get(page.file.src_uri)  # which the search of the site takes before all else
     if page.parent is None:  # the only page of its tab: no list of pages beside it
         page.meta["hide"] = ["navigation"]
     if "<!-- scene keys -->" in text:
-        from granular_lmp.scene.json_schema import reference
-
-        text = text.replace("<!-- scene keys -->", reference())
-    if "<!-- impact keys -->" in text:
-        from granular_lmp.scene.json_schema import reference
-        from granular_lmp.scene.without_wave import NOT_HELD
-
-        text = text.replace("<!-- impact keys -->", reference(NOT_HELD))
+        text = text.replace("<!-- scene keys -->", keys_of((ROOT / "docs" / "scene.csv").read_text("utf-8")))
     if "<!-- commands -->" in text:
         text = text.replace("<!-- commands -->", _commands())
     if "<!-- cases -->" in text:
@@ -95,10 +93,36 @@ def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
     return moved_links(text, source.get(page.file.src_uri, f"docs/{page.file.src_uri}"), page.file.src_uri)
 
 
+@cache
+def sought() -> dict[str, list[str]]:
+    """Return what readers look for, by the page that answers it, from the last table of the glossary."""
+    glossary = (ROOT / "docs" / "glossary.md").read_text("utf-8")
+    found: dict[str, list[str]] = {}
+    for line in glossary.partition("| you look for | it is |\n|---|---|\n")[2].splitlines():
+        words, answer = line.strip("| ").split(" | ")
+        for link in _LINK.finditer(answer):
+            found.setdefault(link[3], []).extend(words.split(", "))
+    return found
+
+
 def table_of(text: str) -> str:
-    """Return a CSV file as a table of Markdown."""
-    head, *rows = ([cell.replace("|", "\\|") for cell in row] for row in csv.reader(text.splitlines()))
-    return "\n".join(f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows))
+    """Return a CSV file as a table of Markdown, which a search of the site leaves out."""
+    return "\n".join(['<div data-search-exclude markdown="1">\n', *_table(csv.reader(text.splitlines())), "\n</div>"])
+
+
+def keys_of(text: str) -> str:
+    """Return the keys of a scene, a CSV file, as a table of Markdown for each section."""
+    head, *rows = csv.reader(text.splitlines())
+    parts: list[str] = []
+    for section, group in groupby(rows, itemgetter(0)):
+        parts += ["", f"## `{section}`", "", *_table([head[1:], *([f"`{key}`", *cells] for _, key, *cells in group)])]
+    return "\n".join(parts)
+
+
+def _table(rows: Iterable[list[str]]) -> list[str]:
+    """Return the lines of a table of Markdown; the first row is its head."""
+    head, *others = ([cell.replace("|", "\\|") for cell in row] for row in rows)
+    return [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *others)]
 
 
 def notebook_page(notebook: dict[str, Any], title: str) -> str:

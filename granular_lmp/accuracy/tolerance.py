@@ -58,7 +58,7 @@ def run(
         Callback ``progress(step, steps)``, called about ten times a second; `steps` grows if more runs are needed.
     kernel : bool, optional
         Compute contacts with the library that `granular_lmp.lammps.kernel.library.build` made: the same numbers in less
-        time (docs/how-long.md). By default it is taken if it was built and knows the contacts. True demands it, False
+        time. By default it is taken if it was built and knows the contacts. True demands it, False
         turns it off, and ``info["kernel"]`` says that it was taken.
     engine : Engine, optional
         What takes the steps in place of LAMMPS (`granular_lmp.runs.engine`).
@@ -93,7 +93,7 @@ def run(
     Notes
     -----
     *Good values*: ``time.tolerance`` from 1e-2 to 1e-4. At 1e-5 some waves take more than 256 steps per sample, and
-    below it the rounding of positions dominates (docs/accuracy.md).
+    below it the rounding of positions dominates.
 
     Examples
     --------

@@ -227,7 +227,7 @@ def _waving_cell(wave: Wave, tables: dict[str, Any], rows: int) -> dict[str, dic
 
 def _struck_cell(problem: Problem, rows: int, columns: int) -> dict[str, Any]:
     return {
-        "packing": problem.scene.to_dict()["packing"],
+        "packing": problem.scene.to_dict()["packing"] | {"table": ""},  # whose places the cell has not
         "striker": [{"spheres": [[rows // 2, columns // 2]], "velocity": problem.rest.scale.velocity}],
         "output": {} if _snapshots(problem) else {"rows": [0, 0]},
     }
