@@ -185,7 +185,7 @@ def rows_and_columns(scene: Derived) -> str:
             "(with 2 columns a sphere touches two images of the same neighbour, which share one shear history in "
             "LAMMPS)"
         )
-    if columns % lattice.column_period and (scene.held_at_rest or shape.along_x):
+    if columns % lattice.column_period and (scene.holding.whole_cells or shape.along_x):
         return (
             f"packing.columns = {columns}: must be a multiple of {lattice.column_period}, the spheres of a cell, with "
             f'packing.lattice = "{lattice.name}"'
