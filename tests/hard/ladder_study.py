@@ -24,7 +24,7 @@ from granular_lmp import ImpactScene, Scene, run
 from granular_lmp.accuracy import collisions
 from granular_lmp.accuracy.estimates import slip_bounds
 from granular_lmp.accuracy.extrapolation import ALL, EVEN, Judgement, combined, following, judge, l2, weights_of
-from granular_lmp.accuracy.ladder import first_step, plan
+from granular_lmp.accuracy.ladder import plan
 from granular_lmp.accuracy.rounding import judged, noise_floor
 from granular_lmp.effects.selection import order
 from granular_lmp.errors import GranularError
@@ -49,16 +49,16 @@ class Case:
         if self.is_impact:
             self.impact = impact_scene(family, seed)
             self.problem = prepare(self.impact)
-            self.order = collisions.order(self.impact)
+            self.order = order(self.impact)
             self.scene: Scene | ImpactScene = self.impact
             self.fewest = max(1, ceil(self.scene.time.sample * 8 / self.problem.rest.shortest_collision))
         else:
             wave = wave_scene(family, seed)
-            problem = prepare(wave.with_values({"time.timestep": wave.time.sample / 1000}))
-            self.wave = problem.scene
+            self.problem = prepare(wave.with_values({"time.timestep": wave.time.sample / 1000}))
+            self.wave = self.problem.scene
             self.order = order(self.wave)
             self.scene = self.wave
-            self.fewest = int(self.scene.time.sample / min(rule.first for rule in problem.rest.step_rules())) + 1
+            self.fewest = int(self.scene.time.sample / min(rule.first for rule in self.problem.rest.step_rules())) + 1
 
     def norm(self, values: Floats) -> float:
         """Return the size that errors have: L2 of waves, the largest of impacts."""
@@ -80,7 +80,7 @@ class Case:
                 record = run(self.wave.with_values(changes), Path(folder) / "run")
             except GranularError:
                 return None
-            return {name: record.signals[name] for name in judged(record.scene, record.signals)}
+            return {name: record.signals[name] for name in judged(record.problem, record.signals)}
 
     @cached_property
     def made(self) -> list[tuple[int, Signals]]:
@@ -137,9 +137,7 @@ class Case:
 
     def first(self, tolerance: float) -> int:
         """Return the steps per sample of the first run."""
-        if self.is_impact:
-            return plan(prepare(self.impact.with_values({"time.tolerance": tolerance})))[0]
-        return round(self.scene.time.sample / first_step(self.wave.with_values({"time.tolerance": tolerance})))
+        return plan(prepare(self.scene.with_values({"time.tolerance": tolerance})))[0]
 
     def judgement(self, runs: Sequence[Signals], counts: Sequence[int], names: Sequence[str]) -> Judgement:
         """Return what a run with a tolerance finds."""
@@ -149,7 +147,7 @@ class Case:
             [{name: each[name] for name in names} for each in runs],
             counts,
             self.order,
-            hidden=slip_bounds(self.wave.with_values({"time.timestep": self.scene.time.sample}), runs[-1]),
+            hidden=slip_bounds(self.problem, runs[-1]),
         )
 
     def cheapest(self, tolerance: float) -> float:
