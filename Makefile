@@ -104,10 +104,10 @@ stability: .venv/ready
 	$(BIN)/pytest --numprocesses=auto --dist=loadfile -m more
 
 guards: .venv/ready
-	$(BIN)/python -m tests.hard.guard_study --write docs/verification.md
+	$(BIN)/python -m tests.hard.guard_study --write docs/guards.csv
 
 ladders: .venv/ready
-	$(BIN)/python -m tests.hard.ladder_study --write docs/verification.md
+	$(BIN)/python -m tests.hard.ladder_study --write docs/ladders.csv
 
 mutants: .venv/ready
 	$(BIN)/python -m tests.manual

@@ -6,7 +6,7 @@ the tolerance, or the signal does not count. The ladder is that of a run with ``
 estimate and next step are the functions that it calls. Its cost is compared with that of the cheapest ladder of two or
 three runs, n and 2n with 3n or 4n, that truly meets the tolerance, for any n.
 
-    python -m tests.hard.ladder_study --write docs/verification.md
+    python -m tests.hard.ladder_study --write docs/ladders.csv
 """
 
 import argparse
@@ -30,7 +30,7 @@ from granular_lmp.effects.selection import order
 from granular_lmp.errors import GranularError
 from granular_lmp.problem import prepare
 from tests.hard.ladder_scenes import FAMILIES, IMPACTS, impact_scene, wave_scene
-from tests.pages import write
+from tests.pages import write_table
 
 Floats = NDArray[np.float64]
 Signals = dict[str, Floats]
@@ -236,42 +236,40 @@ KINDS = {
 }
 
 
-def table(found: Sequence[tuple[str, float, Outcome | None]]) -> str:
-    """The outcomes as a Markdown table, a line a kind and tolerance."""
-    lines = [
-        "| scenes | tolerance | ladders | above the tolerance | error, largest, of the tolerance | median "
-        "| cost over the cheapest, median | nine in ten, at most | runs, mean |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+HEAD = ["scenes", "tolerance", "ladders", "above the tolerance", "largest error over the tolerance", "median"]
+HEAD += ["median cost over the cheapest", "nine in ten, at most", "runs, mean"]
+
+
+def table(found: Sequence[tuple[str, float, Outcome | None]]) -> list[list[str]]:
+    """The outcomes as a table, a row a kind and tolerance; None is a ladder that went on beyond the study's steps."""
+    rows = [HEAD]
     for kind, families in KINDS.items():
         for tolerance in TOLERANCES:
-            lines += _line(
+            rows += _row(
                 kind, f"{tolerance:g}", [one for name, at, one in found if name in families and at == tolerance]
             )
-    lines += _line("all", "all", [one for *_, one in found])
-    beyond = sum(one is None for *_, one in found)
-    return "\n".join([*lines, "", f"{beyond} ladders more went on beyond the steps of the study."])
+    return rows + _row("all", "all", [one for *_, one in found])
 
 
-def _line(kind: str, tolerance: str, outcomes: Sequence[Outcome | None]) -> list[str]:
+def _row(kind: str, tolerance: str, outcomes: Sequence[Outcome | None]) -> list[list[str]]:
     ended = [one for one in outcomes if one is not None]
     if not ended:
         return []
     errors, costs = [one.error for one in ended], [one.cost for one in ended if one.cost < inf]
     words = [kind, tolerance, str(len(ended)), str(sum(error > 1 for error in errors)), f"{max(errors):.2g}"]
     words += [f"{np.median(errors):.1g}", f"{np.median(costs):.2f}", f"{np.quantile(costs, 0.9):.1f}"]
-    return [f"| {' | '.join([*words, f'{np.mean([one.runs for one in ended]):.1f}'])} |"]
+    return [[*words, f"{np.mean([one.runs for one in ended]):.1f}"]]
 
 
 def main() -> None:
-    """Write the table between its marks."""
+    """Write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=8)
     parser.add_argument("--first", type=int, default=FIRST_SEED)
     parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.seeds)
-    write(arguments.write, "ladders", table(list(study(seeds, lambda said: print(said, flush=True)))))
+    write_table(arguments.write, table(list(study(seeds, lambda said: print(said, flush=True)))))
 
 
 if __name__ == "__main__":
