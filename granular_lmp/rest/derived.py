@@ -79,6 +79,14 @@ class Derived(Declaration):
         declared = tuple(name for name, face in faces.items() if face == QUIET)
         return declared or tuple(name for name, face in faces.items() if face not in (FREE, WALL))
 
+    @property
+    def absorbing(self) -> tuple[str, ...]:
+        """Quiet ends that absorb: those that are no source of waves themselves."""
+        ends = {"first": 0, "last": self.shape.rows - 1}
+        driven = ("first",) if self.form.driven else ()
+        moved = {name for name, row in ends.items() if any(each.is_in_row(row) for each in self.source)}
+        return tuple(name for name in self.quiet if name not in {*driven, *moved})
+
     @cached_property
     def holding(self) -> Holding:
         """What holds the spheres while nothing moves them."""
