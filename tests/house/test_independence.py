@@ -17,6 +17,7 @@ COMMANDS = {  # how both programs begin, end, are stopped and read --set, -o and
     "granular_lmp.cli.arguments.changes_argument",
     "granular_lmp.cli.arguments.changes_of",
     "granular_lmp.cli.arguments.folder_arguments",
+    "granular_lmp.cli.arguments.positive",
     "granular_lmp.cli.output.interruptible",
     "granular_lmp.cli.output.notes_of_log",
     "granular_lmp.cli.run_commands.say_how_it_went",
