@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from granular_lmp.cli import (
+    deck_commands,
     machine_commands,
     modes_command,
     run_commands,
@@ -16,11 +17,12 @@ from granular_lmp.version import __version__
 
 # To make the parsers of all commands takes as long as to read and check a scene
 GROUPS = {
-    scene_commands: ("init", "list", "schema", "check", "build", "effects"),
+    scene_commands: ("init", "list", "schema", "check", "build", "effects", "combine"),
     modes_command: ("modes",),
     run_commands: ("run", "kick", "resume", "adopt", "accept"),
     study_commands: ("sweep", "scatter", "cost", "collide"),
     view_commands: ("view", "front", "export"),
+    deck_commands: ("lint",),
     machine_commands: (),  # completion asks for all
 }
 
