@@ -7,7 +7,6 @@ a connection.
 """
 
 import csv
-import json
 import posixpath
 import re
 import tomllib
@@ -39,10 +38,6 @@ PAGES = {
         for readme in sorted((ROOT / "analysis" / "cases").glob("*/README.md"))
     },
 }
-EXECUTED = {  # notebooks as pages, and their titles
-    "tutorial": "The tutorial, executed",
-    "tutorial-fit": "From six frequencies to a movie, executed",
-}
 _INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 _DISPLAY = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
 _STYLED = re.compile(r'<mi mathvariant="(script|bold)">([A-Za-z])</mi>')
@@ -68,10 +63,6 @@ def on_files(files: Files, config: Any) -> Files:
     for source, place in PAGES.items():
         if files.get_file_from_path(place) is None:
             files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
-    for name, title in EXECUTED.items():
-        if files.get_file_from_path(f"{name}-executed.md") is None:
-            notebook = json.loads((ROOT / "docs" / f"{name}.ipynb").read_text("utf-8"))
-            files.append(File.generated(config, f"{name}-executed.md", content=notebook_page(notebook, title)))
     return files
 
 
@@ -84,10 +75,6 @@ def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
         text = text.replace("<!-- scene keys -->", keys_of((ROOT / "docs" / "scene.csv").read_text("utf-8")))
     if "<!-- commands -->" in text:
         text = text.replace("<!-- commands -->", _commands())
-    if "<!-- cases -->" in text:
-        from cases.run import page as cases
-
-        text = text.replace("<!-- cases -->", cases())
     text = _TABLE.sub(lambda match: table_of((ROOT / "docs" / match[1]).read_text("utf-8")), text)
     source = {place: source for source, place in PAGES.items() if place != "index.md"}
     return moved_links(text, source.get(page.file.src_uri, f"docs/{page.file.src_uri}"), page.file.src_uri)
@@ -123,30 +110,6 @@ def _table(rows: Iterable[list[str]]) -> list[str]:
     """Return the lines of a table of Markdown; the first row is its head."""
     head, *others = ([cell.replace("|", "\\|") for cell in row] for row in rows)
     return [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *others)]
-
-
-def notebook_page(notebook: dict[str, Any], title: str) -> str:
-    """Return an executed notebook as a page that a search of the site leaves out, with its pictures inside."""
-    parts = [f"---\ntitle: {title}\nsearch: {{exclude: true}}\n---"]
-    for cell in notebook["cells"]:
-        source = cell["source"]
-        if cell["cell_type"] == "markdown":
-            parts.append(source)
-            continue
-        magic, _, rest = source.partition("\n")
-        parts.append(f"```bash\n{rest}\n```" if magic.startswith("%%bash") else f"```python\n{source}\n```")
-        parts += map(_output, cell["outputs"])
-    return "\n\n".join(filter(None, parts)) + "\n"
-
-
-def _output(output: dict[str, Any]) -> str:
-    """Return an output of a cell: its picture, else its text."""
-    data = output.get("data", {})
-    for kind in ("image/gif", "image/png"):
-        if kind in data:
-            return f'<img alt="Output of the cell above" src="data:{kind};base64,{"".join(data[kind].split())}">'
-    text = output.get("text") or data.get("text/plain", "")
-    return f"```text\n{text.rstrip()}\n```" if text.strip() else ""
 
 
 def moved_links(text: str, source: str, place: str) -> str:

@@ -10,6 +10,7 @@ from granular_lmp.accuracy.budget import error_budget
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import SWEEP
+from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import launch
 from granular_lmp.runs.continuation import read_unfinished
@@ -106,7 +107,7 @@ def run(
         return launch.launch(what, folder, options, _budget)
     from granular_lmp.accuracy.refinement import to_tolerance  # kept out of start-up
 
-    return to_tolerance(what, folder, options)
+    return to_tolerance(prepare(what), folder, options)
 
 
 def run_impact(what: Scene | Deck, folder: str | Path, options: Options | None = None) -> Record:
@@ -116,8 +117,8 @@ def run_impact(what: Scene | Deck, folder: str | Path, options: Options | None =
     return run(what, folder, **{name: getattr(given, name) for name in names})
 
 
-def _budget(record: Record) -> dict[str, Any]:
-    return {} if record.scene.wave is None else {"error_budget": error_budget(record.scene, record.signals)}
+def _budget(problem: Problem, record: Record) -> dict[str, Any]:
+    return {} if problem.wave is None else {"error_budget": error_budget(problem, record.signals)}
 
 
 def resume(folder: str | Path, *, progress: Progress | None = None, engine: Engine | None = None) -> Record:

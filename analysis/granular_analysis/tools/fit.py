@@ -22,7 +22,7 @@ import numpy as np
 from granular_analysis.measure.fitting import Fit, summary
 from granular_analysis.measure.points import KINDS, TRACES, UNITS, Point, read
 from granular_analysis.measure.surface import Film, is_surface_wave
-from granular_analysis.plotting import in_one_line, letter, save, scene_of, write
+from granular_analysis.plotting import in_one_line, letter, save, scene_of, write, write_scene
 from granular_analysis.theory.estimation import LOSSES, Estimate
 from granular_analysis.theory.scenes import Setting
 from granular_lmp.cli.arguments import changes_argument
@@ -295,5 +295,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.json:
         write(Path(options.json), json.dumps(summary(fit, fitted.found), indent=2) + "\n")
     if options.fitted:
-        write(Path(options.fitted), fitted.scene.to_toml())
+        write_scene(Path(options.fitted), fitted.scene)
     return 0
