@@ -2,8 +2,8 @@
 
     python -m benchmarks.plan [--spheres N ...]
 
-prints the table of docs/how-long.md; with ``--spheres`` it first measures the set-up of sheets whose densities differ,
-processor time and memory of a process each.
+prints a table, whose last row docs/how-long.md tells; with ``--spheres`` it first measures the set-up of sheets whose
+densities differ, processor time and memory of a process each.
 
 With N spheres, S steps and R ranks
 
@@ -78,7 +78,7 @@ class Plan:
 
 
 def planned() -> str:
-    """Return the table of the page."""
+    """Return the table of 10⁷ and 10⁸ spheres."""
     sizes = {"10⁷": 1e7, "10⁸": 1e8}
     plans = [(name, Plan(spheres, ranks)) for name, spheres in sizes.items() for ranks in (64, 1024)]
     return table(

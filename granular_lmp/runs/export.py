@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import whole
+from granular_lmp.rest.at_rest import table_of
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import in_space
 from granular_lmp.runs.crate import write_crate
 from granular_lmp.runs.h5md import write_h5md
@@ -22,7 +24,7 @@ from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.runs.tables import write_csv
 from granular_lmp.scene.monitor_kinds import quantity_of
 
-__all__ = ["export"]
+__all__ = ["export", "export_spheres"]
 
 
 def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float64]]:
@@ -126,6 +128,29 @@ def export(record: Record, path: str | Path, monitor: str | None = None) -> None
         raise RunFolderError(f"{path}: must end in one of {', '.join(formats)}{of}")
     with whole(path) as draft:
         write(record, draft)
+
+
+def export_spheres(scene: Scene, path: str | Path) -> None:
+    """Write density and radius of each sphere of a scene as CSV, as ``packing.table`` takes them.
+
+    Raises
+    ------
+    RunFolderError
+        For another ending, or a file that cannot be written.
+
+    Examples
+    --------
+    >>> drawn = Scene.load("tr_periodic").with_values({"packing.columns": 6, "disorder.density": 0.1})
+    >>> export_spheres(drawn, "spheres.csv")
+    >>> Path("spheres.csv").read_text().splitlines()[0]
+    'sphere,density_kg/m3,radius_m'
+    >>> read = drawn.with_values({"disorder.density": 0.0, "packing.table": "spheres.csv"})
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".csv":
+        raise RunFolderError(f"{path}: must end in .csv for the spheres of a scene")
+    with whole(path) as draft, draft.open("w", encoding="utf-8") as stream:
+        stream.writelines(table_of(scene).pieces())
 
 
 def _write_monitor(record: Record, path: Path, name: str) -> None:

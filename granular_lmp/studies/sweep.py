@@ -18,13 +18,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.accuracy.ladder import sphere_steps
 from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.card import HasCard
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.kernel import library
-from granular_lmp.lammps.outputs import SWEEP, csv_text, replace_text, writable
+from granular_lmp.lammps.outputs import SWEEP, csv_text, replace_text, writable, write_files
 from granular_lmp.problem import Problem
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
@@ -36,7 +35,7 @@ from granular_lmp.scene.schema import plain_value
 from granular_lmp.studies.executors import Here, stop_requested, terminable
 from granular_lmp.studies.rounding_warnings import remarks
 from granular_lmp.studies.sweep_points import points
-from granular_lmp.studies.sweep_request import TABLE, claim, read_request
+from granular_lmp.studies.sweep_request import TABLE, claim, read_request, scene_asked
 from granular_lmp.studies.sweep_rows import (
     ASKED,
     RUNS,
@@ -110,7 +109,7 @@ class Sweep(HasCard):
         request = read_request(folder)
         if request is None:
             raise RunFolderError(f"{folder}: not a sweep folder (there is no {SWEEP})")
-        scene, over = Scene.from_dict(request["scene"]), request["over"]
+        scene, over = scene_asked(folder, request), request["over"]
         grid = points(scene, over, folder / RUNS)
         made, device = {point.run: point.of_run for point in grid}, request.get("device")
         rows = {name: row_of(folder / RUNS / name, each, device) for name, each in made.items()}
@@ -271,6 +270,7 @@ def sweep(
     made, notes = {point.run: point.of_run for point in grid}, remarks(each.scene for each in grid)
     with locked(folder, make=True, force=True):
         claim(folder, request, force)
+        write_files(folder, scene.beside)
         rows = {name: row_of(folder / RUNS / name, each, options.device) for name, each in made.items()}
         for note in notes:
             _log.info("%s", note)
@@ -283,7 +283,7 @@ def sweep(
         todo = {name: each for name, each in made.items() if rows[name]["status"] != "finished"}
         if todo and engine is None and kernel is None and library.is_built():
             library.say_taken()  # runs in other processes say nothing here
-        cost = {name: sphere_steps(each) + _OVERHEAD for name, each in todo.items()}
+        cost = {point.run: point.work + _OVERHEAD for point in grid if point.run in todo}
         total = left = sum(cost.values())
         started = saved = time.monotonic()
         try:
