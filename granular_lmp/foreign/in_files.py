@@ -148,7 +148,7 @@ CHECKS = (
     ),
     Check(
         "restart-without-law",
-        "A restart file continues a run exactly only if the contact law is given again.",
+        "LAMMPS restores the pair style of a restart file without its reach, so that no contact has a force.",
         _restart_without_law,
     ),
     Check(
