@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from granular_lmp.foreign.in_files import _rounding
 from granular_lmp.foreign.lint import lint
 from granular_lmp.foreign.reading import Reading, read
 from granular_lmp.foreign.vibrations import fastest, fastest_decay
-from tests.foreign.decks import BOTH, CHAIN, CONTINUED, JKR, LAYER, OBLIQUE, SHEARED, STEEL, STIFF_FLOOR
+from tests.foreign.decks import BOTH, CHAIN, CONTINUED, JKR, LAYER, OBLIQUE, SHEARED, STIFF_FLOOR
 from tests.instance import silent_lammps
 
 ROOT = Path(__file__).parents[2]
@@ -170,22 +171,36 @@ def test_a_data_file_forgets_the_shear_force_and_a_restart_does_not(
     assert forgotten[0, 0] == pytest.approx(force[0], rel=1e-6)
 
 
-def test_a_restart_without_a_law_has_no_contact_forces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    after(SHEARED, "f")
-    without = CONTINUED.replace(f"pair_style granular\npair_coeff * * {STEEL}\n", "").replace("run 1000", "run 10")
-    assert not after(without, "f").any()
-
-
 def test_a_dump_rounds_positions_as_lint_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     deck = CHAIN.replace("sq 9.499e-3", "sq 9.49901234e-3").replace(
         "run 5000", "dump all all custom 1 dump.all id x\nrun 5000"
     )
     ((_, finding),) = lint(read_text(deck, tmp_path))
-    unit = re.search(r"to (\S+); of", finding.what)
+    unit = re.search(r"written to (\S+); of", finding.what)
     assert unit
     place = after(deck.replace("run 5000", "dump_modify all sort id\nrun 0 post no"), "x")[:, 0]
     rows = [line.split() for line in Path("dump.all").read_text().splitlines()[9:]]
     error = max(abs(float(x) - place[int(number) - 1]) for number, x in rows)
     assert float(unit[1]) / 10 < error <= float(unit[1]) / 2
+
+
+def test_a_wall_counts_in_the_fastest_vibration(tmp_path: Path) -> None:
+    """A bead between a held one and a wall, of linear contacts both, has the frequency between two held ones."""
+    law = f"hooke {STIFFNESS!r} 0.0 tangential linear_nohistory 0.0 0.0 damping velocity"
+    deck = BETWEEN.format(stiffness=STIFFNESS, dashpot=0.0, step=0.1 / OMEGA)
+    beside = deck.replace("create_atoms 1 single 9.99e-3 0.0 0.0\n", "")
+    assert fastest(read_text(beside, tmp_path)) == pytest.approx(OMEGA / sqrt(2), rel=1e-9)
+    walled = beside.replace("fix move", f"fix wall inner wall/gran granular {law} xplane NULL 4.99e-3\nfix move")
+    assert fastest(read_text(walled, tmp_path)) == pytest.approx(OMEGA, rel=1e-9)
+    assert vibration(walled)[0] == pytest.approx(0.1, rel=0.1**2 / 24 * 1.1)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"), [("%g", 1e-4), ("%.17g", 1e-15), ("%.3e", 1e-2), ("%f", 1e-6), ("%20.15lg", 1e-13), ("%d", 0.0)]
+)
+def test_formats_of_dumps_round_as_c_does(text: str, unit: float) -> None:
+    assert _rounding(text, 12.3) == pytest.approx(unit)
+    written = re.sub("l", "", text) % 12.3456789012345678
+    assert len(written.strip()) > 0
+    assert abs(float(written) - 12.3456789012345678) <= (unit / 2 or 1.0)
