@@ -10,19 +10,17 @@ _HEAD = """\
 # Run it:                        granular-lmp run {file}
 # What it would take:            granular-lmp check {file}
 # Change one value:              granular-lmp run {file} --set {change}
-# Every key, with what is allowed: {page}, and granular-lmp {schema} for editors
+# Every key, with what is allowed: granular-lmp {schema}
 # Tables that may be added:      {tables}
 
 """
 _OF_WAVE = {
     "change": "wave.amplitude=0.1",
-    "page": "docs/reference/scene.md",
     "schema": "schema",
     "tables": "[disorder], [[inclusion]], [absorb], [[source]], [[monitor]]",
 }
 _OF_STRIKE = {
     "change": "time.duration=50.0",
-    "page": "docs/reference/impact.md",
     "schema": "schema impact",
     "tables": "[start], [disorder], [output], [[striker]], [[inclusion]]",
 }

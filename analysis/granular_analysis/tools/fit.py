@@ -207,7 +207,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=(__doc__ or "").partition("\n")[0],
         epilog="A column of DATA.csv is a quantity and its unit: "
         + "; ".join(f"{name} in {', '.join(filter(None, units))}" for name, units in UNITS.items() if name in KINDS)
-        + ". docs/fit.md has the others.",
+        + ". Others say where it belongs: branch, wavenumber or wavelength, direction, amplitude, time, row, column; "
+        "and its error: error_UNIT or error_%.",
     )
     parser.add_argument("data", metavar="DATA.csv", help="measured points, a row each")
     parser.add_argument("scene", metavar="SCENE", help="a file or a shipped scene: the model, and where the fit starts")
