@@ -35,7 +35,7 @@ from granular_lmp.scene.schema import NAME_PATTERN, checked_name, shown
 # Files that a run, a kicked sheet of release 0.2, a collision, or a comparison with theory writes beside its deck
 _FILES = (
     *(SCENE, STATUS, LOG, DUMP, SNAPSHOTS, CONTACTS, UNWAVED_CONTACTS, "trajectory.csv", *CHECKPOINTS),
-    *("dump.everything", "dump.everything.bin"),
+    *("dump.everything", "dump.everything.bin", "dump.unnamed.bin"),
     *(
         "in.sheet",
         "dump.sheet",
