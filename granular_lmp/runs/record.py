@@ -114,8 +114,8 @@ class Record(HasCard):
         info = read_status(folder)
         if "unnamed" in info:
             raise RunFolderError(
-                f"{folder}: holds an unnamed crystal, adopted without a scene, which this needs; view, export and "
-                "front read it"
+                f"{folder}: holds an unnamed crystal, adopted without a scene, which this needs; view, export, front "
+                "and granular-analysis branches read it"
             )
         if info.get("status") != "finished" and not unfinished:
             raise RunFolderError(f"{folder}: not a finished run (status '{info.get('status')}': {info.get('message')})")
