@@ -2,8 +2,8 @@
 
     python -m benchmarks.plan [--spheres N ...]
 
-prints a table, whose last row docs/how-long.md tells; with ``--spheres`` it first measures the set-up of sheets whose densities differ,
-processor time and memory of a process each.
+prints a table, whose last row docs/how-long.md tells; with ``--spheres`` it first measures the set-up of sheets whose
+densities differ, processor time and memory of a process each.
 
 With N spheres, S steps and R ranks
 

@@ -24,7 +24,7 @@ from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.errors import GranularError, RunInterrupted, ToleranceError
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.laws import contacts
-from granular_lmp.lammps.outputs import PER_SAMPLE, SCENE, STATUS, replace_text, writable
+from granular_lmp.lammps.outputs import PER_SAMPLE, SCENE, STATUS, replace_text, writable, write_files
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import launch
@@ -102,6 +102,7 @@ def begun(scene: Scene, folder: Path, options: Options) -> Iterator[dict[str, An
     with locked(folder, make=True, force=options.force):
         clear(folder)
         with writable(folder):
+            write_files(folder, scene.beside)
             replace_text(folder / SCENE, text)
         yield {
             "format": FORMAT,

@@ -184,7 +184,7 @@ def _left_out(scene: "Scene") -> str:
     """Return the imperfections that are not in the crystal of the modes, in words."""
     from granular_lmp.rest.words import imperfections
 
-    return imperfections(scene.disorder, () if scene.wave_lattice.densities else scene.inclusion)
+    return imperfections(scene.disorder, () if scene.wave_lattice.densities else scene.inclusion, scene.packing.table)
 
 
 def _say_modes(scene: "Scene", table: Table) -> None:

@@ -16,7 +16,7 @@ from granular_lmp.version import __version__
 
 # To make the parsers of all commands takes as long as to read and check a scene
 GROUPS = {
-    scene_commands: ("init", "list", "schema", "check", "build", "effects"),
+    scene_commands: ("init", "list", "schema", "check", "build", "effects", "combine"),
     modes_command: ("modes",),
     run_commands: ("run", "kick", "resume", "adopt", "accept"),
     study_commands: ("sweep", "scatter", "cost", "collide"),

@@ -1,4 +1,4 @@
-"""Commands about a scene, before it is run: init, list, schema, check, build, effects."""
+"""Commands about a scene, before it is run: init, list, schema, check, build, effects, combine."""
 
 import json
 from collections.abc import Iterator
@@ -52,6 +52,10 @@ def add_to(commands: Commands) -> None:
     effects = add(commands, "effects", _effects, "say which physics the deck of a scene carries, and why")
     scene_arguments(effects)
     json_argument(effects)
+
+    combine = add(commands, "combine", _combine, "say whether two features of a scene go together, and if not, why")
+    told = "its name, for instance jkr (a wrong one prints all); its key, if no other feature has it; or KEY=VALUE"
+    combine.add_argument("features", nargs=2, metavar="FEATURE", help=told)
 
 
 def _init(options: Options) -> int:
@@ -261,4 +265,12 @@ def _effects(options: Options) -> int:
     if law := law_words(scene.material, scene.effects):
         say(f"{law}.")
     say("The run fails if an effect that was left out occurs.")
+    return 0
+
+
+def _combine(options: Options) -> int:
+    from granular_lmp.studies.combine import answers
+
+    for sentence in answers(*options.features):
+        say(sentence)
     return 0

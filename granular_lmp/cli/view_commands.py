@@ -85,7 +85,7 @@ def add_to(commands: Commands) -> None:
     json_argument(front)
 
     export = add(commands, "export", _export, "write a run for other programs: SI units, xarray, OVITO, ASE, HDF5")
-    export.add_argument("folder", metavar="DIR", help="a run folder")
+    export.add_argument("folder", metavar="DIR", help="a run folder; with --spheres also a scene")
     export.add_argument(
         "-o",
         "--output",
@@ -95,6 +95,11 @@ def add_to(commands: Commands) -> None:
         ".xyz: extended XYZ of the snapshots; .h5md: the snapshots as HDF5; crate, or .zip: a Process Run Crate",
     )
     export.add_argument("--monitor", metavar="NAME", help="what this monitor recorded, as .csv in SI units")
+    export.add_argument(
+        "--spheres",
+        action="store_true",
+        help="density and radius of each sphere of a scene, as .csv for its packing.table",
+    )
 
 
 def _place(text: str) -> tuple[int, int] | int:
@@ -170,9 +175,14 @@ def _front(options: Options) -> int:
 
 
 def _export(options: Options) -> int:
-    from granular_lmp.runs.export import export
+    from granular_lmp.runs.export import export, export_spheres
     from granular_lmp.runs.unnamed import load_any
 
-    export(load_any(options.folder), options.output, options.monitor)
+    if options.spheres:
+        from granular_lmp.rest.scene import Scene
+
+        export_spheres(Scene.load(options.folder), options.output)
+    else:
+        export(load_any(options.folder), options.output, options.monitor)
     say(options.output)
     return 0

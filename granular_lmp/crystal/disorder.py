@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.contacts import FACTORS
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.stiffnesses import CLASSES, WIDEST, Pair, factors_of, spread
+from granular_lmp.crystal.sphere_table import NO_TABLE, SphereTable
+from granular_lmp.crystal.stiffnesses import CLASSES, WIDEST, Pair, by_level, factors_of, spread
 from granular_lmp.errors import CrystalError
 from granular_lmp.frozen import dataclass
 
@@ -38,6 +39,8 @@ _STIFFNESS = 2**31  # each inclusion has a stream of its own
 # their places, where they have other neighbours.
 LARGEST_OVERLAP = 0.25
 _SAME_PLACE = 1e-6  # in radii
+# LAMMPS knows a stiffness by pair of types: a deck has a line of 0.3 kB for each pair of materials
+MOST_MATERIALS = 100
 
 
 @dataclass(frozen=True)
@@ -132,6 +135,7 @@ def imperfect(
     inclusions: Sequence[Inclusion] = (),
     pairs: Sequence[Pair] = (),
     *,
+    table: SphereTable = NO_TABLE,
     recorded: int | None = None,
 ) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
     """Return a lattice with other spheres and empty places, every sphere at its place, and its materials.
@@ -145,6 +149,8 @@ def imperfect(
     disorder : Disorder, optional
     inclusions : sequence of Inclusion
         Later ones win. A radius or a density of an inclusion is the mean from which its spheres deviate.
+    table : SphereTable, optional
+        Values of single places. Inclusions replace those that they declare, and spheres deviate from what is left.
     pairs : sequence of Pair
         Measured stiffnesses of two kinds. Spheres of a kind that they name have a material of their own.
     recorded : int, optional
@@ -153,10 +159,10 @@ def imperfect(
     Returns
     -------
     crystal : ase.Atoms
-        With the arrays of the lattice and ``density`` (kg/m³) and ``material``. Free spheres that vacancies have left
-        without any neighbour are left out too: nothing would hold them. ``crystal.info["isolated"]`` counts them, and
-        ``crystal.info["disorder"]`` holds the spreads and the seed, ``crystal.info["factors"]`` those of contacts, if
-        pairs or a spread of stiffnesses ask for any.
+        With the arrays of the lattice and ``density`` (kg/m³), ``material`` and ``site``, the index in the lattice.
+        Free spheres that vacancies have left without any neighbour are left out too: nothing would hold them.
+        ``crystal.info["isolated"]`` counts them, and ``crystal.info["disorder"]`` holds the spreads and the seed,
+        ``crystal.info["factors"]`` those of contacts, if pairs, a table or a spread of stiffnesses ask for any.
     materials : tuple of Sphere
         By index, the sphere of the lattice first.
 
@@ -169,7 +175,9 @@ def imperfect(
     """
     disorder = disorder or Disorder()
     held = np.asarray(lattice.arrays["fixed"], dtype=bool)
-    radius, density = np.ones(len(lattice)), np.full(len(lattice), float(sphere.density))
+    own_radius = table.values("radius", len(lattice), sphere.radius) / sphere.radius
+    own_density = table.values("density", len(lattice), float(sphere.density))
+    radius, density = own_radius.copy(), own_density.copy()
     material, missing = np.zeros(len(lattice), dtype=int), np.zeros(len(lattice), dtype=bool)
     free = ~held
     if recorded is not None:
@@ -184,8 +192,8 @@ def imperfect(
         if inclusion.vacancy and recorded in chosen:
             raise CrystalError(f"inclusion {number + 1}: leaves out the centre sphere, which is recorded")
         missing[chosen] = inclusion.vacancy
-        radius[chosen] = 1.0 if inclusion.radius is None else inclusion.radius / sphere.radius
-        density[chosen] = sphere.density if inclusion.density is None else inclusion.density
+        radius[chosen] = own_radius[chosen] if inclusion.radius is None else inclusion.radius / sphere.radius
+        density[chosen] = own_density[chosen] if inclusion.density is None else inclusion.density
         other = replace(sphere, **inclusion.of_material)  # type: ignore[arg-type]  # the names are of numbers
         kind = other, number + 1 if number + 1 in named else -(other != sphere)
         if kind not in kinds:
@@ -193,6 +201,7 @@ def imperfect(
         material[chosen] = kinds.index(kind)
 
     crystal = lattice.copy()
+    crystal.set_array("site", np.arange(len(lattice)))
     crystal.arrays["radius"] = radius * _spread(len(lattice), disorder.radius, disorder.seed, _RADIUS)
     density = density * _spread(len(lattice), disorder.density, disorder.seed, _DENSITY)
     crystal.set_array("density", density)
@@ -210,16 +219,34 @@ def imperfect(
     crystal.info |= {"disorder": asdict(disorder), "isolated": int(isolated.sum())}
     require_places(crystal)
     materials, numbers = zip(*(kinds[each] for each in used), strict=True)
-    if not (pairs or disorder.stiffness):
+    if not (pairs or disorder.stiffness or table.factors):
         return crystal, materials
     radii = [sphere.radius, *(sphere.radius if each.radius is None else each.radius for each in inclusions)]
     crystal.info[FACTORS] = factors_of(materials, numbers, radii, pairs)
+    levels, level = table.levels(len(lattice))
+    _refuse_many(table, len(levels), len(materials), disorder)
+    if table.factors:
+        crystal.arrays["material"] = len(levels) * crystal.arrays["material"] + level[~(missing | isolated)]
+        crystal.info[FACTORS] = by_level(crystal.info[FACTORS], levels)
+        materials = tuple(each for each in materials for _ in levels)
     if not disorder.stiffness:
         return crystal, materials
     rank = _stream(disorder.seed, _STIFFNESS).permutation(len(lattice))[~(missing | isolated)]
     crystal.arrays["material"] = CLASSES * crystal.arrays["material"] + rank * CLASSES // len(lattice)
     crystal.info[FACTORS] = spread(crystal.info[FACTORS], disorder.stiffness)
     return crystal, tuple(each for each in materials for _ in range(CLASSES))
+
+
+def _refuse_many(table: SphereTable, levels: int, kinds: int, disorder: Disorder) -> None:
+    """Raise a CrystalError if the stiffness factors of a table make more materials than a deck should have."""
+    count = levels * kinds * (CLASSES if disorder.stiffness else 1)
+    if table.factors and count > MOST_MATERIALS:
+        beside = f" in {CLASSES} classes of disorder.stiffness" if disorder.stiffness else ""
+        raise CrystalError(
+            f"packing.table = {table.said!r}: {levels} different factors of stiffness, 1 among them, of {kinds} "
+            f"material{'s' * (kinds > 1)}{beside} make {count} types of spheres; must be at most {MOST_MATERIALS}: "
+            "round the factors"
+        )
 
 
 def _check(inclusion: Inclusion, number: int) -> None:

@@ -85,12 +85,30 @@ def deviates() -> Floats:
 
 def spread(factors: Floats, deviation: float) -> Floats:
     """Return the factors of materials in classes, material m of class c being 8m + c, from those of the materials."""
-    own, count = deviates(), len(factors)
+    own = deviates()
     both = np.concatenate([(own[:, None] + own) / np.sqrt(2), own[:, None]], axis=1)
-    columns = np.append(np.repeat(np.arange(count), CLASSES), count)
-    of_class = np.append(np.tile(np.arange(CLASSES), count), CLASSES)
-    of_materials = np.repeat(factors, CLASSES, axis=0)[:, columns]
-    return np.asarray(of_materials * (1 + deviation * np.tile(both, (count, 1))[:, of_class])[..., None])
+    return _divided(factors, 1 + deviation * both[..., None])
+
+
+def by_level(factors: Floats, levels: Floats) -> Floats:
+    """Return the factors of materials of several stiffnesses, material m of level l being L m + l.
+
+    `levels` are factors of normal and shear stiffness of spheres, (L, 2) (`granular_lmp.crystal.sphere_table`).
+    """
+    one, other = levels[:, None], levels[None]
+    return _divided(factors, np.concatenate([2 * one * other / (one + other), one], axis=1))
+
+
+def _divided(factors: Floats, among: Floats) -> Floats:
+    """Return the factors of materials each of which is divided into C kinds, (MC, MC + 1, 2).
+
+    `among`, (C, C + 1, 1 or 2), are the factors between these kinds, and of theirs with walls.
+    """
+    count, kinds = len(factors), len(among)
+    columns = np.append(np.repeat(np.arange(count), kinds), count)
+    of_kind = np.append(np.tile(np.arange(kinds), count), kinds)
+    of_materials = np.repeat(factors, kinds, axis=0)[:, columns]
+    return np.asarray(of_materials * np.tile(among, (count, 1, 1))[:, of_kind])
 
 
 def factors_of(

@@ -31,6 +31,7 @@ from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
 from granular_lmp.crystal.lattices import CHAIN, Lattice, Shape, offsets, packed
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.sphere_table import NO_TABLE, SphereTable
 
 _MANTISSA = 53  # bits of a double
 _REACH = 1e-6  # radii: neighbours that touch are nearer than that, and others are farther by much more
@@ -53,6 +54,7 @@ def touching(
     force: float = 0.0,
     disorder: Disorder | None = None,
     inclusions: tuple[Inclusion, ...] = (),
+    table: SphereTable = NO_TABLE,
 ) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
     """Return spheres that just touch, or are pressed together, and their materials.
 
@@ -68,7 +70,7 @@ def touching(
         True if the first column touches the last, and the first row of a sheet the last.
     force : float
         Force F0 that presses the contacts of a chain together, N; 0 in a sheet.
-    disorder, inclusions
+    disorder, inclusions, table
         As `granular_lmp.crystal.disorder.imperfect` takes them. Radii of a sheet are at most the nominal one (see
         above).
 
@@ -98,7 +100,7 @@ def touching(
     places = crystal.copy()
     if lattice == CHAIN:
         places.positions[:, 1] *= _APART
-    crystal, materials = imperfect(places, sphere, disorder, inclusions)
+    crystal, materials = imperfect(places, sphere, disorder, inclusions, table=table)
     if lattice == CHAIN:
         radius = crystal.arrays["radius"]
         unit = grain(float(2 * radius.sum()))
@@ -111,7 +113,7 @@ def touching(
         crystal.info["reach"] = _REACH
     else:
         alike = replace(disorder or Disorder(), radius=0.0)
-        mean = imperfect(places, sphere, alike, inclusions)[0].arrays["radius"]
+        mean = imperfect(places, sphere, alike, inclusions, table=table)[0].arrays["radius"]
         crystal.arrays["radius"] = radius = mean - np.abs(crystal.arrays["radius"] - mean)
         crystal.info["reach"] = _REACH + 1 - float(radius.min())
     return crystal, materials

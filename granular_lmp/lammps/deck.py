@@ -131,10 +131,11 @@ class Deck(HasCard):
         return f"data.{self.scene.name}"
 
     def files(self) -> dict[str, Iterable[str]]:
-        """Return name → text, in pieces, of the three files of a deck folder."""
+        """Return name → text, in pieces, of the files of a deck folder: three, and the table of a scene with one."""
         title = variables.data_title(self.problem)
         return {
             SCENE: [self.declared.to_toml()],
+            **self.declared.beside,
             self.input_name: [self.input_text],
             self.data_name: self.data.pieces(title),
         }

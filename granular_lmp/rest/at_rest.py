@@ -17,6 +17,7 @@ from granular_lmp.crystal.contacts import Contacts, find_contacts, law_between
 from granular_lmp.crystal.disorder import AVALANCHES, WHOLE, Disorder, Inclusion, imperfect
 from granular_lmp.crystal.lattices import CHAIN, HELD, PERIODIC, WALL, Shape, centre, packed
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.sphere_table import SITE, STIFFNESSES, SphereTable
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.crystal.walls import Face, Wall
 from granular_lmp.errors import CrystalError
@@ -97,7 +98,7 @@ def crystal_of(scene: Scene, progress: "Progress | None" = None) -> CrystalAtRes
     if scene.perfect and held:
         return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene), of_one=True)
     packing, walls = scene.packing, (scene.wall, scene.rigid)
-    imperfections = scene.disorder, scene.inclusion, scene.pair
+    imperfections = scene.disorder, scene.inclusion, scene.pair, packing.table
     way = (packing.relax, packing.relax_friction, packing.relax_by) if held else (scene.material, packing)
     key = scene.sphere, scene.shape, scene.space, *imperfections, *walls, *way
     if key not in _KEPT:
@@ -203,6 +204,7 @@ def _touching(scene: Scene) -> CrystalAtRest:
         force=packing.contact_force,
         disorder=scene.disorder,
         inclusions=scene.inclusion,
+        table=packing.table,
     )
     contacts = contacts_of_neighbours(crystal, materials, pressed=packing.contact_force > 0)
     return CrystalAtRest(crystal, materials, contacts)
@@ -253,7 +255,20 @@ def echo_at(scene: Scene, monitor: Monitor) -> float:
 
 def places(scene: Scene) -> ase.Atoms:
     """Return the spheres of a scene at their places in the lattice, before they come to rest."""
-    return _imperfect(scene.sphere, scene.shape, scene.disorder, scene.inclusion, scene.pair)[0]
+    return _made(scene)[0]
+
+
+def table_of(scene: Scene) -> SphereTable:
+    """Return the densities and radii of all spheres of a scene, and the factors of stiffness of its table.
+
+    Moduli, adhesion, vacancies, pairs and a spread of stiffnesses are not of a table.
+    """
+    atoms = places(scene) if scene.held_at_rest else crystal_of(scene).atoms
+    count, table = scene.shape.spheres, scene.packing.table
+    sites = atoms.arrays["site"]
+    factors = {name: table.values(name, count, 1.0)[sites] for name in STIFFNESSES if name in table.columns}
+    own = {"density": atoms.arrays["density"], "radius": atoms.arrays["radius"] * scene.sphere.radius}
+    return SphereTable.of({SITE: sites, **own, **factors})
 
 
 def sphere_count(scene: Scene) -> int:
@@ -261,12 +276,22 @@ def sphere_count(scene: Scene) -> int:
     return scene.shape.spheres if scene.perfect else len(places(scene))
 
 
+def _made(scene: Scene) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
+    """Return the spheres of a scene at their places in the lattice, and their materials."""
+    return _imperfect(scene.sphere, scene.shape, scene.disorder, scene.inclusion, scene.pair, scene.packing.table)
+
+
 @lru_cache(maxsize=2)  # the number of spheres is asked for before they come to rest
 def _imperfect(
-    sphere: Sphere, shape: Shape, disorder: Disorder, inclusions: tuple[Inclusion, ...], pairs: tuple[Pair, ...]
+    sphere: Sphere,
+    shape: Shape,
+    disorder: Disorder,
+    inclusions: tuple[Inclusion, ...],
+    pairs: tuple[Pair, ...],
+    table: SphereTable,
 ) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
     lattice = packed(sphere, shape)
-    return imperfect(lattice, sphere, disorder, inclusions, pairs, recorded=centre(lattice))
+    return imperfect(lattice, sphere, disorder, inclusions, pairs, table=table, recorded=centre(lattice))
 
 
 def _relaxed(scene: Scene, progress: "Progress | None") -> CrystalAtRest:
@@ -275,7 +300,7 @@ def _relaxed(scene: Scene, progress: "Progress | None") -> CrystalAtRest:
     from granular_lmp.crystal.potential import box_load
 
     sphere, shape, packing = scene.sphere, scene.shape, scene.packing
-    crystal, materials = _imperfect(sphere, shape, scene.disorder, scene.inclusion, scene.pair)
+    crystal, materials = _made(scene)
     faces, box = _faces(scene), packing.relax
     pressed = sphere.contact_force and box == "box"
     rest = relax(

@@ -249,17 +249,20 @@ class Derived(Declaration):
 
         Spheres at a face have fewer of them; those that touch a rigid plane there have another one.
         """
-        return not self.inclusion and not self._random and self.rigid is None
+        return not self.inclusion and not self._differ and self.rigid is None
 
     @property
-    def _random(self) -> bool:
+    def _differ(self) -> bool:
+        """True if spheres differ one by one, as drawn or by a table."""
         disorder = self.disorder
-        return any((disorder.radius, disorder.density, disorder.vacancies, disorder.stiffness))
+        return any(
+            (self.packing.table, disorder.radius, disorder.density, disorder.vacancies, disorder.stiffness),
+        )
 
     @property
     def imperfections(self) -> str:
         """Imperfections in words, "" in a perfect lattice."""
-        return words.imperfections(self.disorder, self.inclusion)
+        return words.imperfections(self.disorder, self.inclusion, self.packing.table)
 
     @property
     def layered(self) -> bool:
@@ -268,7 +271,7 @@ class Derived(Declaration):
         In a film they are those of each layer; without faces along z a row has those of all layers.
         """
         layers_alike = not (self.shape.along_z and any(each.layers for each in self.inclusion))
-        alike = not self._random and all(each.whole_rows for each in self.inclusion) and layers_alike
+        alike = not self._differ and all(each.whole_rows for each in self.inclusion) and layers_alike
         return not self.lattice.sheet or self.shape.along_x and alike
 
     @property

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterator, Sequence
 
-from granular_lmp.crystal.disorder import Disorder, Inclusion
+from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattices import (
     CHAIN,
     ENDS_OF_Y,
@@ -19,6 +19,7 @@ from granular_lmp.crystal.lattices import (
 )
 from granular_lmp.crystal.modes import bears_compression
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.sphere_table import STIFFNESSES
 from granular_lmp.crystal.stiffnesses import Pair
 from granular_lmp.crystal.walls import BOTH
 from granular_lmp.rest import words
@@ -106,8 +107,10 @@ def stiffnesses_that_buckle(scene: Derived) -> str:
     """Contacts of other stiffness may leave no sphere where it could not come to rest."""
     packing, lattice, disorder, pairs = scene.packing, scene.lattice, scene.disorder, scene.pair
     stays = lattice == CHAIN and packing.relax == "fixed"
-    if (pairs or disorder.stiffness) and packing.contact_force and (lattice.collapses or stays):
-        key = "[[pair]]" if pairs else f"disorder.stiffness = {disorder.stiffness!r}"
+    factors = packing.table.differing(**dict.fromkeys(STIFFNESSES, 1.0))
+    if (pairs or disorder.stiffness or factors) and packing.contact_force and (lattice.collapses or stays):
+        other = [f"packing.table: {name} = {value!r}" for name, value in factors.items()]
+        key = "[[pair]]" if pairs else [*other, f"disorder.stiffness = {disorder.stiffness!r}"][0]
         return (
             f"packing.contact_force = {packing.contact_force!r}: must be 0 with {key} and packing.lattice = "
             f'"{lattice.name}", which would buckle as contacts that differ come to rest'
@@ -250,7 +253,7 @@ def measured_stiffnesses_of_several_materials(scene: Derived) -> str:
     bodies = (scene.contact, scene.substrate) if scene.substrate else (scene.contact,)
     if not any(each.normal_stiffness or each.shear_stiffness for each in bodies):
         return ""
-    for key, value in _unequal(scene.material, scene.disorder, scene.inclusion).items():
+    for key, value in _unequal(scene).items():
         if not key.endswith("radius"):
             return (
                 f"{key} = {value!r}: must be left out beside measured stiffnesses, which are of the spheres of the "
@@ -268,7 +271,7 @@ def arrangement(scene: Derived) -> str:
     compressed, and a layer in space no push along z.
     """
     packing, lattice, disorder, inclusions = scene.packing, scene.lattice, scene.disorder, scene.inclusion
-    for key, value in _unequal(scene.material, disorder, inclusions).items():
+    for key, value in _unequal(scene).items():
         if scene.space == 3 and not lattice.solid and scene.substrate is None:
             return (
                 f"{key} = {value!r}: must be that of all spheres in a layer that nothing holds along z, out of which "
@@ -293,10 +296,12 @@ def arrangement(scene: Derived) -> str:
     return ""
 
 
-def _unequal(material: Sphere, disorder: Disorder, inclusions: tuple[Inclusion, ...]) -> dict[str, float]:
+def _unequal(scene: Derived) -> dict[str, float]:
     """Return by key what makes contacts differ: radii, moduli and adhesion that are not those of the lattice."""
+    material, disorder, table = scene.material, scene.disorder, scene.packing.table
     found = {"disorder.radius": disorder.radius} if disorder.radius else {}
-    for number, inclusion in enumerate(inclusions, start=1):
+    found |= {f"packing.table: {key}": value for key, value in table.differing(radius=material.radius).items()}
+    for number, inclusion in enumerate(scene.inclusion, start=1):
         own = inclusion.of_material | ({} if inclusion.radius is None else {"radius": inclusion.radius})
         found |= {f"inclusion {number}: {key}": value for key, value in own.items() if value != getattr(material, key)}
     return found

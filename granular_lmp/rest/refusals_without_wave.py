@@ -5,6 +5,7 @@ from math import sqrt
 from granular_lmp.crystal.adhesion_laws import SKIN
 from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, WALL
 from granular_lmp.crystal.scale import DEEPEST, LARGEST_OVERLAP_RATIO
+from granular_lmp.crystal.sphere_table import STIFFNESSES
 from granular_lmp.rest.derived import Derived
 from granular_lmp.rest.refusal import WITHOUT_WAVE, Refusal, joining
 from granular_lmp.rest.refusals_at_rest import EPSILON
@@ -137,14 +138,23 @@ def inclusion_that_adheres(scene: Derived) -> str:
 
 
 def _radius_outside(scene: Derived, low: float, high: float) -> str:
-    """Return the first inclusion whose radius is not from `low` to `high` times that of the others; "" if none is."""
+    """Return the first radius of an inclusion or a table that is not from `low` to `high` times that of the others.
+
+    It is "" if there is none.
+    """
     radius = scene.sphere.radius
-    found = (
-        f"inclusion {number}: radius = {each.radius!r}"
-        for number, each in enumerate(scene.inclusion, 1)
-        if each.radius and not low * radius <= each.radius <= high * radius
-    )
+    declared = [(f"inclusion {number}", each.radius) for number, each in enumerate(scene.inclusion, 1) if each.radius]
+    declared += [("packing.table", each) for each in scene.packing.table.extremes("radius")]
+    found = (f"{where}: radius = {each!r}" for where, each in declared if not low * radius <= each <= high * radius)
     return next(found, "")
+
+
+@line("physics")
+def table_of_stiffnesses(scene: Derived) -> str:
+    factors = [name for name in STIFFNESSES if name in scene.packing.table.columns]
+    if not factors:
+        return ""
+    return f"packing.table: {factors[0]}: is of stiffnesses at rest under load; needs {AT_REST}"
 
 
 @line("physics")

@@ -52,6 +52,7 @@ from granular_lmp.scene.sections import (
 )
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.sources import Source
+from granular_lmp.scene.sphere_table import located as located_table
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.start import located as located_state
 from granular_lmp.scene.strikers import Striker
@@ -202,8 +203,8 @@ class Scene(HasCard, Derived):
 
     @classmethod
     def _located(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
-        """Return the tables with signals of sources and a state that are in files, relative to the current folder."""
-        tables, sources = located_state(tables, folder), tables.get("source")
+        """Return the tables with signals, a state and spheres that are in files, relative to the current folder."""
+        tables, sources = located_table(located_state(tables, folder), folder), tables.get("source")
         return tables | {"source": [located(each, folder) for each in sources]} if isinstance(sources, list) else tables
 
     @classmethod

@@ -5,19 +5,21 @@ from collections.abc import Sequence
 from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattices import CHAIN, Shape
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.sphere_table import NO_TABLE, SphereTable
 from granular_lmp.scene.sections import Wave
 from granular_lmp.scene.sources import Source
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.strikers import Striker, fastest_striker
 
 
-def imperfections(disorder: Disorder, inclusions: Sequence[Inclusion]) -> str:
+def imperfections(disorder: Disorder, inclusions: Sequence[Inclusion], table: SphereTable = NO_TABLE) -> str:
     """Return imperfections in words, "" in a perfect lattice: "radius 0.0001, seed 1, 2 inclusions"."""
     spread = {"radius": disorder.radius, "density": disorder.density, "vacancies": disorder.vacancies}
     spread |= {"stiffness": disorder.stiffness}
     words = [f"{name} {value!r}" for name, value in spread.items() if value]
     drawn = bool(words) or any(each.share for each in inclusions)
     words += [f"seed {disorder.seed}"] if drawn else []
+    words += ["spheres of a table"] if table else []
     count = len(inclusions)
     words += [f"{count} inclusion{'s' if count > 1 else ''}"] if count else []
     return ", ".join(words)

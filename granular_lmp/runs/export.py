@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import whole
+from granular_lmp.rest.at_rest import table_of
+from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import in_space
 from granular_lmp.runs.crate import write_crate
 from granular_lmp.runs.h5md import write_h5md
@@ -24,7 +26,7 @@ from granular_lmp.runs.tables import write_csv
 from granular_lmp.runs.unnamed import Unnamed
 from granular_lmp.scene.monitor_kinds import quantity_of
 
-__all__ = ["export"]
+__all__ = ["export", "export_spheres"]
 
 Kind = TypeVar("Kind", Record, Unnamed)
 
@@ -168,6 +170,21 @@ def _write(record: Kind, path: Path, formats: Mapping[str, Callable[[Kind, Path]
         raise RunFolderError(f"{path}: must end in one of {', '.join(formats)}{of}")
     with whole(path) as draft:
         write(record, draft)
+
+
+def export_spheres(scene: Scene, path: str | Path) -> None:
+    """Write density and radius of each sphere of a scene as CSV, as ``packing.table`` takes them.
+
+    Raises
+    ------
+    RunFolderError
+        For another ending, or a file that cannot be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".csv":
+        raise RunFolderError(f"{path}: must end in .csv for the spheres of a scene")
+    with whole(path) as draft, draft.open("w", encoding="utf-8") as stream:
+        stream.writelines(table_of(scene).pieces())
 
 
 def _write_monitor(record: Record, path: Path, name: str) -> None:

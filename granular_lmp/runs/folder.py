@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from granular_lmp.crystal.sphere_table import PATTERN
 from granular_lmp.errors import RunFolderError, SceneError, one_line
 from granular_lmp.lammps.binary_dump import continuation
 from granular_lmp.lammps.installation import advice_to_ranks
@@ -179,22 +180,27 @@ def _is_part(path: Path) -> bool:
 
 def _own_names(folder: Path) -> set[str]:
     """Return the names of all files that a run writes into its folder; the folder holds some of them."""
-    name, monitors = _names(folder)
-    own = [pattern.format(name) for pattern in _DECK if name]
+    name, monitors, beside = _names(folder)
+    own = [pattern.format(name) for pattern in _DECK if name] + beside
     own += [pattern.format(each) for each in monitors for pattern in (MONITOR, MONITOR_CONTACTS)]
     own += [continuation(Path(MONITOR.format(each))).name for each in monitors]
     return {name + end for name in (*own, *_FILES) for end in ("", ".part")}  # .part: the draft of a killed run
 
 
-def _names(folder: Path) -> tuple[str, list[str]]:
-    """Return the names of the scene in a folder and of its monitors, which are parts of file names; "" without one."""
+def _names(folder: Path) -> tuple[str, list[str], list[str]]:
+    """Return the names of the scene in a folder and of its monitors, which are parts of file names, and its table.
+
+    The name is "" without a scene.
+    """
     with suppress(SceneError):
         tables = toml_tables(file_text(folder / SCENE))
         monitors = tables.get("monitor", ())
         named = [str(each.get("name")) for each in monitors if isinstance(each, dict)]
         safe = [each for each in named if re.fullmatch(NAME_PATTERN, each)]
-        return checked_name(tables, folder.name, "the deck"), safe
-    return "", []
+        packing = tables.get("packing")
+        table = str(packing.get("table")) if isinstance(packing, dict) else ""
+        return checked_name(tables, folder.name, "the deck"), safe, [table] * bool(re.fullmatch(PATTERN, table))
+    return "", [], []
 
 
 def refuse_long(folder: Path) -> None:

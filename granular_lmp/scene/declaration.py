@@ -1,6 +1,6 @@
 """The tables of a scene file in their order; `granular_lmp.rest.scene` checks what they say together."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
@@ -89,6 +89,11 @@ class Declaration(Document):
     monitor: tuple[Monitor, ...] = ()
     start: Start = Start()
     striker: tuple[Striker, ...] = ()
+
+    @property
+    def beside(self) -> dict[str, Iterable[str]]:
+        """Name → text, in pieces, of the files that its scene file names: the table of spheres."""
+        return {str(self.packing.table): self.packing.table.pieces()} if self.packing.table else {}
 
     @classmethod
     def _variant_of(cls, tables: Mapping[str, Any]) -> str:

@@ -26,6 +26,7 @@ from granular_lmp.crystal.lattices import (
 )
 from granular_lmp.crystal.mode import Physics
 from granular_lmp.crystal.modes import MODES
+from granular_lmp.crystal.sphere_table import NO_TABLE, SphereTable
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
@@ -34,6 +35,7 @@ from granular_lmp.scene.forms import FORMS, MEANING, Form
 from granular_lmp.scene.places import LAYERS_RULE, AtPlaces, Rows, Spheres, rows_rule, spheres_rule
 from granular_lmp.scene.records import GivenValues
 from granular_lmp.scene.schema import AUTO, Auto, Rule, choice, count, flag, number, shown, switch
+from granular_lmp.scene.sphere_table import TABLE_RULE
 
 ENDS = ("fixed", "periodic", AUTO)
 FACES = (HELD, FREE, WALL, QUIET, AUTO)
@@ -95,6 +97,7 @@ class Packing(GivenValues):
         (*ORIENTATIONS, AUTO),
         default=AUTO,
     )
+    table: SphereTable = field(default=NO_TABLE, metadata={"rule": TABLE_RULE})
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import nan
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from granular_lmp.errors import SceneError, one_line
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.files import LARGEST_TABLE, file_bytes
@@ -65,12 +68,14 @@ def value_of(cell: str) -> float:
     return float(cell) if _NUMBER.fullmatch(cell) else nan
 
 
-def read(file: str | Path, quantities: Quantities, words: Words, said: str = "") -> Table:
+def read(
+    file: str | Path, quantities: Quantities, words: Words, said: str = "", *, largest: int = LARGEST_TABLE
+) -> Table:
     """Return the table in a file.
 
     Parameters
     ----------
-    file : a regular file of at most `LARGEST_TABLE` bytes, in UTF-8, UTF-16 with a byte order mark, or Windows-1252.
+    file : a regular file of at most `largest` bytes, in UTF-8, UTF-16 with a byte order mark, or Windows-1252.
     quantities : what a column may hold, with its units.
     words : other words and symbols for a quantity.
     said : what the user wrote for the file, if that is not its path.
@@ -82,9 +87,34 @@ def read(file: str | Path, quantities: Quantities, words: Words, said: str = "")
     """
     said = said or str(file)
     try:
-        return _table(_decoded(file_bytes(Path(file), LARGEST_TABLE, said)), Heads(quantities, words), said)
+        return _table(_decoded(file_bytes(Path(file), largest, said)), Heads(quantities, words), said)
     except (ValueError, csv.Error) as error:
         raise TableError(f"{said}: {one_line(error)}") from None
+
+
+def numbers(
+    file: str | Path, quantities: Quantities, words: Words, said: str = "", *, largest: int = LARGEST_TABLE
+) -> tuple[Sequence[int], dict[str, NDArray[np.float64]]]:
+    """Return the numbers of the lines of a table, and its columns by quantity in SI units, nan for empty cells.
+
+    It takes the file as `read` does; every cell must be a number or empty.
+
+    Raises
+    ------
+    SceneError
+        As `read` does, or for a cell that is no number.
+    """
+    table = read(file, quantities, words, said, largest=largest)
+    found = {}
+    for place, column in enumerate(table.columns):
+        values = np.array([value_of(cells[place]) for _, cells in table.rows])
+        for (line, cells), value in zip(table.rows, values.tolist(), strict=True):
+            if value != value and cells[place]:
+                raise TableError(
+                    f"{said or file}: line {line}: {column.quantity} = {shown(cells[place])}: must be a number"
+                )
+        found[column.quantity] = values * quantities[column.quantity][column.unit]
+    return [line for line, _ in table.rows], found
 
 
 def _decoded(raw: bytes) -> str:

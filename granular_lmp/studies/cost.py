@@ -25,7 +25,7 @@ from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, o
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.laws import contacts
-from granular_lmp.lammps.outputs import COST, STATUS, csv_text, replace_text, writable
+from granular_lmp.lammps.outputs import COST, STATUS, csv_text, replace_text, writable, write_files
 from granular_lmp.problem import prepare
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
@@ -35,6 +35,7 @@ from granular_lmp.runs.record import Record, read_status
 from granular_lmp.studies.cost_settings import Setting, base, references, settings
 from granular_lmp.studies.cost_table import NOT_RUN, NUMBERS, Row, errors
 from granular_lmp.studies.sweep_points import scene_hash
+from granular_lmp.studies.sweep_request import scene_asked
 
 Progress = Callable[[int, int, float], None]
 
@@ -102,6 +103,7 @@ class Plan:
                 message = failures.get(f"{setting.varied}: {setting.name}", "" if row["repeats"] else NOT_RUN)
                 result["points"].append(row | {"options": setting.options, "message": message})
         rows: list[Row] = result["points"]
+        write_files(self.folder, self.scene.beside)
         with writable(self.folder):
             replace_text(self.folder / COST, json.dumps(result, indent=1, allow_nan=False) + "\n")
             replace_text(self.folder / "cost.csv", csv_text(rows[0], map(dict.values, rows)) if rows else "")
@@ -213,8 +215,8 @@ def _refuse_other(folder: Path, scene: Scene) -> None:
             raise RunFolderError(f"{folder}: is there already; choose another folder")
         return
     try:
-        there = Scene.from_dict(json.loads((folder / COST).read_text(encoding="utf-8"))["scene"])
-    except (OSError, ValueError, TypeError, KeyError) as error:
+        there = scene_asked(folder, json.loads((folder / COST).read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError, AttributeError, KeyError) as error:
         raise RunFolderError(f"{folder / COST}: cannot be read: {one_line(error)}") from error
     if scene_hash(there) != scene_hash(scene):
         raise RunFolderError(f"{folder}: holds a study of another scene, {there.name}; choose another folder")

@@ -225,7 +225,7 @@ def _waving_cell(scene: Scene, wave: Wave, rows: int) -> dict[str, dict[str, Any
 
 def _struck_cell(scene: Scene, rows: int, columns: int) -> dict[str, Any]:
     return {
-        "packing": scene.to_dict()["packing"],
+        "packing": scene.to_dict()["packing"] | {"table": ""},  # whose places the cell has not
         "striker": [{"spheres": [[rows // 2, columns // 2]], "velocity": scene.scale.velocity}],
         "output": {} if _snapshots(scene) else {"rows": [0, 0]},
     }

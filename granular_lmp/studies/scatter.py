@@ -247,6 +247,8 @@ def _source_of(scene: Scene) -> Source:
         value = getattr(scene.disorder, item.name)
         if item.name != "seed" and value != item.default:  # inclusions with a share are drawn by the seed
             raise SceneError(f"disorder.{item.name} = {value!r}: must be {item.default:g} for scattering by inclusions")
+    if scene.packing.table:
+        raise SceneError(f"packing.table = {scene.packing.table.said!r}: must be left out for scattering by inclusions")
     if scene.absorb.rows == 0:
         raise SceneError('absorb.rows = 0: must be "auto" or a number, as held ends send back what is measured')
     (source,) = scene.source

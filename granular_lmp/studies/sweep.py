@@ -24,7 +24,7 @@ from granular_lmp.card import HasCard
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.kernel import library
-from granular_lmp.lammps.outputs import SWEEP, csv_text, replace_text, writable
+from granular_lmp.lammps.outputs import SWEEP, csv_text, replace_text, writable, write_files
 from granular_lmp.problem import Problem
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
@@ -36,7 +36,7 @@ from granular_lmp.scene.schema import plain_value
 from granular_lmp.studies.executors import Here, stop_requested, terminable
 from granular_lmp.studies.rounding_warnings import remarks
 from granular_lmp.studies.sweep_points import points
-from granular_lmp.studies.sweep_request import TABLE, claim, read_request
+from granular_lmp.studies.sweep_request import TABLE, claim, read_request, scene_asked
 from granular_lmp.studies.sweep_rows import (
     ASKED,
     RUNS,
@@ -110,7 +110,7 @@ class Sweep(HasCard):
         request = read_request(folder)
         if request is None:
             raise RunFolderError(f"{folder}: not a sweep folder (there is no {SWEEP})")
-        scene, over = Scene.from_dict(request["scene"]), request["over"]
+        scene, over = scene_asked(folder, request), request["over"]
         grid = points(scene, over, folder / RUNS)
         made, device = {point.run: point.of_run for point in grid}, request.get("device")
         rows = {name: row_of(folder / RUNS / name, each, device) for name, each in made.items()}
@@ -271,6 +271,7 @@ def sweep(
     made, notes = {point.run: point.of_run for point in grid}, remarks(each.scene for each in grid)
     with locked(folder, make=True, force=True):
         claim(folder, request, force)
+        write_files(folder, scene.beside)
         rows = {name: row_of(folder / RUNS / name, each, options.device) for name, each in made.items()}
         for note in notes:
             _log.info("%s", note)

@@ -8,6 +8,7 @@ from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.lammps.outputs import STATUS, SWEEP, replace_text, writable
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.folder import clear
+from granular_lmp.scene.sphere_table import located
 from granular_lmp.studies.sweep_points import scene_hash
 
 TABLE = "sweep.csv"
@@ -21,7 +22,7 @@ def claim(folder: Path, request: dict[str, Any], force: bool) -> None:
             f"{folder}: holds a sweep by {by}, which {by} alone continues, not {by_whom(request)}; "
             "choose another folder or say force=True"
         )
-    if there is not None and not force and _identity(there) != _identity(request):
+    if there is not None and not force and _identity(folder, there) != _identity(folder, request):
         asked = ", ".join(f"{key} ({len(values)})" for key, values in there["over"].items())
         raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say force=True")
     if there is None and not force and any(folder.iterdir()):
@@ -34,10 +35,15 @@ def claim(folder: Path, request: dict[str, Any], force: bool) -> None:
             replace_text(folder / SWEEP, json.dumps(request, indent=2) + "\n")
 
 
-def _identity(request: dict[str, Any]) -> str:
+def scene_asked(folder: Path, request: dict[str, Any]) -> Scene:
+    """Return the scene of a request; the table of its spheres lies in the folder."""
+    return Scene.from_dict(located(request["scene"], folder))
+
+
+def _identity(folder: Path, request: dict[str, Any]) -> str:
     over = request["over"]
     first = {key: values[0] for key, values in over.items() if values}  # what is swept may be wrong in the scene itself
-    return json.dumps([list(over.items()), scene_hash(Scene.from_dict(request["scene"]).with_values(first))])
+    return json.dumps([list(over.items()), scene_hash(scene_asked(folder, request).with_values(first))])
 
 
 def by_whom(request: dict[str, Any]) -> str:

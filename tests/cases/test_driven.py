@@ -379,5 +379,5 @@ def test_the_lattice_is_pushed_or_pulled_as_the_page_says(nu: float) -> None:
         assert far_slope("L", xi, nu) > 0 > far_slope("RT", xi, nu)
         assert (far_slope("TR", xi, nu) > 0) == (xi < TURNS[nu])
     assert sh.antiresonance(sh.ratios(nu)) == pytest.approx(TURNS[nu], abs=6e-4)
-    page = (Path(__file__).parents[2] / "analysis" / "cases" / "driven" / "README.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs/studies.md").read_text(encoding="utf-8")
     assert f"{TURNS[nu]:.3f}" in page

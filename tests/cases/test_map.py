@@ -49,7 +49,7 @@ def test_the_map_draws_the_second_harmonic(monkeypatch):
 
 def locations_on_the_page() -> list[tuple[float, float, float, float]]:
     """Return overlap ratio, prestress, resonance and antiresonance of each row of the table below the map."""
-    lines = (Path(__file__).parents[2] / "analysis" / "cases" / "map" / "README.md").read_text("utf-8").splitlines()
+    lines = (Path(__file__).parents[2] / "docs/studies.md").read_text("utf-8").splitlines()
     first = next(i for i, line in enumerate(lines) if line.startswith("| η |")) + 2
     rows = []
     while lines[first].startswith("|"):

@@ -26,7 +26,7 @@ from granular_lmp.scene.json_schema import json_schema
 from granular_lmp.scene.shipped import SHIPPED
 
 COMMANDS = (
-    *("init", "list", "schema", "check", "build", "effects", "modes", "run", "resume"),
+    *("init", "list", "schema", "check", "build", "effects", "combine", "modes", "run", "resume"),
     *("sweep", "cost", "kick", "collide", "view", "export", "doctor", "build-kernel", "completion"),
 )
 
@@ -314,7 +314,7 @@ def completed(script: str, *words: str) -> list[str]:
 
 def test_bash_completes_commands_options_and_scenes(capsys: pytest.CaptureFixture[str]) -> None:
     script = cli(capsys, "completion", "bash")[1]
-    assert sorted(completed(script, "c")) == ["check", "collide", "completion", "cost"]
+    assert sorted(completed(script, "c")) == ["check", "collide", "combine", "completion", "cost"]
     assert completed(script, "run", "--f") == ["--force"]
     assert completed(script, "run", "tr_p") == ["tr_periodic", "tr_pulse"]
     assert completed(script, "collide", "test1") == ["test1_glass", "test1_limestone"]

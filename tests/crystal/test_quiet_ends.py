@@ -255,7 +255,7 @@ def test_the_reflection_in_lammps_is_that_of_the_layer_at_its_step(
 
 
 def test_the_page_has_the_reflection_at_each_step() -> None:
-    lines = (Path(__file__).parents[2] / "analysis/cases/quiet/README.md").read_text("utf-8").splitlines()
+    lines = (Path(__file__).parents[2] / "docs/studies.md").read_text("utf-8").splitlines()
     steps, numbers, found = (
         [float(cell) for cell in line.strip("| ").split(" | ")[1:]]
         for line in lines

@@ -16,9 +16,10 @@ from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import CONTACTS
 from granular_lmp.problem import prepare
 from granular_lmp.runs.record import read_status
+from granular_lmp.studies.combine import together
+from granular_lmp.studies.features import KINDS, WAVES
 from tests.conftest import members
 from tests.hard.guard_study import Truth, compared, random_scene, truth
-from tests.matrix.features import WAVE, WAVES, together
 
 IMPERFECT = ("radii", "densities", "vacancies", "rows of another", "another sphere")
 DAMPED = ("viscosity", "restitution")
@@ -27,7 +28,7 @@ SMALL = {"packing.rows": 18, "time.duration": 4.0, "time.sample": 1.0, "output.p
 
 def scene(*features: str, **more: Any) -> Scene:
     """Return a small crystal with features of the matrix."""
-    return WAVE.with_values((together(*(WAVES[name] for name in features)) or {}) | SMALL | more)
+    return KINDS[0].scene.with_values(together(*(WAVES[name] for name in features)) | SMALL | more)
 
 
 def without_step(given: Scene, folder: Path) -> Record:

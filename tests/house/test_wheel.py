@@ -141,7 +141,7 @@ def test_the_reference_has_the_help_of_every_door_of_analysis() -> None:
 def test_every_script_of_analysis_has_its_name_in_the_command() -> None:
     tools = {path.stem for path in (ROOT / "analysis/granular_analysis/tools").glob("*.py")}
     cases = {path.parent.name for path in (ROOT / "analysis/cases").glob("*/case.py")}
-    assert set(scripts()) == tools - {"curves"} | cases | {"case"}
+    assert set(scripts()) == tools - {"__init__", "curves"} | cases | {"case"}
 
 
 def test_every_command_of_the_project_is_installed(programs: Path) -> None:

@@ -1,18 +1,10 @@
-"""``python -m tests.matrix`` writes into the golden files what more builds now, and refuses what builds no more.
+"""``python -m tests.matrix`` writes what more builds now into docs/combinations.csv, and refuses losses."""
 
-It writes docs/reference/combinations.md, too.
-"""
+from granular_lmp.studies.features import KINDS
+from tests.matrix.outcomes import committed, gains, rows_of, update, write
 
-from tests.matrix.features import KINDS
-from tests.matrix.outcomes import GOLDEN, gains, golden, row, text, update
-from tests.matrix.page import PAGE, current
-
-for kind in KINDS:
-    file = GOLDEN / f"{kind.name}.txt"
-    before = golden(kind.name) if file.exists() else {}
-    now = {name: row(kind, name) for name in kind.features}
-    for line in gains(before, now):
-        print(f"{kind.name}: {line}")
-    file.write_text(text(update(before, now)), encoding="utf-8")
-
-PAGE.write_text(current(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+before = committed()
+now = {pair: row for kind in KINDS for name in kind.features for pair, row in rows_of(kind, name).items()}
+for line in gains(before, now):
+    print(line)
+write(update(before, now))

@@ -1,6 +1,6 @@
-"""``python -m tests.matrix.compared`` runs pairs of the matrix, compares all spheres with the network, writes the page.
+"""``python -m tests.matrix.compared`` runs pairs of the matrix, compares all spheres with the network.
 
-Each pair of waves that the first golden file refused as not built, and each with a feature that came later, runs with
+Each pair of waves that the first table refused as not built, and each with a feature that came later, runs with
 two time steps. The *departure* is the largest difference between the fields of all spheres, extrapolated from both
 steps to none, and those of the network, over the largest of the network. The *bound* is what the two runs differ by: an
 error of any order in the step is at most that, and an extrapolation in second order leaves two thirds of it, or far
@@ -21,13 +21,13 @@ from granular_analysis.theory.catalogue import NETWORK, missing
 from granular_analysis.theory.choice import TheoryError, others_of
 from granular_analysis.theory.network_motion import integrate
 from granular_lmp import Record, Scene, run
-from tests.matrix.features import KINDS, together
-from tests.matrix.outcomes import BUILDS, golden
+from granular_lmp.studies.combine import BUILDS, together
+from granular_lmp.studies.features import KINDS
+from tests.matrix.outcomes import Row, committed, write
 
-PAGE = Path(__file__).parents[2] / "docs/reference/pairs.md"
-BEGIN, END = "<!-- pairs -->\n", "<!-- end of pairs -->\n"
+LEFT_OUT = "the network leaves it out: "
 LATER = {"striker", "state", "free end", "free sides", "held sides", "finite sheet", "chirp", "honeycomb", "wall end"}
-# Refused as not built by the first golden file
+# Refused as not built by the first table
 OPENED = {
     "jkr": ("radii", "densities", "vacancies", "rows of another", "another sphere"),
     "hertz": ("chain",),
@@ -61,21 +61,16 @@ class Outcome:
 
 def pairs() -> Iterator[tuple[str, str]]:
     """Yield the pairs of waves that were opened, of those that build today."""
-    kind = KINDS[0]
-    rows, names = golden(kind.name), list(kind.features)
-    for place, one in enumerate(names):
-        for number, other in enumerate(names[:place]):
-            new = {one, other} & LATER or other in OPENED.get(one, ()) or one in OPENED.get(other, ())
-            if new and rows[one][number] == BUILDS:
-                yield other, one
+    for (kind, one, other), row in committed().items():
+        new = {one, other} & LATER or other in OPENED.get(one, ()) or one in OPENED.get(other, ())
+        if kind == "waves" and one != other and new and row.outcome == BUILDS:
+            yield other, one
 
 
 def scene_of(one: str, other: str) -> Scene:
     """Return the short scene of a pair of waves."""
     kind = KINDS[0]
-    settings = together(kind.features[one], kind.features[other])
-    assert settings is not None
-    return kind.scene.with_values(settings | SHORT)
+    return kind.scene.with_values(together(kind.features[one], kind.features[other]) | SHORT)
 
 
 def fields_of(record: Record) -> np.ndarray:
@@ -111,20 +106,18 @@ def outcome(scene: Scene, folder: Path) -> Outcome:
     return Outcome(float(np.abs(best - expected).max() / size), float(np.abs(fine - coarse).max() / size))
 
 
-def table(found: dict[tuple[str, str], Outcome]) -> str:
-    """Return the outcomes as a table, the largest departure over its bound first."""
-    judged = {pair: each for pair, each in found.items() if not each.refused}
-    order = sorted(judged, key=lambda pair: -judged[pair].departure)
-    lines = ["| pair | departure | bound |", "|---|---|---|"]
-    for pair in order:
-        lines.append(f"| {' with '.join(pair)} | {judged[pair].departure:.1e} | {judged[pair].bound:.1e} |")
-    reasons: dict[str, list[str]] = {}
-    for pair, each in found.items():
-        if each.refused:
-            reasons.setdefault(each.refused, []).append(" with ".join(pair))
-    lines += ["", "| refused as the network leaves out | pairs |", "|---|---|"]
-    lines += [f"| `{why}` | {'; '.join(which)} |" for why, which in sorted(reasons.items())]
-    return "\n".join(lines)
+def row(found: Outcome) -> Row:
+    """Return an outcome as a row of the table."""
+    if found.refused:
+        return Row(BUILDS, LEFT_OUT + found.refused)
+    return Row(BUILDS, departure=f"{found.departure:.1e}", bound=f"{found.bound:.1e}")
+
+
+def outcome_of(row: Row) -> Outcome:
+    """Return the outcome that a row of the table holds."""
+    if row.departure:
+        return Outcome(float(row.departure), float(row.bound))
+    return Outcome(refused=row.message.removeprefix(LEFT_OUT))
 
 
 def main() -> int:
@@ -140,8 +133,7 @@ def main() -> int:
         each = found[pair]
         if not each.holds:
             print(*pair, each, sep=" | ", flush=True)
-    before, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}\n{table(found)}\n\n{END}{rest.partition(END)[2]}", "utf-8")
+    write(committed() | {("waves", other, one): row(each) for (one, other), each in found.items()})
     return int(not all(each.holds for each in found.values()))
 
 

@@ -1,129 +1,97 @@
-"""Outcomes of two features in one scene, and the golden files that hold them.
+"""The table of pairs, docs/combinations.csv: of each two features of a scene what becomes of them together, and why.
 
-A deck is built, or an error says why not. Each error is either physics, which stays refused, or not built, which is
-open, as the line of `granular_lmp.rest.refusals` has it. Settings that exclude each other by themselves, two lattices
-say, are none of both. A golden file may only gain: `update` takes no pair away.
+`granular_lmp.studies.combine` says what becomes of them; `tests.matrix.compared` adds how far a run is from its
+network. The table may only gain: `update` takes no pair away.
 """
 
+import csv
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from granular_lmp import build
-from granular_lmp.errors import SceneError
-from tests.matrix.features import Kind, Settings, together
+from granular_lmp.studies.combine import BUILDS, EXCLUSIVE, NOT_BUILT, PHYSICS, outcome
+from granular_lmp.studies.features import Kind
 
-BUILDS, PHYSICS, NOT_BUILT, EXCLUSIVE = ".", "P", "N", "x"
-MEANING = {BUILDS: "builds", PHYSICS: "physics", NOT_BUILT: "not built", EXCLUSIVE: "exclusive"}
-SYMBOLS = {said: symbol for symbol, said in MEANING.items()}
-GOLDEN = Path(__file__).parent
-
-
-class Refused(NamedTuple):
-    """Why a pair does not build: the message, and what it is."""
-
-    message: str
-    symbol: str
+TABLE = Path(__file__).parents[2] / "docs" / "combinations.csv"
+HEAD = ("scene", "feature", "with", "outcome", "message", "departure", "bound")
+WORDS = (BUILDS, PHYSICS, NOT_BUILT, EXCLUSIVE)
+Pair = tuple[str, str, str]  # kind of scene, feature, and one that stands before it in the list, or itself: it alone
 
 
-_FOUND: dict[tuple[str, str], Refused | None] = {}  # by kind and settings: the page and its tests ask for them again
+class Row(NamedTuple):
+    """What becomes of a pair, why, and how far its run is from the network, if it is compared."""
+
+    outcome: str
+    message: str = ""
+    departure: str = ""
+    bound: str = ""
 
 
-def refusal(kind: Kind, settings: Settings) -> Refused | None:
-    """Return why a scene with these settings is refused; None if its deck is built.
-
-    Raises
-    ------
-    LookupError
-        If the error does not say whether it is physics or not built.
-    """
-    key = kind.name, repr(settings)
-    if key not in _FOUND:
-        _FOUND[key] = _refusal(kind, settings)
-    return _FOUND[key]
+Rows = dict[Pair, Row]
 
 
-def _refusal(kind: Kind, settings: Settings) -> Refused | None:
-    try:
-        scene = kind.scene.with_values(settings)
-        deck = build(scene)
-    except SceneError as error:
-        return refused(error)
-    assert deck.files()
-    return None
+@cache
+def found(kind: Kind, one: str, other: str) -> Row:
+    """Return what becomes of two features in one scene today; of a feature and itself what becomes of it alone."""
+    return Row(*outcome(kind, *(kind.features[name] for name in dict.fromkeys((one, other)))))
 
 
-def refused(error: SceneError) -> Refused:
-    """Return what an error says of a pair; LookupError if it does not say whether it is physics or not built."""
-    if error.because is None:
-        raise LookupError(f"a refusal must say whether it is physics or not built: {error}")
-    return Refused(str(error), SYMBOLS[error.because])
-
-
-def outcome(kind: Kind, one: str, other: str) -> str:
-    """Return what becomes of two features in one scene; of a feature and itself that of it alone."""
-    settings = pair(kind, one, other)
-    if settings is None:
-        return EXCLUSIVE
-    found = refusal(kind, settings)
-    return found.symbol if found else BUILDS
-
-
-def pair(kind: Kind, one: str, other: str) -> Settings | None:
-    """Return the settings of two features, or of one; None if they exclude each other."""
-    return together(*(kind.features[name] for name in dict.fromkeys((one, other))))
-
-
-def row(kind: Kind, name: str) -> str:
-    """Return the outcomes of a feature with those before it, and alone."""
+def rows_of(kind: Kind, name: str) -> Rows:
+    """Return the rows of a feature with those before it, and alone, as they are today."""
     names = [*kind.features]
-    return "".join(outcome(kind, name, other) for other in names[: names.index(name) + 1])
+    return {(kind.name, name, other): found(kind, name, other) for other in names[: names.index(name) + 1]}
 
 
-# --- golden files ----------------------------------------------------------------------------------------------------
-
-Rows = dict[str, str]  # feature → its outcomes with those before it, and alone
-
-
-def text(rows: Rows) -> str:
-    """Return rows as a golden file holds them."""
-    lines = (f"{number:2} {name:16} {' '.join(line)}" for number, (name, line) in enumerate(rows.items(), 1))
-    return "\n".join([", ".join(f"{symbol} {said}" for symbol, said in MEANING.items()), *lines]) + "\n"
+def committed(file: Path = TABLE) -> Rows:
+    """Return the rows of the table."""
+    with file.open(encoding="utf-8", newline="") as stream:
+        lines = [*csv.reader(stream)][1:]
+    return {(kind, name, name if other == "alone" else other): Row(*cells) for kind, name, other, *cells in lines}
 
 
-def golden(kind: str) -> Rows:
-    """Return the rows of a golden file."""
-    lines = (GOLDEN / f"{kind}.txt").read_text("utf-8").splitlines()[1:]
-    return {line[3:19].strip(): line[20:].replace(" ", "") for line in lines}
+def write(rows: Rows, file: Path = TABLE) -> None:
+    """Write rows as the table."""
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        lines = csv.writer(stream, lineterminator="\n")
+        lines.writerow(HEAD)
+        for (kind, name, other), row in rows.items():
+            lines.writerow((kind, name, "alone" if other == name else other, *row))
+
+
+def alone(kind: Kind) -> list[str]:
+    """Return the features that build without another."""
+    return [name for name in kind.features if committed()[kind.name, name, name].outcome == BUILDS]
 
 
 def losses(before: Rows, now: Rows) -> Iterator[str]:
     """Yield each pair that is not as good as it was: whatever changes must build now."""
-    for name, line in before.items():
-        if name not in now:
-            yield f"{name}: is gone"
-        for other, old, new in zip(before, line, now.get(name, line), strict=False):
-            if old != new and new != BUILDS:
-                yield f"{name} + {other}: {MEANING[old]} before, {MEANING[new]} now"
+    for pair, old in before.items():
+        new = now.get(pair, Row("gone")).outcome
+        if new not in (old.outcome, BUILDS):
+            yield f"{' + '.join(pair)}: {old.outcome} before, {new} now"
 
 
 def gains(before: Rows, now: Rows) -> Iterator[str]:
-    """Yield each pair that is better than it was, and each feature that is new."""
-    for name, line in now.items():
-        if name not in before:
-            yield f"{name}: is new"
-        elif before[name] != line and not [*losses({name: before[name]}, {name: line})]:
-            yield f"{name}: {before[name]} before, {line} now"
+    """Yield each pair that is better than it was, or new."""
+    for pair, new in now.items():
+        old = before.get(pair, Row("not there")).outcome
+        if old != new.outcome:
+            yield f"{' + '.join(pair)}: {old} before, {new.outcome} now"
 
 
 def update(before: Rows, now: Rows) -> Rows:
-    """Return what a golden file may hold from now on.
+    """Return what the table may hold from now on; what was measured of a pair that builds stays.
 
     Raises
     ------
     ValueError
-        If a pair is worse than before. Who means it edits the file, and says in its commit why.
+        If a pair is worse than before. Who means it edits the table, and says in its commit why.
     """
     if lost := [*losses(before, now)]:
-        raise ValueError("a golden file may only gain: " + "; ".join(lost))
-    return now
+        raise ValueError("the table may only gain: " + "; ".join(lost))
+    updated = dict(now)
+    for pair, row in now.items():
+        if row.outcome == BUILDS and pair in before and before[pair].outcome == BUILDS:
+            updated[pair] = before[pair]
+    return updated

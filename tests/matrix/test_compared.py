@@ -1,13 +1,14 @@
-"""Pairs of features beside the network: some of them here, all of them in the table of the page."""
+"""Pairs of features beside the network: some of them here, all of them in the table."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from granular_lmp.studies.combine import BUILDS
 from tests.matrix import compared
-from tests.matrix.compared import PAGE, Outcome, outcome, pairs, scene_of
+from tests.matrix.compared import LEFT_OUT, outcome, outcome_of, pairs, scene_of
+from tests.matrix.outcomes import Row, committed
 
 # Chosen for what they exercise: each law, lattice, form, source, face and damping that a network has a member for
 CHEAP = [
@@ -53,12 +54,10 @@ def test_a_pair_beside_another_network_is_seen(tmp_path: Path, monkeypatch: pyte
     assert not outcome(scene_of("no shear", "striker"), tmp_path).holds
 
 
-def test_the_page_has_each_pair_and_none_beyond_its_bound() -> None:
-    text = PAGE.read_text("utf-8")
-    rows = re.findall(r"^\| ([^|]+) with ([^|]+) \| (\S+) \| (\S+) \|$", text, re.MULTILINE)
-    judged = {(one, other): Outcome(float(departure), float(bound)) for one, other, departure, bound in rows}
-    assert all(each.holds for each in judged.values())
-    refused = {
-        tuple(each.split(" with ")) for each in re.findall(r"[\w ]+ with [\w ]+", text.partition("refused as")[2])
-    }
-    assert {tuple(part.strip() for part in pair) for pair in refused} | {*judged} == {*pairs()}
+def test_the_table_has_each_pair_and_none_beyond_its_bound() -> None:
+    rows = {(pair[2], pair[1]): row for pair, row in committed().items() if row.departure or LEFT_OUT in row.message}
+    assert {*rows} == {*pairs()}
+    judged = {pair: outcome_of(row) for pair, row in rows.items()}
+    assert [pair for pair, each in judged.items() if not each.holds] == []
+    assert [pair for pair, each in judged.items() if compared.row(each) != rows[pair]] == []
+    assert not outcome_of(Row(BUILDS, departure="2.0e-04", bound="1.0e-04")).holds

@@ -1,25 +1,14 @@
 """Every pair of features of a scene builds, or is refused with a reason; and what builds today builds tomorrow."""
 
+from pathlib import Path
+
 import pytest
 
+from granular_lmp.cli.entry import main
 from granular_lmp.errors import SceneError
-from tests.matrix.features import IMPACTS, KINDS, WAVES, Kind, together
-from tests.matrix.outcomes import (
-    BUILDS,
-    EXCLUSIVE,
-    MEANING,
-    NOT_BUILT,
-    PHYSICS,
-    gains,
-    golden,
-    losses,
-    outcome,
-    row,
-    text,
-    update,
-)
-from tests.matrix.outcomes import refused as refused_by
-from tests.matrix.page import PAGE, current, refused
+from granular_lmp.studies.combine import BUILDS, EXCLUSIVE, NOT_BUILT, PHYSICS, outcome, together
+from granular_lmp.studies.features import IMPACTS, KINDS, WAVES, Kind
+from tests.matrix.outcomes import TABLE, WORDS, Row, alone, committed, found, gains, losses, rows_of, update, write
 
 # Dear rows of features that other rows have too
 MORE = {"jkr", "beam", "quiet", "rolling", "no rotation", "tolerance", "hertz scale", "state", "free sides"}
@@ -33,25 +22,32 @@ ROWS = [
     for kind in KINDS
     for name in kind.features
 ]
-BEFORE = {"a": ".", "b": "P.", "c": "N.x"}
+A, B = ("waves", "a", "a"), ("waves", "b", "a")
 
 
 @pytest.mark.parametrize(("kind", "name"), ROWS)
 def test_a_feature_goes_with_those_that_it_went_with(kind: Kind, name: str) -> None:
-    before, now = {each: line for each, line in golden(kind.name).items() if each == name}, {name: row(kind, name)}
-    names = [*kind.features]
-    changed = [
-        f"{name} + {other}: {MEANING[old]} before, {MEANING[new]} now"
-        for other, old, new in zip(names, before[name], now[name], strict=False)
-        if old != new
-    ]
-    assert not changed, f"a gain is written down by python -m tests.matrix; a loss is a mistake: {changed}"
-    assert len(now[name]) == len(before[name]) == names.index(name) + 1
+    before = {pair: row for pair, row in committed().items() if pair[:2] == (kind.name, name)}
+    now = rows_of(kind, name)
+    assert not [*gains(before, now)], "python -m tests.matrix writes a gain; a loss is a mistake"
+    assert before == update(before, now)
 
 
-@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
-def test_the_golden_file_has_the_features_of_the_list_in_its_order(kind: Kind) -> None:
-    assert [*golden(kind.name)] == [*kind.features]
+def test_the_table_has_each_pair_of_the_lists_in_their_order() -> None:
+    pairs = []
+    for kind in KINDS:
+        names = [*kind.features]
+        pairs += [(kind.name, name, other) for n, name in enumerate(names, 1) for other in names[:n]]
+    assert [*committed()] == pairs
+    assert {row.outcome for row in committed().values()} == {*WORDS}
+
+
+def test_the_table_says_why_each_refused_pair_is_refused() -> None:
+    kinds = {kind.name: kind for kind in KINDS}
+    refused = {pair: row for pair, row in committed().items() if row.outcome != BUILDS}
+    assert refused == {pair: found(kinds[pair[0]], *pair[1:]) for pair in refused}
+    assert all(row.message for row in refused.values())
+    assert {row.outcome for row in refused.values()} == {PHYSICS, NOT_BUILT, EXCLUSIVE}
 
 
 def test_there_are_as_many_features_as_when_the_matrix_was_first_made() -> None:
@@ -61,16 +57,7 @@ def test_there_are_as_many_features_as_when_the_matrix_was_first_made() -> None:
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
 def test_each_feature_changes_the_scene(kind: Kind) -> None:
-    alone = [name for name, line in golden(kind.name).items() if line[-1] == BUILDS]
-    assert not [name for name in alone if kind.scene.with_values(kind.features[name]) == kind.scene]
-
-
-def test_the_page_prints_the_matrix_and_every_refusal() -> None:
-    page = PAGE.read_text(encoding="utf-8")
-    assert page == current(page), "python -m tests.matrix writes it"
-    for kind in KINDS:
-        pairs = sum(len(each) for each in refused(kind).values())
-        assert pairs == sum(line.count(PHYSICS) + line.count(NOT_BUILT) for line in golden(kind.name).values())
+    assert not [name for name in alone(kind) if kind.scene.with_values(kind.features[name]) == kind.scene]
 
 
 # --- the machinery ---------------------------------------------------------------------------------------------------
@@ -78,32 +65,77 @@ def test_the_page_prints_the_matrix_and_every_refusal() -> None:
 
 def test_settings_of_two_features_are_one_scene_unless_they_differ() -> None:
     assert together({"a": 1, "source": [1]}, {"a": 1, "b": 2, "source": [2]}) == {"a": 1, "b": 2, "source": [1, 2]}
-    assert together({"a": 1}, {"a": 2}) is None
-    assert outcome(KINDS[0], "square", "chain") == EXCLUSIVE
+    with pytest.raises(SceneError, match="both set a, to 1 and 2"):
+        together({"a": 1}, {"a": 2})
+    assert outcome(KINDS[0], WAVES["square"], WAVES["chain"]).word == EXCLUSIVE
 
 
-def test_a_refusal_that_does_not_say_what_it_is_is_an_error() -> None:
-    with pytest.raises(LookupError, match="physics or not built: nobody said this"):
-        refused_by(SceneError("nobody said this"))
+def test_a_value_that_is_wrong_by_itself_is_an_error() -> None:
+    with pytest.raises(SceneError, match="disorder.radius = -1.0"):
+        outcome(KINDS[0], {"disorder.radius": -1.0})
 
 
-def test_a_golden_file_may_only_gain() -> None:
-    for worse in ({"a": "N", "b": "P.", "c": "N.x"}, {"a": ".", "b": "PP", "c": "N.x"}, {"a": ".", "b": "P."}):
-        assert [*losses(BEFORE, worse)]
-        with pytest.raises(ValueError, match="a golden file may only gain"):
-            update(BEFORE, worse)
-    relabelled = {"a": ".", "b": "N.", "c": "P.x"}  # a reason is changed by hand, with an argument
-    assert [*losses(BEFORE, relabelled)] == [
-        "b + a: physics before, not built now",
-        "c + a: not built before, physics now",
+def test_the_table_may_only_gain() -> None:
+    before = {A: Row(BUILDS), B: Row(PHYSICS, "why")}
+    for worse in ({A: Row(NOT_BUILT), B: Row(PHYSICS)}, {A: Row(BUILDS)}):
+        with pytest.raises(ValueError, match="the table may only gain"):
+            update(before, worse)
+    relabelled = {A: Row(BUILDS), B: Row(NOT_BUILT)}  # a reason is changed by hand, with an argument
+    assert [*losses(before, relabelled)] == ["waves + b + a: physics before, not built now"]
+    better = {A: Row(BUILDS), B: Row(BUILDS), ("waves", "b", "b"): Row(BUILDS)}
+    assert update(before, better) == better
+    assert [*gains(before, better)] == [
+        "waves + b + a: physics before, builds now",
+        "waves + b + b: not there before, builds now",
     ]
-    better = {"a": ".", "b": "P.", "c": "..x", "d": "...."}
-    assert update(BEFORE, better) == better
-    assert [*gains(BEFORE, better)] == ["c: N.x before, ..x now", "d: is new"]
+    measured = {A: Row(BUILDS, departure="1e-8", bound="2e-5")}
+    assert update(measured, {A: Row(BUILDS)}) == measured
+    assert update(before, {A: Row(BUILDS), B: Row(PHYSICS, "another")})[B].message == "another"
 
 
-@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
-def test_a_golden_file_is_read_back_as_it_was_written(kind: Kind) -> None:
-    rows = golden(kind.name)
-    assert set("".join(rows.values())) <= {BUILDS, PHYSICS, NOT_BUILT, EXCLUSIVE}
-    assert text(rows).count("\n") == len(rows) + 1
+def test_the_table_is_read_back_as_it_was_written(tmp_path: Path) -> None:
+    write(committed(), tmp_path / "table.csv")
+    assert (tmp_path / "table.csv").read_bytes() == TABLE.read_bytes()
+
+
+# --- the command -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "said"),
+    [
+        ("radii", "jkr", ["In a scene with [wave] or without [wave], radii and jkr go together."]),
+        (
+            "chain",
+            "held-sides",
+            [
+                "In a scene with [wave], chain and held sides cannot go together: "
+                'packing.sides = "held": must be "free" or left out in a chain, which has no other spheres.'
+            ],
+        ),
+        ("wall end", "rolling", ["In a scene with [wave], wall end and rolling do not go together yet: packing.last"]),
+        ("honeycomb", "packing.lattice=square", ["honeycomb and packing.lattice=square exclude each other: both set"]),
+        ("square", "disorder.radius", ["with [wave], square and radii cannot", "without [wave], square and radii go"]),
+    ],
+)
+def test_combine_answers_in_a_sentence_for_each_kind_that_differs(
+    one: str, other: str, said: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["combine", one, other]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [part in line for part, line in zip(said, lines, strict=True)] == [True] * len(said)
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("honycomb", "feature 'honycomb' is unknown, and is no setting, KEY=VALUE; did you mean 'honeycomb'?"),
+        ("disorder.radus", "did you mean 'disorder.radius'?"),
+        ("packing.lattice", "packing.lattice: several features set it: chain, square, honeycomb; name one"),
+        ("displaced", "feature 'displaced' does not belong to a scene with [wave]; feature 'oblique' does not belong"),
+        ("disorder.radius=-1", "disorder.radius = -1.0: must be a number in"),
+    ],
+)
+def test_combine_refuses_a_word_that_it_does_not_know(word: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["combine", "oblique", word]) == 2
+    assert said in capsys.readouterr().err

@@ -8,17 +8,16 @@ import pytest
 from granular_analysis.tools.compare import Comparison, compare
 from granular_lmp import Scene, build, run
 from granular_lmp.cli.entry import main
+from granular_lmp.studies.features import KINDS
 from tests.conftest import members
 from tests.matrix.compared import SHORT
-from tests.matrix.features import KINDS
-from tests.matrix.outcomes import BUILDS, golden
+from tests.matrix.outcomes import alone
 from tests.matrix.units import departures, sizes
 
 SCENES = {
-    f"{kind.name}, {name}": kind.scene.with_values(settings | (SHORT if kind.scene.wave else {}))
+    f"{kind.name}, {name}": kind.scene.with_values({**kind.features[name], **(SHORT if kind.scene.wave else {})})
     for kind in KINDS
-    for name, settings in kind.features.items()
-    if golden(kind.name)[name][-1] == BUILDS
+    for name in alone(kind)
 }
 SCENES |= {
     name: Scene.load(name).with_values({"time.duration": 10.0})
@@ -33,8 +32,10 @@ RUN = ("impacts, chain", "compressed_chain", "waves, radii", "monolayer_rocking"
 
 
 def texts(scene: Scene) -> dict[str, str]:
-    """Return the files of a deck."""
-    return {name: "".join(pieces) for name, pieces in build(scene).files().items()}
+    """Return the files of a deck; a table of spheres, whose name depends on its values, as "spheres.csv"."""
+    table = scene.packing.table or "spheres.csv"
+    named = {name: "".join(pieces).replace(table, "spheres.csv") for name, pieces in build(scene).files().items()}
+    return {name.replace(table, "spheres.csv"): text for name, text in named.items()}
 
 
 @pytest.mark.parametrize("name", members(SCENES, *list(SCENES)[1::2]))

@@ -10,6 +10,7 @@ from math import log10, prod, sqrt
 from typing import Any
 
 from granular_lmp import Scene
+from granular_lmp.crystal.sphere_table import SphereTable
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.start import COLUMNS, IN_SPACE
 
@@ -27,6 +28,7 @@ DIMENSIONS: dict[str, tuple[int, int, int]] = {
 } | dict.fromkeys(
     ["", "rad", "degrees", "rad per row", "rows", "D0/Delta0", "tau", "t0", "rad/t0", "minutes"], (0, 0, 0)
 )
+TABLE = {"density": "kg/m3", "radius": "m"}
 STATE = {"u": "m", "v": "m/s", "s": "Hz"}  # by the first letters of its columns
 ALIKE = ((1.0, 1.0), (10.0, 0.1), (1e-4, 1e-2))  # factors of moduli and densities whose ratio is a power of 100
 _NUMBER = re.compile(r"(?<![A-Za-z_\d.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -38,6 +40,8 @@ def rescaled(scene: Scene, mass: float, length: float, time: float) -> Scene:
     tables = scene.to_dict()
 
     def times(value: Any, unit: str) -> Any:
+        if isinstance(value, SphereTable):
+            return {name: each * times(1.0, TABLE.get(name, "")) for name, each in value.columns.items()} or ""
         if unit == "SI units":
             units = ["", "", *(STATE[name[0]] for name in (COLUMNS + IN_SPACE)[2:])]
             return [[times(each, unit) for each, unit in zip(row, units, strict=False)] for row in value]

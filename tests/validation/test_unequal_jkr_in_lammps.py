@@ -19,8 +19,8 @@ from granular_lmp.crystal.contacts import law_between
 from granular_lmp.effects import openings
 from granular_lmp.problem import prepare
 from granular_lmp.rest.at_rest import crystal_of
+from granular_lmp.studies.features import WAVES
 from tests.manual import Measure, Mutant, verifies
-from tests.matrix.features import WAVES
 
 SHEET = Scene.load("tr_periodic").with_values(
     {

@@ -68,6 +68,7 @@ RTOL = 1e-9
 UNIFORM = {
     "inclusion": [],
     "pair": [],
+    "packing.table": "",
     "disorder.stiffness": 0.0,
     "disorder.radius": 0.0,
     "disorder.density": 0.0,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_analysis.measure.stiffnesses import CLASSES, deviates, kinds_of, scaled, spread
+from granular_analysis.measure.stiffnesses import deviates, in_series, kinds_of, levels_of, scaled, spread
 from granular_analysis.theory import signals
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.lattices import LATTICES
@@ -292,11 +292,11 @@ def _where(network: Network, wall: Wall, spheres: Integers, pushed: float) -> Wa
 
 
 def _varied(scene: Scene, network: Network, factors: tuple[float, float]) -> Floats | tuple[float, float]:
-    """Return the factors of contacts with a wall, by material where stiffnesses have a spread."""
-    if not scene.disorder.stiffness:
-        return factors
-    own = np.tile(deviates(), len(network.materials) // CLASSES)
-    return np.asarray(np.multiply.outer(1 + scene.disorder.stiffness * own, factors))
+    """Return the factors of contacts with a wall, by material where spheres differ in stiffness."""
+    own = levels_of(scene)
+    if scene.disorder.stiffness:
+        own = np.asarray(np.kron(own, 1 + scene.disorder.stiffness * deviates()[:, None]), dtype=np.float64)
+    return np.tile(own, (len(network.materials) // len(own), 1)) * factors if len(own) > 1 else factors
 
 
 def _factors(record: Record, network: Network, scales: Scales) -> Floats | tuple[float, float]:
@@ -313,7 +313,8 @@ def _factors(record: Record, network: Network, scales: Scales) -> Floats | tuple
     materials = [scales.material(kind) for kind in kinds]
     radii = [scales.radius if kind.radius is None else kind.radius / scales.metre for kind in kinds]
     both = scaled((materials[0],) * 2, (radii[0],) * 2, network.adhesion, load, whole)
-    if not (scene.pair or scene.disorder.stiffness):
+    levels = levels_of(scene)
+    if not (scene.pair or scene.disorder.stiffness or len(levels) > 1):
         return both
     found = np.full((len(kinds), len(kinds), 2), both)
     for pair, (m, n) in product(scene.pair, np.ndindex(len(kinds), len(kinds))):
@@ -321,6 +322,7 @@ def _factors(record: Record, network: Network, scales: Scales) -> Floats | tuple
             own = _stiffnesses(pair, scales)
             single = scaled((materials[m], materials[n]), (radii[m], radii[n]), network.adhesion, load, own)
             found[m, n] = [one if given else other for one, given, other in zip(single, own, both, strict=True)]
+    found = in_series(found, levels)
     return spread(found, scene.disorder.stiffness) if scene.disorder.stiffness else found
 
 

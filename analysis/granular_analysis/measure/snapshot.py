@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis.measure.outside import Scales, outside
-from granular_analysis.measure.stiffnesses import CLASSES, kinds_of
+from granular_analysis.measure.stiffnesses import CLASSES, kinds_of, levels_of
 from granular_analysis.measure.strikes import scale_of_strike
 from granular_analysis.second_harmonic import ALONG_Y
 from granular_analysis.theory.bloch import frame
@@ -234,7 +234,7 @@ def _materials(record: Record, scales: Scales) -> list[Material]:
 
 
 def _classes(record: Record) -> int:
-    return CLASSES if record.scene.disorder.stiffness else 1
+    return len(levels_of(record.scene)) * (CLASSES if record.scene.disorder.stiffness else 1)
 
 
 def _refuse_replaced(record: Record, network: Network) -> None:

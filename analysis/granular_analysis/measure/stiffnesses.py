@@ -6,6 +6,9 @@ c P(δ) = F0; the shear stiffness is declared of the same δ.
 
 Spheres of stiffnesses with a spread σ are in eight classes, whose deviates g are the means of a Gaussian over eighths
 of the probability, of variance 1: contacts of classes c and d have the factor 1 + σ(g_c + g_d)/√2, with a wall 1 + σ g.
+
+Spheres to which a table gives factors s are of as many kinds as there are pairs of a normal and a shear factor, the
+first 1 and 1. Their contacts are springs in series, 2/(1/s_i + 1/s_j), and s with a wall.
 """
 
 from typing import NamedTuple
@@ -21,6 +24,7 @@ from granular_lmp.runs.record import Scene
 
 Floats = NDArray[np.float64]
 CLASSES = 8
+_FACTORS = "normal_stiffness", "shear_stiffness"  # of a table of spheres
 _WIDE = 1e4  # an overlap at rest is sought up to as many times that of the force that the moduli give
 
 
@@ -67,7 +71,24 @@ def spread(factors: Floats, deviation: float) -> Floats:
     """Return the factors (8K, 8K, 2) of classes of K materials, in turn, from those of the materials (K, K, 2)."""
     own = deviates()
     more = 1 + deviation * (own[:, None] + own) / np.sqrt(2)
-    return np.stack([np.kron(factors[..., part], more) for part in range(2)], axis=-1)
+    return _divided(factors, np.stack([more, more], axis=-1))
+
+
+def levels_of(scene: Scene) -> Floats:
+    """Return the pairs of factors that a table gives to spheres, (L, 2), the first 1 and 1, the others ascending."""
+    table = scene.packing.table.columns
+    given = [np.nan_to_num(table[name], nan=1.0) if name in table else [1.0] for name in _FACTORS]
+    pairs = {*zip(*np.broadcast_arrays(*given), strict=True)} - {(1.0, 1.0)}
+    return np.array([(1.0, 1.0), *sorted(pairs)])
+
+
+def in_series(factors: Floats, levels: Floats) -> Floats:
+    """Return the factors (LK, LK, 2) of L kinds of spheres of K materials, in turn, from those of the materials."""
+    return _divided(factors, 2 / (1 / levels[:, None] + 1 / levels))
+
+
+def _divided(factors: Floats, among: Floats) -> Floats:
+    return np.stack([np.kron(factors[..., part], among[..., part]) for part in range(2)], axis=-1)
 
 
 def scaled(

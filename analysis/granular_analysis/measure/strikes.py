@@ -63,11 +63,11 @@ class Sites:
 def densities(scene: Scene) -> Floats:
     """Return the density of each row of a lattice whose rows differ in it alone, (N,).
 
-    Raises ValueError for inclusions with anything else but rows and a density, and for disorder.
+    Raises ValueError for inclusions with anything else but rows and a density, for disorder, and for a table.
     """
     found = np.full(int(scene.packing.rows), scene.sphere.density)
-    if scene.disorder.radius or scene.disorder.density:
-        raise TheoryError(f"{scene.name}: must be without disorder")
+    if scene.disorder.radius or scene.disorder.density or scene.packing.table:
+        raise TheoryError(f"{scene.name}: must be without disorder and packing.table")
     for number, each in enumerate(scene.inclusion, 1):
         differs = {name for name, value in vars(each).items() if value != getattr(type(each)(), name)}
         if other := sorted(differs - {"rows", "every", "density"}):

@@ -54,7 +54,7 @@ _MODES = {said("wave.mode", mode) for mode in ("L", "TR", "RT")}
 _SHEET = _CONTACTS | _MODES | {said("packing.ends", "periodic"), SECANT}
 _LATTICE = _SHEET | HELD | {COMPRESSED, NO_SHEAR, NO_ROTATION}
 _ALONG_Y = _LATTICE | {RUNNING}
-_IMPERFECT = {f"disorder.{name}" for name in ("radius", "density", "vacancies", "stiffness")} | {
+_IMPERFECT = {"packing.table", *(f"disorder.{name}" for name in ("radius", "density", "vacancies", "stiffness"))} | {
     f"inclusion.{name}"
     for name in (
         *("rows", "every", "spheres", "disc", "half_plane", "share", "layers", "vacancy", "radius", "density"),

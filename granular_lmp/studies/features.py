@@ -5,10 +5,10 @@ give one key two values. All places are in the first column, so that chains have
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
-from granular_lmp import ImpactScene, Scene
+from granular_lmp.frozen import cached_property, dataclass
+from granular_lmp.rest.scene import Scene
 
 Settings = Mapping[str, Any]
 FIXED = {"packing.ends": "fixed", "packing.rows": 37}  # fixed ends have an odd number of rows
@@ -22,16 +22,14 @@ def source(**how: Any) -> dict[str, Any]:
     return {"source": [{"amplitude": 0.1} | how]}
 
 
-WAVE = Scene.load("tr_periodic").with_values(
-    {
-        "packing.rows": 36,
-        "packing.columns": 6,
-        "wave.amplitude": 0.02,
-        "wave.wavenumber": 1.0471975511965976,  # π/3, which fits 36 rows
-        "time.duration": 20.0,
-        "time.allow_echo": True,
-    }
-)
+WAVE: Settings = {
+    "packing.rows": 36,
+    "packing.columns": 6,
+    "wave.amplitude": 0.02,
+    "wave.wavenumber": 1.0471975511965976,  # π/3, which fits 36 rows
+    "time.duration": 20.0,
+    "time.allow_echo": True,
+}
 WAVES: dict[str, Settings] = {
     "chain": {"packing.lattice": "chain", "packing.columns": 1, "wave.mode": "L"},
     "square": {"packing.lattice": "square"},
@@ -89,11 +87,10 @@ WAVES: dict[str, Settings] = {
         "inclusion": [{"rows": [20, 21], "density": 2500.0}],
         "pair": [{"of": [0, 1], "normal_stiffness": 500.0}],
     },
+    "table": {"packing.table": {"sphere": [12, 13], "density": [2500.0, 1900.0], "normal_stiffness": [1.2, 1.0]}},
 }
 
-IMPACT = ImpactScene.load("point_impact").with_values(
-    {"packing.rows": 13, "packing.columns": 9, "striker.1.spheres": [[0, 0]], "time.duration": 6.0}
-)
+IMPACT: Settings = {"packing.rows": 13, "packing.columns": 9, "striker.1.spheres": [[0, 0]], "time.duration": 6.0}
 IMPACTS: dict[str, Settings] = {
     "chain": {"packing.lattice": "chain", "packing.columns": 1},
     "square": {"packing.lattice": "square"},
@@ -136,27 +133,40 @@ IMPACTS: dict[str, Settings] = {
     # that meet
     "touching": ADHERE | {"start.touching": True},
     "forces": {"output.forces": True},
+    "table": {"packing.table": {"sphere": [10, 11], "density": [7000.0, 9000.0]}},
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Kind:
-    """A kind of scene: its name, the scene without features, and the features by name."""
+    """A kind of scene to which features are added.
+
+    Attributes
+    ----------
+    name : str
+    words : str
+        How its scenes differ from those of the other kind.
+    shipped : str
+        Name of the shipped scene.
+    changes : mapping
+        Settings that make it small.
+    features : mapping
+        Name of a feature → its settings.
+    """
 
     name: str
-    scene: Scene | ImpactScene
+    words: str
+    shipped: str
+    changes: Settings
     features: Mapping[str, Settings]
 
+    @cached_property
+    def scene(self) -> Scene:
+        """Return the scene without features."""
+        return Scene.load(self.shipped).with_values(self.changes)
 
-KINDS = (Kind("waves", WAVE, WAVES), Kind("impacts", IMPACT, IMPACTS))
 
-
-def together(*settings: Settings) -> dict[str, Any] | None:
-    """Return several settings as one, tables of a list after each other; None if they give one key two values."""
-    joined: dict[str, Any] = {}
-    for key, value in (item for each in settings for item in each.items()):
-        if isinstance(value, list) and key != "start.state":
-            joined[key] = joined.get(key, []) + value
-        elif joined.setdefault(key, value) != value:
-            return None
-    return joined
+KINDS = (
+    Kind("waves", "with [wave]", "tr_periodic", WAVE, WAVES),
+    Kind("impacts", "without [wave]", "point_impact", IMPACT, IMPACTS),
+)

@@ -1,0 +1,1 @@
+"""The commands of granular-analysis; `compare` has functions for scripts, too."""
