@@ -94,7 +94,9 @@ def add_to(commands: Commands) -> None:
         help=".csv: trajectory in SI units; .nc: netCDF with units, for xarray; "
         ".xyz: extended XYZ of the snapshots; .h5md: the snapshots as HDF5; crate, or .zip: a Process Run Crate",
     )
-    export.add_argument("--monitor", metavar="NAME", help="what this monitor recorded, as .csv in SI units")
+    export.add_argument(
+        "--monitor", metavar="NAME", help="what this monitor recorded, as .csv in SI units; contacts of adopted dumps"
+    )
     export.add_argument(
         "--spheres",
         action="store_true",

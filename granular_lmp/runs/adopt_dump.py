@@ -3,8 +3,9 @@
 One snapshot of each dump is in memory at a time. What the dumps do not say is never guessed: it is asked for by name.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import asdict, field
 from itertools import chain
 from math import inf, isfinite, pi
 from pathlib import Path
@@ -17,15 +18,15 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.binary_dump import binary_head, binary_snapshots
 from granular_lmp.lammps.custom_dump import Frame, Say, frames
-from granular_lmp.lammps.outputs import SnapshotPlace, keep_latest, writable
+from granular_lmp.lammps.outputs import UNNAMED, SnapshotPlace, keep_latest, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.seal import files_of
 from granular_lmp.runs.status import write_status
-from granular_lmp.runs.unnamed import ENTRY, UNNAMED, Unnamed
+from granular_lmp.runs.unnamed import ENTRY, Unnamed
 from granular_lmp.scene.schema import allowed_names
-from granular_lmp.units import STYLES
+from granular_lmp.units import STYLES, Units
 from granular_lmp.version import __version__
 
 __all__ = ["adopt_dump"]
@@ -40,6 +41,48 @@ _NAMED = 5  # spheres that come or go, by number in a sentence
 
 
 @dataclass(frozen=True)
+class ContactLaw:
+    """The law of the contacts of two types of spheres, in the units of a deck, as ``pair_coeff`` of LAMMPS says it.
+
+    Attributes
+    ----------
+    normal : str
+        hertz/material, dmt, jkr, or another that no witness knows.
+    young, poisson, gamma : float
+        Of each sphere; the work of adhesion is 2γ.
+    tangential : str
+        Its name; "none" without one.
+    shear_stiffness : float or None
+        As it stands there; None of NULL.
+    friction : float
+    damping_law : str
+    damping : float
+        Coefficient of the normal law.
+    """
+
+    normal: str
+    young: float = 0.0
+    poisson: float = 0.0
+    gamma: float = 0.0
+    tangential: str = "none"
+    shear_stiffness: float | None = None
+    friction: float = 0.0
+    damping_law: str = "viscoelastic"
+    damping: float = 0.0
+
+    def in_si(self, units: Units) -> dict[str, Any]:
+        """Return the values by name, in SI units (of units lj in these); a damping as it stands."""
+        pressure = {"mass": 1, "length": -1, "time": -2}
+        stiffness = self.shear_stiffness
+        return asdict(self) | {
+            "young": units.si(self.young, **pressure),
+            "gamma": units.si(self.gamma, mass=1, time=-2),
+            "shear_stiffness": None if stiffness is None else units.si(stiffness, **pressure),
+            "viscosity": units.si(self.damping, mass=1, time=-1),
+        }
+
+
+@dataclass(frozen=True)
 class Known:
     """What is known of a foreign run beside its dumps, in the units of the dump; None is what must be in the dump.
 
@@ -51,12 +94,21 @@ class Known:
         Time of one step.
     radius, density : sequence of float, optional
         One number, or one for each type of spheres.
+    laws : mapping of (int, int) to ContactLaw
+        The law of each pair of types, where it is known: the witness takes it.
+    held : sequence of int, optional
+        Spheres that nothing moves, by ``id``; None if that is not known.
+    acting : sequence of str
+        What else acts on spheres: commands of the deck that no witness knows.
     """
 
     units: str | None = None
     timestep: float | None = None
     radius: Sequence[float] | None = None
     density: Sequence[float] | None = None
+    laws: Mapping[tuple[int, int], ContactLaw] = field(default_factory=dict)
+    held: Sequence[int] | None = None
+    acting: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         if self.units is not None and self.units not in STYLES:
@@ -308,4 +360,7 @@ class _Reading:
             "periodic": first.periodic.tolist(),
             "resolution": float(units.si(self.resolution, length=1)),
             "come_and_go": sorted(self.come_and_go),
+            "laws": [{"types": [*types], **law.in_si(units)} for types, law in self.known.laws.items()],
+            "held": None if self.known.held is None else [*map(int, self.known.held)],
+            "acting": [*self.known.acting],
         }

@@ -28,6 +28,7 @@ from granular_lmp.scene.monitor_kinds import quantity_of
 
 __all__ = ["export", "export_spheres"]
 
+_CONTACTS = "contacts"
 Kind = TypeVar("Kind", Record, Unnamed)
 
 
@@ -108,6 +109,10 @@ def write_unnamed_extxyz(crystal: Unnamed, path: Path) -> None:
                 stream.write(f"X {' '.join(map(repr, place))} {number} {kind} {' '.join(map(repr, row))}\n")
 
 
+def _write_contacts(crystal: Unnamed, path: Path) -> None:
+    write_csv(crystal.contact_columns, path)
+
+
 UNNAMED_FORMATS: dict[str, Callable[[Unnamed, Path], None]] = {
     ".csv": lambda crystal, path: write_csv(crystal.si, path),
     ".nc": lambda crystal, path: crystal.to_xarray().to_netcdf(path),
@@ -137,7 +142,8 @@ def export(record: Record | Unnamed, path: str | Path, monitor: str | None = Non
         An unnamed crystal is written as CSV, netCDF or extended XYZ.
     path : path
     monitor : str, optional
-        Write what this monitor recorded, as CSV, in place of the trajectory of the centre sphere.
+        Write what this monitor recorded, as CSV, in place of the trajectory of the centre sphere. An unnamed crystal
+        has "contacts", the overlaps of its spheres.
 
     Raises
     ------
@@ -155,9 +161,10 @@ def export(record: Record | Unnamed, path: str | Path, monitor: str | None = Non
     """
     path = Path(path)
     if isinstance(record, Unnamed):
-        if monitor is not None:
-            raise RunFolderError(f"{record.folder}: an unnamed crystal has no monitors")
-        _write(record, path, UNNAMED_FORMATS, " for an unnamed crystal")
+        if monitor not in (None, _CONTACTS):
+            raise RunFolderError(f"monitor = {monitor!r}: an unnamed crystal has {_CONTACTS!r} alone")
+        formats = UNNAMED_FORMATS if monitor is None else {".csv": _write_contacts}
+        _write(record, path, formats, " for an unnamed crystal")
     elif monitor is None:
         _write(record, path, FORMATS, "")
     else:

@@ -175,7 +175,10 @@ def front(
     spheres = np.asarray(motion.spheres)
     distance = _distance(places[spheres], places[_starts(scene, crystal, origin)], way, _room(crystal, way))
     velocity = motion.stack("velocity") if isinstance(motion, Snapshots) else motion.velocity
-    chosen, arrivals = _arrivals(motion.tau, velocity, distance, way, of, scene.name)
+    largest = float(np.linalg.norm(velocity, axis=-1).max(initial=0.0))
+    chosen = _nearest_first(distance)
+    there, arrivals = _arrivals(motion.tau, velocity[:, chosen], largest, way, of, scene.name)
+    chosen = chosen[there]
     index, time = spheres[chosen], scene.scale.time
     which = {name: crystal.arrays[name][index] for name in ("row", "column")}
     si = arrivals.T * [[time], [time], [length_of(scene) / time]]
@@ -193,27 +196,35 @@ def _of_unnamed(motion: Unnamed, origin: tuple[int, int] | int | None, way: Floa
     _, cell, periodic = motion.cell
     places = motion.rest / unit
     distance = _distance(places, places[start], way, _room(ase.Atoms(cell=cell / unit, pbc=periodic), way))
-    chosen, arrivals = _arrivals(motion.time, motion.stack("velocity"), distance, way, of, motion.name)
+    chosen, largest, velocities = _nearest_first(distance), 0.0, []
+    for moment in (motion[number] for number in range(len(motion))):  # one in memory at a time
+        largest = max(largest, float(np.linalg.norm(moment.velocity, axis=1).max()))
+        velocities.append(moment.velocity[chosen])
+    there, arrivals = _arrivals(motion.time, np.array(velocities), largest, way, of, motion.name)
+    chosen = chosen[there]
     return Front({"id": motion.spheres[chosen]}, distance[chosen] * unit, *arrivals.T)
 
 
-def _arrivals(
-    time: Floats, velocity: Floats, distance: Floats, way: Floats, of: str, name: str
-) -> tuple[Integers, Floats]:
-    """Return the spheres with a crest, nearest first, (n,), and time, its error and height of each crest, (n, 3)."""
+def _nearest_first(distance: Floats) -> Integers:
+    """Return the spheres that lie on a line, nearest first."""
     chosen = np.flatnonzero(np.isfinite(distance))
-    chosen = chosen[np.argsort(distance[chosen], kind="stable")]
-    speed = np.linalg.norm(MOTIONS[of](velocity[:, chosen], way), axis=-1)
-    least = _STILL * np.linalg.norm(velocity, axis=-1).max(initial=0.0)
-    crests = np.array([_crest(time, each, least) for each in speed.T]).reshape(-1, 3)
+    return chosen[np.argsort(distance[chosen], kind="stable")]
+
+
+def _arrivals(
+    time: Floats, velocity: Floats, largest: float, way: Floats, of: str, name: str
+) -> tuple[NDArray[np.bool_], Floats]:
+    """Return which spheres of a line have a crest, (n,), and time, its error and height of each crest, (m, 3)."""
+    speed = np.linalg.norm(MOTIONS[of](velocity, way), axis=-1)
+    crests = np.array([_crest(time, each, _STILL * largest) for each in speed.T]).reshape(-1, 3)
     there = np.isfinite(crests[:, 0])
     if not there.any():
         degrees = np.degrees(np.arctan2(way[1], way[0]))
         raise ReadoutError(
-            f"{name}: none of the {len(chosen)} recorded spheres at {degrees:g} degrees has a crest; take "
+            f"{name}: none of the {len(there)} recorded spheres at {degrees:g} degrees has a crest; take "
             "another direction, a longer run, or more recorded spheres"
         )
-    return chosen[there], crests[there]
+    return there, crests[there]
 
 
 def _starts(scene: Scene, crystal: ase.Atoms, origin: tuple[int, int] | int | None) -> Integers:

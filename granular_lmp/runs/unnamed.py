@@ -6,19 +6,20 @@ too. A snapshot is read when it is used.
 """
 
 from itertools import product
+from math import pi
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.binary_dump import BinarySnapshot, binary_snapshots, snapshot_at
-from granular_lmp.lammps.outputs import STATUS
+from granular_lmp.lammps.outputs import STATUS, UNNAMED
+from granular_lmp.runs.readouts import FEWEST_PERIODS, HARMONICS, harmonics
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.seal import refuse_changed
 from granular_lmp.runs.status import read_status
@@ -29,7 +30,6 @@ __all__ = ["Unnamed"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-UNNAMED = "dump.unnamed.bin"
 ENTRY = "unnamed"  # of run.json
 _FLAT = 1e-9  # of the size of a crystal: places along an axis that differ by less are the same
 
@@ -73,6 +73,8 @@ class Unnamed:
     info : dict
         Contents of ``run.json``.
     time : (T,) array
+    steps : (T,) array of int
+        Steps of the deck at which snapshots were written.
     begins : (T,) array of int
         Where each snapshot begins in the file, bytes.
     """
@@ -80,6 +82,7 @@ class Unnamed:
     folder: Path
     info: dict[str, Any]
     time: Floats
+    steps: Integers
     begins: Integers
 
     @classmethod
@@ -95,10 +98,11 @@ class Unnamed:
         info = read_status(folder)
         if ENTRY not in info:
             raise RunFolderError(f"{folder}: is the run of a scene, not of an unnamed crystal")
-        refuse_changed(folder, info)
+        refuse_changed(folder, info, lazily=True)
         step, places = info[ENTRY]["timestep"], list(_places(folder / UNNAMED))
         times = [number * step if time is None else time for number, time, _ in places]
-        return cls(folder, info, np.array(times), np.array([begin for *_, begin in places], dtype=np.int64))
+        steps, begins = (np.array([each[k] for each in places], dtype=np.int64) for k in (0, 2))
+        return cls(folder, info, np.array(times), steps, begins)
 
     # --- the spheres ---
 
@@ -237,6 +241,8 @@ class Unnamed:
 
     def contacts(self, moment: Moment) -> Contacts:
         """Return the pairs of spheres that overlap at a moment, across periodic faces of the box too."""
+        from scipy.spatial import cKDTree  # kept out of start-up
+
         origin, cell, periodic = self.cell
         inside = (moment.place - origin) @ np.linalg.inv(cell)
         place = np.where(periodic, inside % 1.0, inside) @ cell
@@ -256,7 +262,47 @@ class Unnamed:
         order = np.lexsort((np.maximum(one, other), np.minimum(one, other)))
         return Contacts(np.minimum(one, other)[order], np.maximum(one, other)[order], overlap[order])
 
+    def harmonics(self, frequency: float, way: Floats) -> dict[str, dict[str, list[float]]]:
+        """Return the harmonics of a frequency (Hz) in the displacements "along" and "across" a unit vector.
+
+        Each has ``static``, ``1``, ``2`` and ``3``: the root mean square over all spheres and its error, m
+        (`granular_lmp.runs.readouts`).
+
+        Raises
+        ------
+        RunFolderError
+            If snapshots are too far apart for the third harmonic, or the record is shorter than four periods.
+        """
+        pulsation, sample = 2 * pi * frequency, float(np.diff(self.time).max(initial=0.0))
+        if not 0 < sample < pi / (HARMONICS * pulsation):
+            raise RunFolderError(
+                f"{self.folder}: snapshots are {sample:.4g} apart; must be below {pi / (HARMONICS * pulsation):.4g}, "
+                f"half a period of harmonic {HARMONICS}"
+            )
+        if (self.time[-1] - self.time[0]) * frequency < FEWEST_PERIODS:
+            raise RunFolderError(f"{self.folder}: holds fewer than {FEWEST_PERIODS} periods of {frequency:.6g} Hz")
+        moved = self.stack("displacement")
+        along = moved @ way
+        rest = moved - along[..., None] * way
+        across = rest[..., np.argmax(np.linalg.norm(rest, axis=(0, 1)))]  # along the axis on which it moves most
+        return {
+            name: dict(harmonics(self.time, values, pulsation))
+            for name, values in {"along": along, "across": across}.items()
+        }
+
     # --- for other programs ---
+
+    @property
+    def contact_columns(self) -> dict[str, NDArray[Any]]:
+        """Columns of one length, a line for each time and contact: t_s, id_i, id_j, overlap_m."""
+        found = [self.contacts(self[number]) for number in range(len(self))]
+        end = {"t": "_s", "overlap": "_m"} if self.in_si else {"t": "", "overlap": ""}
+        return {
+            f"t{end['t']}": np.repeat(self.time, [len(each.first) for each in found]),
+            "id_i": self.spheres[np.concatenate([each.first for each in found])],
+            "id_j": self.spheres[np.concatenate([each.second for each in found])],
+            f"overlap{end['overlap']}": np.concatenate([each.overlap for each in found]),
+        }
 
     @property
     def si(self) -> dict[str, NDArray[Any]]:
@@ -272,6 +318,9 @@ class Unnamed:
             if values[0] is not None:
                 for axis, letter in enumerate("xyz"):
                     found[f"{symbol}{letter}{unit[name]}"] = np.array([each[:, axis] for each in values]).ravel()
+        if "mass" in self._first.names:
+            energies = np.array([self.kinetic_energy(each) for each in moments])
+            found["kinetic_energy" + "_J" * self.in_si] = energies.ravel()
         return found
 
     def to_pandas(self) -> Any:

@@ -265,7 +265,9 @@ def test_contacts_energies_and_tables_of_an_unnamed_crystal(best: Unnamed) -> No
     np.testing.assert_allclose(pairs.overlap, 0.02 - 0.159 / 8, rtol=1e-9)
     energy = best.kinetic_energy(best[0])
     np.testing.assert_allclose(energy / best.mass, [800] * 2 + [840.5] + [800] * 5, rtol=1e-12)
-    assert [*best.to_pandas()] == ["t_s", "id", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s"]
+    columns = ["t_s", "id", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "kinetic_energy_J"]
+    assert [*best.to_pandas()] == columns
+    assert best.contact_columns["id_i"][:8].tolist() == [1, 1, 2, 3, 4, 5, 6, 7]
     assert best.to_xarray()["velocity"].shape == (21, 8, 3)
 
 
@@ -280,6 +282,10 @@ def test_other_programs_read_an_unnamed_crystal(best: Unnamed, tmp_path: Path) -
     assert len((tmp_path / "run.csv").read_text().splitlines()) == 1 + 8 * 21
     with pytest.raises(RunFolderError, match="must end in .* for an unnamed crystal"):
         export(best, tmp_path / "run.h5md")
+    export(best, tmp_path / "contacts.csv", "contacts")
+    assert (tmp_path / "contacts.csv").read_text().startswith("t_s,id_i,id_j,overlap_m\n0.0,1,2,")
+    with pytest.raises(RunFolderError, match="monitor = 'line': an unnamed crystal has 'contacts' alone"):
+        export(best, tmp_path / "contacts.csv", "line")
     # The dump of the folder is one that can be adopted
     again = adopt_dump([best.folder / "dump.unnamed.bin"], tmp_path / "again", Known(None, 2e-7))
     np.testing.assert_array_equal(again.stack("place"), best.stack("place"))
@@ -298,6 +304,28 @@ def test_pictures_and_movies_of_an_unnamed_crystal(best: Unnamed, folder: Path, 
         view(best.folder, tmp_path / "a.png", rows=3)
     with pytest.raises(ViewError, match="must be one of speed"):
         view(best.folder, tmp_path / "a.png", colour="p")
+
+
+def test_harmonics_of_a_wave_in_an_unnamed_crystal(tmp_path: Path) -> None:
+    times, places = np.arange(200) * 1e-5, np.arange(10) * 0.02
+    phase = 2 * np.pi * 4e3 * times[:, None] - 30 * places
+    moved = 3e-6 * np.cos(phase) + 2e-7 * np.sin(2 * phase)
+    rows = [
+        PLAIN.format(step, 10, "id x y z")
+        + "".join(f"{n + 1} {x:.15g} 0 0\n" for n, x in enumerate(places + moved[step]))
+        for step in range(len(times))
+    ]
+    (tmp_path / "dump").write_text("".join(rows))
+    crystal = adopt_dump([tmp_path / "dump"], tmp_path / "run", Known("si", 1e-5, [0.01]))
+    along = crystal.harmonics(4e3, np.array([1.0, 0.0, 0.0]))["along"]
+    # The fit is exact but for the digits of the dump
+    assert along["1"][0] == pytest.approx(3e-6, rel=1e-8)
+    assert along["2"][0] == pytest.approx(2e-7, rel=1e-7)
+    assert along["3"][0] < 1e-14
+    with pytest.raises(RunFolderError, match="half a period of harmonic 3"):
+        crystal.harmonics(4e4, np.array([1.0, 0.0, 0.0]))
+    with pytest.raises(RunFolderError, match="fewer than 4 periods"):
+        crystal.harmonics(4e2, np.array([1.0, 0.0, 0.0]))
 
 
 def test_the_front_in_an_unnamed_crystal_starts_at_a_sphere(tmp_path: Path) -> None:

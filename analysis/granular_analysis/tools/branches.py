@@ -4,7 +4,8 @@
 
 RUN is what ``granular-lmp adopt DUMP`` made. The lattice is found from the places of the spheres alone; where there is
 none, wave numbers are along a line. The table holds the peaks of the spectral density of the velocities, with the share
-of the power that moves along the wave: 1 of a longitudinal wave, 0 of a transverse one. In a box that is periodic along
+of the power that moves along the wave: 1 of a longitudinal wave, 0 of a transverse one. ``--harmonics`` fits a
+frequency, twice and three times it to the displacements. In a box that is periodic along
 the way wave numbers are those that fit; elsewhere a Hann window over the spheres tells apart wave numbers 4π/L apart.
 """
 
@@ -198,10 +199,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     command.add_argument(
         "--direction", metavar="WAY", help="x, y, z, or degrees from x towards y (default: the longest side)"
     )
+    command.add_argument(
+        "--harmonics", type=float, metavar="HZ", help="of a wave of this frequency: its harmonics in the displacements"
+    )
     options = command.parse_args(arguments)
     with in_one_line(options.run):
         crystal = Unnamed.load(options.run)
         found = branches(crystal, None if options.direction is None else _way(options.direction))
+        harmonics = crystal.harmonics(options.harmonics, found.way) if options.harmonics else {}
     print(table(found, crystal.in_si))
+    for name, each in harmonics.items():
+        said = ", ".join(f"{number} {value:.4e} ({error:.0e})" for number, (value, error) in each.items())
+        print(f"{name:6} rms of all spheres and its error: {said}")
     save(draw(found, crystal.name, crystal.in_si), options.output)
     write_csv(Path(options.output).with_suffix(".csv"), FIELDS, found.rows.tolist())
