@@ -26,7 +26,7 @@
 # make engines (sweeps that are cancelled, preempted and killed on a Slurm of this machine, where one can be started),
 # make wheel (what pip installs, into dist/), make packages, floors, readers, tested-docs (of continuous integration: the
 # packages installed alone, the oldest versions of what they need, programs that a run is exported for, the site),
-# make decks (rewrites the committed decks of lammps_inputs), make clean.
+# make decks (rewrites the committed decks of lammps_inputs), make reference (all keys, cases and help, into docs), make clean.
 
 PYTHON ?= python3
 BIN = .venv/bin
@@ -37,7 +37,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 GROUPS = spectrum dispersion waves quiet scattering disorder impact published pull-off onset adhesion cost
 
-.PHONY: $(GROUPS) paper figures gallery test types processors stability guards ladders mutants witness gpu bench scale decks docs \
+.PHONY: $(GROUPS) paper figures gallery test types processors stability guards ladders mutants witness gpu bench scale decks reference docs \
     tested-docs versioned-docs notebook rooms engines wheel packages floors readers clean
 
 spectrum: cases = spectrum
@@ -104,10 +104,10 @@ stability: .venv/ready
 	$(BIN)/pytest --numprocesses=auto --dist=loadfile -m more
 
 guards: .venv/ready
-	$(BIN)/python -m tests.hard.guard_study --write docs/verification.md
+	$(BIN)/python -m tests.hard.guard_study --write docs/guards.csv
 
 ladders: .venv/ready
-	$(BIN)/python -m tests.hard.ladder_study --write docs/verification.md
+	$(BIN)/python -m tests.hard.ladder_study --write docs/ladders.csv
 
 mutants: .venv/ready
 	$(BIN)/python -m tests.manual
@@ -118,6 +118,10 @@ bench: .venv/ready
 
 scale: .venv/ready
 	$(BIN)/python -m benchmarks.scale
+
+# What readers without the site find of the sources: docs/scene.csv, cases.csv and commands.txt
+reference: .venv/ready
+	$(BIN)/python docs/generated.py
 
 decks: .venv/ready
 	for scene in lammps_inputs/*/scene.toml lammps_inputs/impacts/*/scene.toml; do $(BIN)/granular-lmp build $$scene -o $$(dirname $$scene) --force || exit 1; done

@@ -1,16 +1,16 @@
 """Cost of each effect in time, and proof that leaving out what a scene does not call for changes nothing.
 
-    python -m benchmarks.effects [--repeats N] [--write docs/verification.md]
+    python -m benchmarks.effects [--repeats N] [--write docs]
 
 Times are processor seconds of whole LAMMPS runs, set-up included, the smallest of runs that take turns, to which other
-work on the machine adds least; the tables hold ratios within one run of this script. With ``--write`` the tables
-replace what stands between the marks in that file.
+work on the machine adds least; the tables hold ratios within one run of this script. With ``--write`` they become
+``cost_of_effects.csv`` and ``cost_of_scenes.csv`` in that folder.
 """
 
 import argparse
-import re
+import csv
+import sys
 import tempfile
-import textwrap
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -27,10 +27,10 @@ from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.lammps.outputs import LOG
 from granular_lmp.scene.shipped import SHIPPED
 
-MARK = re.compile(r"(<!-- measured: begin -->\n).*?(<!-- measured: end -->)", re.DOTALL)
-
 PAPER = Scene.load("tr_nonresonant")
 CELL = PAPER.with_values({"packing.rows": "auto", "packing.ends": "periodic"})
+
+Rows = list[tuple[str, ...]]  # of a table, its head first
 
 # What is changed in the cell
 VARIANTS: dict[str, Mapping[str, Any]] = {
@@ -81,22 +81,16 @@ def without_guards(deck: Deck) -> Deck:
     return replace(deck, input_text=unguarded(deck.input_text))
 
 
-def costs(repeats: int) -> str:
+def costs(repeats: int) -> Rows:
     """Table of the time of each variant over that of the cell."""
     decks = {"the cell": build(CELL), "no guard at all": without_guards(build(CELL))}
     decks |= {name: build(CELL.with_values(changes)) for name, changes in VARIANTS.items()}
     times = timed(decks, repeats)
     base = times["the cell"][0]
-    spheres = len(decks["the cell"].packing)
-    lines = [
-        f"The cell: {CELL.shape.rows} × {CELL.shape.columns} = {spheres} spheres, {CELL.time.steps} steps.",
-        "",
-        "| change | time | lines of the deck |",
-        "|---|---|---|",
-    ]
+    rows: Rows = [("change", "time", "lines of the deck")]
     for name in list(decks)[1:]:
-        lines.append(f"| {name} | {times[name][0] / base:.2f} | {difference(decks[name], decks['the cell']):+d} |")
-    return "\n".join(lines)
+        rows.append((name, f"{times[name][0] / base:.2f}", f"{difference(decks[name], decks['the cell']):+d}"))
+    return rows
 
 
 def difference(deck: Deck, other: Deck) -> int:
@@ -120,12 +114,9 @@ def lean(scene: Scene) -> Scene:
     return scene.with_values({"packing.rows": "auto", "packing.columns": "auto"})
 
 
-def same(repeats: int) -> str:
+def same(repeats: int) -> Rows:
     """Table of auto against everything, for each shipped scene of a plane wave in a perfect crystal."""
-    lines = [
-        "| scene | spheres | deck lines | time | difference of *p*, *q*, φ (*D*₀) |",
-        "|---|---|---|---|---|",
-    ]
+    rows: Rows = [("scene", "spheres", "deck lines", "time", "difference of *p*, *q*, φ (*D*₀)")]
     for path in sorted(SHIPPED.glob("*/scene.toml")):
         scene = Scene.load(path)
         if not scene.form.runs or scene.envelope.finite or scene.inclusion:
@@ -136,50 +127,27 @@ def same(repeats: int) -> str:
         decks = {"auto": build(few), "all": build(with_all(scene))}
         times = timed(decks, repeats)
         auto, full = decks["auto"], decks["all"]
-        lines.append(
-            f"| {scene.name} | {len(auto.packing)} / {len(full.packing)} | {commands(auto)} / {commands(full)} "
-            f"| {times['auto'][0] / times['all'][0]:.2f} | {largest_difference(times['auto'][1], times['all'][1])} |"
-        )
-    return "\n".join(lines)
+        spheres, lines = f"{len(auto.packing)} / {len(full.packing)}", f"{commands(auto)} / {commands(full)}"
+        ratio, differs = times["auto"][0] / times["all"][0], largest_difference(times["auto"][1], times["all"][1])
+        rows.append((scene.name, spheres, lines, f"{ratio:.2f}", differs))
+    return rows
 
 
-def saving() -> str:
-    """Sentence on the strip against the sheet, each run once."""
-    cell = build(CELL)
-    decks: dict[str, Deck] = {
-        "sheet": build(with_all(PAPER.with_values({"packing.columns": 100}))),
-        "strip": build(lean(PAPER)),
-        "cell": cell,
-    }
-    seconds = {name: found[0] for name, found in timed(decks, 1).items()}
-    sentence = (
-        f"The paper's 201 rows on a sheet of 100 columns with every effect on take {seconds['sheet']:.1f} s, "
-        f"{seconds['sheet'] / seconds['strip']:.0f} times the {seconds['strip']:.2f} s of the strip that the scene "
-        f"calls for ({len(decks['strip'].packing)} spheres), and {seconds['sheet'] / seconds['cell']:.0f} times the "
-        f"{seconds['cell']:.2f} s of a periodic cell of (nearly) the same wave number ({len(cell.packing)} spheres)."
-    )
-    return textwrap.fill(sentence, 120)
-
-
-TABLES: tuple[Callable[[int], str], ...] = (costs, same, lambda repeats: saving())
+TABLES: dict[str, Callable[[int], Rows]] = {"cost_of_effects.csv": costs, "cost_of_scenes.csv": same}
 
 
 def main() -> None:
     """Measure, print, and write if asked to."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--repeats", type=int, default=7, metavar="N", help="runs of each; default: %(default)s")
-    parser.add_argument("--write", metavar="FILE", help="replace the tables of this file")
+    parser.add_argument("--write", metavar="DIR", type=Path, help="write the tables into this folder")
     options = parser.parse_args()
-    parts = []
-    for table in TABLES:
-        parts.append(table(options.repeats))
-        print(parts[-1], end="\n\n", flush=True)
-    if options.write:
-        path = Path(options.write)
-        measured = "\n\n".join(parts)
-        path.write_text(
-            MARK.sub(lambda match: f"{match[1]}\n{measured}\n\n{match[2]}", path.read_text(encoding="utf-8"))
-        )
+    for name, table in TABLES.items():
+        rows = table(options.repeats)
+        csv.writer(sys.stdout).writerows(rows)
+        if options.write:
+            with (options.write / name).open("w", encoding="utf-8", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 if __name__ == "__main__":

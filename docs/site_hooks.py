@@ -7,11 +7,14 @@ a connection.
 """
 
 import csv
-import json
 import posixpath
 import re
 import tomllib
+from collections.abc import Iterable
+from functools import cache
 from html import unescape
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 from unicodedata import lookup
@@ -34,10 +37,6 @@ PAGES = {
         readme.relative_to(ROOT).as_posix(): f"studies/{readme.parent.name}.md"
         for readme in sorted((ROOT / "analysis" / "cases").glob("*/README.md"))
     },
-}
-EXECUTED = {  # notebooks as pages, and their titles
-    "tutorial": "The tutorial, executed",
-    "tutorial-fit": "From six frequencies to a movie, executed",
 }
 _INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 _DISPLAY = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
@@ -64,65 +63,53 @@ def on_files(files: Files, config: Any) -> Files:
     for source, place in PAGES.items():
         if files.get_file_from_path(place) is None:
             files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
-    for name, title in EXECUTED.items():
-        if files.get_file_from_path(f"{name}-executed.md") is None:
-            notebook = json.loads((ROOT / "docs" / f"{name}.ipynb").read_text("utf-8"))
-            files.append(File.generated(config, f"{name}-executed.md", content=notebook_page(notebook, title)))
     return files
 
 
 def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
     """Fill in the generated tables, and turn links that leave ``docs`` into what the site holds."""
+    page.meta["tags"] = sought().get(page.file.src_uri)  # which the search of the site takes before all else
     if page.parent is None:  # the only page of its tab: no list of pages beside it
         page.meta["hide"] = ["navigation"]
     if "<!-- scene keys -->" in text:
-        from granular_lmp.scene.json_schema import reference
-
-        text = text.replace("<!-- scene keys -->", reference())
-    if "<!-- impact keys -->" in text:
-        from granular_lmp.scene.json_schema import reference
-        from granular_lmp.scene.without_wave import NOT_HELD
-
-        text = text.replace("<!-- impact keys -->", reference(NOT_HELD))
+        text = text.replace("<!-- scene keys -->", keys_of((ROOT / "docs" / "scene.csv").read_text("utf-8")))
     if "<!-- commands -->" in text:
         text = text.replace("<!-- commands -->", _commands())
-    if "<!-- cases -->" in text:
-        from cases.run import page as cases
-
-        text = text.replace("<!-- cases -->", cases())
     text = _TABLE.sub(lambda match: table_of((ROOT / "docs" / match[1]).read_text("utf-8")), text)
     source = {place: source for source, place in PAGES.items() if place != "index.md"}
     return moved_links(text, source.get(page.file.src_uri, f"docs/{page.file.src_uri}"), page.file.src_uri)
 
 
+@cache
+def sought() -> dict[str, list[str]]:
+    """Return what readers look for, by the page that answers it, from the last table of the glossary."""
+    glossary = (ROOT / "docs" / "glossary.md").read_text("utf-8")
+    found: dict[str, list[str]] = {}
+    for line in glossary.partition("| you look for | it is |\n|---|---|\n")[2].splitlines():
+        words, answer = line.strip("| ").split(" | ")
+        for link in _LINK.finditer(answer):
+            found.setdefault(link[3], []).extend(words.split(", "))
+    return found
+
+
 def table_of(text: str) -> str:
-    """Return a CSV file as a table of Markdown."""
-    head, *rows = ([cell.replace("|", "\\|") for cell in row] for row in csv.reader(text.splitlines()))
-    return "\n".join(f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows))
+    """Return a CSV file as a table of Markdown, which a search of the site leaves out."""
+    return "\n".join(['<div data-search-exclude markdown="1">\n', *_table(csv.reader(text.splitlines())), "\n</div>"])
 
 
-def notebook_page(notebook: dict[str, Any], title: str) -> str:
-    """Return an executed notebook as a page that a search of the site leaves out, with its pictures inside."""
-    parts = [f"---\ntitle: {title}\nsearch: {{exclude: true}}\n---"]
-    for cell in notebook["cells"]:
-        source = cell["source"]
-        if cell["cell_type"] == "markdown":
-            parts.append(source)
-            continue
-        magic, _, rest = source.partition("\n")
-        parts.append(f"```bash\n{rest}\n```" if magic.startswith("%%bash") else f"```python\n{source}\n```")
-        parts += map(_output, cell["outputs"])
-    return "\n\n".join(filter(None, parts)) + "\n"
+def keys_of(text: str) -> str:
+    """Return the keys of a scene, a CSV file, as a table of Markdown for each section."""
+    head, *rows = csv.reader(text.splitlines())
+    parts: list[str] = []
+    for section, group in groupby(rows, itemgetter(0)):
+        parts += ["", f"## `{section}`", "", *_table([head[1:], *([f"`{key}`", *cells] for _, key, *cells in group)])]
+    return "\n".join(parts)
 
 
-def _output(output: dict[str, Any]) -> str:
-    """Return an output of a cell: its picture, else its text."""
-    data = output.get("data", {})
-    for kind in ("image/gif", "image/png"):
-        if kind in data:
-            return f'<img alt="Output of the cell above" src="data:{kind};base64,{"".join(data[kind].split())}">'
-    text = output.get("text") or data.get("text/plain", "")
-    return f"```text\n{text.rstrip()}\n```" if text.strip() else ""
+def _table(rows: Iterable[list[str]]) -> list[str]:
+    """Return the lines of a table of Markdown; the first row is its head."""
+    head, *others = ([cell.replace("|", "\\|") for cell in row] for row in rows)
+    return [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *others)]
 
 
 def moved_links(text: str, source: str, place: str) -> str:

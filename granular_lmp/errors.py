@@ -71,7 +71,7 @@ class SceneError(GranularError):
 
 
 class DeckError(GranularError):
-    """A deck is to be edited at a place that it does not have."""
+    """A deck is to be edited at a place that it does not have, or one of somebody else cannot be read."""
 
     exit_status = 2
 

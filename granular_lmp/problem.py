@@ -117,8 +117,9 @@ class Problem:
             if echo < time.duration
         ]
 
-    def stepped(self, scene: Scene) -> "Problem":
-        """Return the problem of the same scene with another time step."""
+    def stepped(self, step: float) -> "Problem":
+        """Return the problem of the same scene with another time step, τ, or with one in place of its tolerance."""
+        scene = self.scene.with_values({"time.timestep": step})
         return replace(self, rest=replace(self.rest, scene=scene))
 
     def without_looks(self) -> "Problem":

@@ -1,6 +1,9 @@
-"""Parts of pages that are written from code, each between two marks that name it."""
+"""What is written from code for the pages: a part between two marks, and tables as CSV."""
 
+import csv
 import re
+import sys
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 
@@ -19,9 +22,10 @@ def placed(page: str, name: str, text: str) -> str:
     return changed
 
 
-def write(page: Path | None, name: str, text: str) -> None:
-    """Write a text between its marks in a file, or print it where none is given."""
-    if page is None:
-        print(text)
-    else:
-        page.write_text(placed(page.read_text(encoding="utf-8"), name, text), encoding="utf-8")
+def write_table(file: Path | None, rows: Iterable[Sequence[object]]) -> None:
+    """Write a table, its head first, as CSV; print it where no file is given."""
+    if file is None:
+        csv.writer(sys.stdout, lineterminator="\n").writerows(rows)
+        return
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        csv.writer(stream, lineterminator="\n").writerows(rows)

@@ -25,8 +25,7 @@ from granular_lmp.accuracy.rounding import judged, linear_signals, rounding, wal
 from granular_lmp.accuracy.verlet import phase_error
 from granular_lmp.effects.case import Case
 from granular_lmp.effects.selection import order
-from granular_lmp.rest.linear import mode_of
-from granular_lmp.rest.scene import Scene
+from granular_lmp.problem import Problem
 
 Floats = NDArray[np.float64]
 Errors = dict[str, float]
@@ -35,13 +34,13 @@ Signals = Mapping[str, Floats]
 _OTHER = 0.5  # share of p that is not the second harmonic, from which on its error is not known
 
 
-def error_budget(scene: Scene, signals: Signals, estimate: Errors | None = None) -> list[dict[str, Any]]:
+def error_budget(problem: Problem, signals: Signals, estimate: Errors | None = None) -> list[dict[str, Any]]:
     """Return the sources of error of a run, as ``run.json`` holds them.
 
     Parameters
     ----------
-    scene : Scene
-        Scene with a time step, or with the tolerance that the estimate belongs to.
+    problem : Problem
+        Problem of a scene with a time step, or with the tolerance that the estimate belongs to.
     signals : mapping
         Signals p, q, φ of the record, (T,) each, in D0.
     estimate : dict, optional
@@ -54,7 +53,8 @@ def error_budget(scene: Scene, signals: Signals, estimate: Errors | None = None)
         error; ``to_halve``, the change that halves the error; of the time step also ``order``, that of the error of a
         run in the step, 0 if it is no series (`granular_lmp.effects.selection.order`).
     """
-    stepped, remedy = _time_step(scene, signals) if estimate is None else (estimate, _tighter(estimate))
+    scene = problem.scene
+    stepped, remedy = _time_step(problem, signals) if estimate is None else (estimate, _tighter(estimate))
     more = 2 * ceil(0.35 * scene.shape.centre_row ** (1 / 3))  # Ai halves in 0.35 of its width, d^{1/3} rows
     farther = f"packing.rows = {scene.shape.rows + more}"
     farther += f", packing.columns = {scene.shape.columns + more}" if "sides" in scene.shape.faces else ""
@@ -62,10 +62,10 @@ def error_budget(scene: Scene, signals: Signals, estimate: Errors | None = None)
         ("time step", stepped, remedy),
         (
             "walls",
-            dict.fromkeys(judged(scene, signals), walls(scene)),
+            dict.fromkeys(judged(problem, signals), walls(problem)),
             farther if scene.shape.faces else "nothing to halve: a periodic cell",
         ),
-        ("rounding", rounding(scene, signals), "wave.amplitude x 2 (p of TR, RT: x 1.41), or half the packing.rows"),
+        ("rounding", rounding(problem, signals), "wave.amplitude x 2 (p of TR, RT: x 1.41), or half the packing.rows"),
     ]
     lines: list[dict[str, Any]] = [
         {"name": name, **{signal: errors.get(signal) for signal in ("p", "q", "phi")}, "to_halve": to_halve}
@@ -75,12 +75,12 @@ def error_budget(scene: Scene, signals: Signals, estimate: Errors | None = None)
     return lines
 
 
-def _time_step(scene: Scene, signals: Signals) -> tuple[Errors, str]:
+def _time_step(problem: Problem, signals: Signals) -> tuple[Errors, str]:
     """Return the errors of the signals by the step, where they are known, and a step that halves the largest."""
-    step, of_step = scene.time.step, _errors_by_step(scene, signals)
+    step, of_step = problem.scene.time.step, _errors_by_step(problem, signals)
     errors = of_step(step)
     if not errors:
-        return {}, f"time.timestep = {step * 0.5 ** (1 / max(order(scene), 1)):.3g}"
+        return {}, f"time.timestep = {step * 0.5 ** (1 / max(order(problem.scene), 1)):.3g}"
     aim, longer = max(errors.values()) / 2, step
     while (below := max(of_step(longer / 2).values())) > aim:
         longer /= 2
@@ -88,27 +88,28 @@ def _time_step(scene: Scene, signals: Signals) -> tuple[Errors, str]:
     return errors, f"time.timestep = {longer * 0.5 ** (log2(above / aim) / log2(above / below)):.3g}"
 
 
-def _errors_by_step(scene: Scene, signals: Signals) -> Callable[[float], Errors]:
+def _errors_by_step(problem: Problem, signals: Signals) -> Callable[[float], Errors]:
     """Return the errors of the signals of a run, by the step (τ) that it might have had."""
-    names = linear_signals(scene)
+    names, scene = linear_signals(problem), problem.scene
     if not names:
         return lambda _: {}
     decay = Case(scene).decay_rate if scene.effects.damping is True else 0.0
-    alike = not decay and order(scene) and "p" in judged(scene, signals)
-    harmonic = _harmonic_error(scene, signals["p"], "p" in names) if alike else None
+    alike = not decay and order(scene) and "p" in judged(problem, signals)
+    harmonic = _harmonic_error(problem, signals["p"], "p" in names) if alike else None
 
     def errors(step: float) -> Errors:
-        found = dict.fromkeys(names, wave_error(mode_of(scene).frequency, decay, step, scene.time.duration))
+        found = dict.fromkeys(names, wave_error(problem.rest.frequency, decay, step, scene.time.duration))
         return found if harmonic is None else found | {"p": hypot(found.get("p", 0.0), harmonic(step))}
 
     return errors
 
 
-def _harmonic_error(scene: Scene, p: Floats, linear: bool) -> Callable[[float], float] | None:
+def _harmonic_error(problem: Problem, p: Floats, linear: bool) -> Callable[[float], float] | None:
     """Return the error of the second harmonic relative to p, by the step (τ); None where p is something else.
 
     Of L, whose p is `linear`, it is only the part of late shear forces: what else the step changes of it is small.
     """
+    scene = problem.scene
     tau: Floats = scene.time.sample * np.arange(len(p), dtype=float)
     exact = oscillator_of(scene)
     shapes, without = exact.shapes(tau), p - late_shear(scene, replace(exact, step=scene.time.step), tau)

@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy import collisions, extrapolation
 from granular_lmp.accuracy.budget import error_budget
 from granular_lmp.accuracy.extrapolation import Judgement, combined, needed
-from granular_lmp.accuracy.ladder import deciding_frequency, finest_step, with_step
+from granular_lmp.accuracy.ladder import deciding_frequency, planned
 from granular_lmp.accuracy.noise import counted, lost, out_of_reach, refuse_noise
 from granular_lmp.accuracy.recorded import Recorded
 from granular_lmp.effects.selection import order
 from granular_lmp.problem import Problem
-from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import FORCES, NAMES, RATES
 from granular_lmp.runs.record import IN_SPACE, Record
 
@@ -39,49 +38,52 @@ class Estimate:
     """The estimate of the errors of the runs of a problem, to which each run is added after it was made."""
 
     def __init__(self, problem: Problem) -> None:
-        self._scene, self._order = problem.scene, order(problem.scene)
+        self._problem, self._order = problem, order(problem.scene)
         self._recorded, self._noise = Recorded(), dict[str, float]()
         self._judgements: list[Judgement] = []
 
     def __call__(self, records: Sequence[Record]) -> Judgement:
         """Return the answer of all runs so far, of which the last is new, with the errors of the signals that count."""
-        scene, noise, tolerance = self._scene, self._noise, self._scene.time.clock.tolerance
+        problem, noise, tolerance = self._problem, self._noise, self._problem.scene.time.clock.tolerance
         self._recorded.add(records[-1])
-        signals = self._recorded.signals
-        if scene.wave is None:
-            counts = [each.scene.time.steps_per_sample for each in records]
-            return collisions.judge(signals, counts, self._order, of_impact=scene.scale.of_impact)
+        signals, counts = self._recorded.signals, _counts(records)
+        if problem.wave is None:
+            return collisions.judge(signals, counts, self._order, of_impact=problem.rest.scale.of_impact)
         if len(records) == 1:
-            noise.update(lost(scene, signals[0], with_step(scene, finest_step(scene))))
-        names = [name for name in counted(scene, signals[-1]) if name not in noise]
-        self._judgements.append(judge(signals, [record.scene for record in records], names))
+            noise.update(lost(problem, signals[0], planned(problem)))
+        names = [name for name in counted(problem, signals[-1]) if name not in noise]
+        self._judgements.append(judge(problem, signals, counts, names))
         if len(records) >= FEWEST:
             before = self._judgements[-2].errors if len(records) > FEWEST else {}
-            noise.update(out_of_reach(tolerance, records[-1].scene, signals[-1], before, self._missed(records, names)))
-            refuse_noise(tolerance, noise, counted(scene, signals[-1]))
+            last, missed = self._with_steps(counts[-1]), self._missed(counts, names)
+            noise.update(out_of_reach(tolerance, last, signals[-1], before, missed))
+            refuse_noise(tolerance, noise, counted(problem, signals[-1]))
             names = [name for name in names if name not in noise]
         return replace(self._judgements[-1], errors={name: self._judgements[-1].errors[name] for name in names})
 
-    def _missed(self, records: Sequence[Record], names: Sequence[str]) -> dict[str, tuple[float, Scene]]:
-        """Return the errors above the tolerance by name, and the scene with the step that is expected to meet it."""
-        judgement, time, found = self._judgements[-1], self._scene.time, {}
-        tolerance = time.clock.tolerance
-        counts = [each.scene.time.steps_per_sample for each in records]
+    def _with_steps(self, count: float) -> Problem:
+        """Return the problem with some steps per sample."""
+        return self._problem.stepped(self._problem.scene.time.sample / count)
+
+    def _missed(self, counts: Sequence[int], names: Sequence[str]) -> dict[str, tuple[float, Problem]]:
+        """Return the errors above the tolerance by name, and the problem with the step that is expected to meet it."""
+        judgement, found = self._judgements[-1], {}
+        tolerance = self._problem.scene.time.clock.tolerance
         for name in names:
             error = judgement.errors[name]
             if tolerance < error < inf:
                 _, steps = needed(counts, judgement, error, tolerance)
-                found[name] = error, with_step(self._scene, time.sample / min(steps, FINEST * max(counts)))
+                found[name] = error, self._with_steps(min(steps, FINEST * max(counts)))
         return found
 
     def outcome(self, judgement: Judgement, answer: Record) -> dict[str, Any]:
         """Return the entries of ``run.json`` about the errors of the answer: of what is recorded and of monitors."""
-        if self._scene.wave is None:
+        if self._problem.wave is None:
             of_monitors = {name: error for name, error in judgement.errors.items() if "." in name}
             own = {name: error for name, error in judgement.errors.items() if name not in of_monitors}
             found = {"error_estimate": own, "order": self._order}
             return found | ({"errors_of_monitors": of_monitors} if of_monitors else {})
-        there = counted(self._scene, self._recorded.signals[-1])
+        there = counted(self._problem, self._recorded.signals[-1])
         noise = {name: self._noise[name] for name in there if name in self._noise}
         errors = judgement.errors | {name: self._judgements[-1].errors[name] for name in noise}
         own = {name: error for name, error in errors.items() if "." not in name}
@@ -89,8 +91,13 @@ class Estimate:
             "error_estimate": {name: errors.get(name) for name in ("p", "q", "phi")},
             "errors_of_monitors": {name: error for name, error in errors.items() if "." in name},
             "noise": noise,
-            "error_budget": error_budget(self._scene, answer.signals, own),
+            "error_budget": error_budget(self._problem, answer.signals, own),
         }
+
+
+def _counts(records: Sequence[Record]) -> list[int]:
+    """Return the steps per sample of runs."""
+    return [each.scene.time.steps_per_sample for each in records]
 
 
 def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
@@ -143,24 +150,27 @@ def combined_record(runs: Sequence[Record], judgement: Judgement) -> Record:
     return replace(runs[-1], signals=signals, folder=None)
 
 
-def judge(runs: Sequence[Signals], scenes: Sequence[Scene], counted: Collection[str] | None = None) -> Judgement:
+def judge(
+    problem: Problem, runs: Sequence[Signals], counts: Sequence[int], counted: Collection[str] | None = None
+) -> Judgement:
     """Return the answer of runs and the estimate of its error (`granular_lmp.accuracy.extrapolation.judge`).
 
     Parameters
     ----------
+    problem : Problem
+        Problem of the runs, with any step.
     runs : sequence of dict
         Signals by name, arrays whose first axis is time, of each run, in the order in which they were made.
-    scenes : sequence of Scene
-        Scene of each run, with its step.
+    counts : sequence of int
+        Steps per sample of each run.
     counted : collection of str, optional
         Names of the signals by which the answer is chosen; all of them if left out.
     """
-    counts = [scene.time.steps_per_sample for scene in scenes]
-    hidden = slip_bounds(scenes[-1], runs[-1])
-    return extrapolation.judge(runs, counts, order(scenes[-1]), counted=counted, hidden=hidden)
+    hidden = slip_bounds(problem, runs[-1])
+    return extrapolation.judge(runs, counts, order(problem.scene), counted=counted, hidden=hidden)
 
 
-def slip_bounds(scene: Scene, signals: Signals) -> dict[str, float]:
+def slip_bounds(problem: Problem, signals: Signals) -> dict[str, float]:
     """Return bounds of the first-order error that LAMMPS's slip leaves in signals, L2 norms for a step of one sample.
 
     LAMMPS turns the slip of a contact with the contact's direction at the end of the step. That adds
@@ -168,7 +178,7 @@ def slip_bounds(scene: Scene, signals: Signals) -> dict[str, float]:
     spheres by `SLIP` times as much, without the half. It also puts the wave out of phase, in the next order of a and in
     proportion to the time. Fluxes have no bound here.
     """
-    frequency = deciding_frequency(scene)
+    scene, frequency = problem.scene, deciding_frequency(problem)
     swing = max(1.0, float(np.max(sum(signals[name] ** 2 for name in ("p", "q", "phi") if name in signals))))
     amplitude, duration = scene.amplitude, scene.time.duration
     moved = SLIP * amplitude * frequency**2 * scene.sphere.overlap_ratio * swing * scene.time.sample

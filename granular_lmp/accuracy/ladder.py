@@ -14,8 +14,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.at_rest import swiftness
-from granular_lmp.rest.held import step_rules
-from granular_lmp.rest.linear import mode_of, physics_of, unit_contacts, usual_frequency
+from granular_lmp.rest.linear import physics_of, unit_contacts
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.clock import RUNGS as RUNGS
 
@@ -26,14 +25,10 @@ COARSE = 16.0
 MOST_STEPS = 10**9
 
 
-def with_step(scene: Scene, step: float) -> Scene:
-    """Return the scene with a time step (τ) in place of its tolerance."""
-    return scene.with_values({"time.timestep": step})
-
-
-def deciding_frequency(scene: Scene) -> float:
+def deciding_frequency(problem: Problem) -> float:
     """Return the highest frequency in the wave and its second harmonic by linear theory, in rad/t0."""
-    lattice, physics, usual = unit_contacts(scene), physics_of(scene), mode_of(scene).frequency
+    scene, usual = problem.scene, problem.rest.frequency
+    lattice, physics = unit_contacts(scene), physics_of(scene)
     if scene.wave_lattice.cell_size > 1 or scene.space == 3:  # the second harmonic may be of any branch
         free = highest_frequency(lattice, scene.sphere, physics) * swiftness(scene)
     else:
@@ -42,43 +37,23 @@ def deciding_frequency(scene: Scene) -> float:
     return max(2 ** (1 / 3) * max([usual, *own]), free)
 
 
-def first_step(scene: Scene) -> float:
-    """Return the first and longest step of the ladder that is expected to meet ``time.tolerance``.
-
-    Returns
-    -------
-    float
-        Time step in τ, of which a whole number fits the sample.
-
-    Raises
-    ------
-    SceneError
-        If the scene would take more than 1e9 steps.
-    """
-    return scene.time.sample / _count_of_wave(scene, scene.time.clock.tolerance)
-
-
-def _count_of_wave(scene: Scene, tolerance: float) -> int:
-    """Return the steps per sample of `first_step`."""
-    frequency, sample, duration = deciding_frequency(scene), scene.time.sample, scene.time.duration
+def _count_of_wave(problem: Problem, tolerance: float) -> int:
+    """Return the steps per sample of the first run of the ladder that is expected to meet a tolerance in a wave."""
+    time = problem.scene.time
+    frequency, sample, duration = deciding_frequency(problem), time.sample, time.duration
 
     def enough(per_sample: int) -> bool:
         return pair_error(frequency, sample / (2 * per_sample), duration) <= COARSE * tolerance
 
-    fewest = int(sample / min(rule.first for rule in step_rules(scene, usual_frequency(scene)))) + 1
+    fewest = int(sample / min(rule.first for rule in problem.rest.step_rules())) + 1
     low, high = fewest - 1, fewest
     while not enough(high):
         low, high = high, 2 * high
-        _refuse_many(scene, tolerance, high)
+        _refuse_many(problem, tolerance, high)
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if enough(middle) else (middle, high)
     return high
-
-
-def finest_step(scene: Scene) -> float:
-    """Return the last and shortest step of the ladder that is expected to meet ``time.tolerance``, in τ."""
-    return first_step(scene) / (1 << RUNGS - 1)
 
 
 def build(scene: Scene) -> Deck:
@@ -117,12 +92,11 @@ def plan(problem: Problem) -> tuple[int, ...]:
     SceneError
         If they take more than 1e9 steps.
     """
-    scene = problem.scene
 
     def first(tolerance: float) -> int:
         of_wave = problem.wave is not None
-        count = _count_of_wave(scene, tolerance) if of_wave else collisions.first_count(problem, tolerance)
-        _refuse_many(scene, tolerance, count)
+        count = _count_of_wave(problem, tolerance) if of_wave else collisions.first_count(problem, tolerance)
+        _refuse_many(problem, tolerance, count)
         return count
 
     return problem.declared.time.clock.counts(first)
@@ -133,7 +107,7 @@ def planned(problem: Problem) -> Problem:
     counts = plan(problem)
     if len(counts) == 1:
         return problem
-    return problem.stepped(with_step(problem.scene, problem.scene.time.sample / counts[-1]))
+    return problem.stepped(problem.scene.time.sample / counts[-1])
 
 
 def planned_steps(problem: Problem) -> int:
@@ -141,12 +115,12 @@ def planned_steps(problem: Problem) -> int:
     return sum(plan(problem)) * problem.scene.time.samples
 
 
-def sphere_steps(scene: Scene) -> float:
-    """Return spheres times steps of all planned runs of a scene, to which their time is proportional."""
-    return float(scene.shape.spheres * planned_steps(prepare(scene)))
+def sphere_steps(problem: Problem) -> float:
+    """Return spheres times steps of all planned runs of a problem, to which their time is proportional."""
+    return float(problem.scene.shape.spheres * planned_steps(problem))
 
 
-def _refuse_many(scene: Scene, tolerance: float, first: int) -> None:
+def _refuse_many(problem: Problem, tolerance: float, first: int) -> None:
     """Raise SceneError if the planned runs of a ladder take too many steps; `first` is the first one's to a sample."""
-    if first * ((1 << RUNGS) - 1) * scene.time.samples > MOST_STEPS:
+    if first * ((1 << RUNGS) - 1) * problem.scene.time.samples > MOST_STEPS:
         raise SceneError(f"time.tolerance = {tolerance!r}: would take more than {MOST_STEPS} steps in this scene")

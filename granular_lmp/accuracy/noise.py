@@ -8,8 +8,8 @@ import numpy as np
 from granular_lmp.accuracy.extrapolation import Signals
 from granular_lmp.accuracy.rounding import grain, judged, moving, noise_floor
 from granular_lmp.errors import ToleranceError
+from granular_lmp.problem import Problem
 from granular_lmp.rest.held import largest_step
-from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.components import FORCES, NAMES, RATES
 from granular_lmp.scene.monitor_kinds import OF_ROWS
 
@@ -21,10 +21,10 @@ _WITHIN, _LAW = 3.0, 5.0
 _KINDS = (NAMES, RATES, FORCES, *((name,) for name in OF_ROWS))
 
 
-def counted(scene: Scene, signals: Signals) -> list[str]:
+def counted(problem: Problem, signals: Signals) -> list[str]:
     """Return the names of the signals that do not vanish by symmetry, those of monitors beside others of their kind."""
     centre = {name: values for name, values in signals.items() if "." not in name}
-    names = judged(scene, centre)
+    names = judged(problem, centre)
     for monitor in dict.fromkeys(name.rpartition(".")[0] for name in signals if name not in centre):
         for kind in _KINDS:
             there = [f"{monitor}.{name}" for name in kind]
@@ -32,12 +32,13 @@ def counted(scene: Scene, signals: Signals) -> list[str]:
     return names
 
 
-def noise_of(scene: Scene, signals: Signals) -> dict[str, float]:
-    """Return the rounding noise of each signal relative to it, in a run with the step of the scene.
+def noise_of(problem: Problem, signals: Signals) -> dict[str, float]:
+    """Return the rounding noise of each signal relative to it, in a run with the step of the problem.
 
     That of displacements and forces is `noise_floor` or `grain`, whichever is larger; that of their rates is higher by
     the highest frequency of the crystal, and the one of a sum over a row follows from its factors.
     """
+    scene = problem.scene
     noise, fastest = max(noise_floor(scene), grain(scene)), 2 / largest_step(scene)
     sizes = {name: _rms(values) for name, values in signals.items()}
 
@@ -56,28 +57,28 @@ def noise_of(scene: Scene, signals: Signals) -> dict[str, float]:
     return {name: level(name) / size if size else inf for name, size in sizes.items()}
 
 
-def lost(scene: Scene, signals: Signals, finest: Scene) -> dict[str, float]:
+def lost(problem: Problem, signals: Signals, finest: Problem) -> dict[str, float]:
     """Return the noise of the signals that it keeps above ``time.tolerance``, from those of the first run.
 
     Signals that vanish by symmetry are among them.
 
     Parameters
     ----------
-    scene : Scene
-        Scene with the tolerance.
+    problem : Problem
+        Problem with the tolerance.
     signals : dict
         Signals of the first run.
-    finest : Scene
-        Scene with the shortest step that is planned.
+    finest : Problem
+        The same with the shortest step that is planned.
 
     Raises
     ------
     ToleranceError
         If no signal is left that counts.
     """
-    tolerance = scene.time.clock.tolerance
+    tolerance = problem.scene.time.clock.tolerance
     found = {name: n for name, n in noise_of(finest, signals).items() if _SEEN * n > tolerance}
-    refuse_noise(tolerance, found, counted(scene, signals))
+    refuse_noise(tolerance, found, counted(problem, signals))
     return found
 
 
@@ -93,7 +94,11 @@ def refuse_noise(tolerance: float, noise: Mapping[str, float], names: Sequence[s
 
 
 def out_of_reach(
-    tolerance: float, run: Scene, signals: Signals, before: Mapping[str, float], now: Mapping[str, tuple[float, Scene]]
+    tolerance: float,
+    run: Problem,
+    signals: Signals,
+    before: Mapping[str, float],
+    now: Mapping[str, tuple[float, Problem]],
 ) -> dict[str, float]:
     """Return the noise of the signals that shorter steps do not bring below the tolerance.
 
@@ -102,14 +107,14 @@ def out_of_reach(
     Parameters
     ----------
     tolerance : float
-    run : Scene
-        Scene of the last run, with its step.
+    run : Problem
+        Problem of the last run, with its step.
     signals : dict
         Signals of that run.
     before : dict
         Estimated errors without that run.
     now : dict
-        Estimated errors above the tolerance, and the scene with the step that is expected to meet it.
+        Estimated errors above the tolerance, and the problem with the step that is expected to meet it.
     """
     here, found = noise_of(run, signals), {}
     for name, (error, finer) in now.items():

@@ -20,13 +20,12 @@ from granular_lmp.accuracy.estimates import FINEST, Estimate, combined_record
 from granular_lmp.accuracy.extrapolation import Judgement, following
 from granular_lmp.accuracy.ladder import plan, planned
 from granular_lmp.accuracy.recorded import write_answer
-from granular_lmp.accuracy.rounding import check_floor, linear_signals
+from granular_lmp.accuracy.rounding import check_floor
 from granular_lmp.errors import GranularError, RunInterrupted, ToleranceError
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.laws import contacts
 from granular_lmp.lammps.outputs import PER_SAMPLE, SCENE, STATUS, replace_text, writable, write_files
 from granular_lmp.problem import Problem, prepare
-from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import launch
 from granular_lmp.runs.continuation import read_unfinished, resuming, whole_checkpoints
 from granular_lmp.runs.engine import Engine
@@ -44,16 +43,15 @@ MOST_RUNGS = 12  # runs that are tried before the tolerance is refused
 COARSE = 2
 
 
-# Makes a run of a scene with a step in a folder; the flag says whether its deck looks for effects that it leaves out
-One = Callable[[Scene, Path, Progress | None, bool], Record]
+# Makes a run of a problem with a step in a folder; the flag says whether its deck looks for effects that it leaves out
+One = Callable[[Problem, Path, Progress | None, bool], Record]
 
 
-def to_tolerance(scene: Scene, folder: Path, options: Options) -> Record:
-    """Run a scene with a tolerance; folder, errors and record are those of `granular_lmp.run`."""
-    problem = prepare(scene)
+def to_tolerance(problem: Problem, folder: Path, options: Options) -> Record:
+    """Run the problem of a scene with a tolerance; folder, errors and record are those of `granular_lmp.run`."""
     plan(problem)  # raises before anything is written
-    if scene.wave is not None:
-        check_floor(problem.scene, linear_signals(problem.scene))
+    if problem.wave is not None:
+        check_floor(problem)
     kernel = options.engine is None and library.chosen(options.kernel, "\n".join(contacts(problem)))
     options = replace(options, kernel=kernel)
     if options.engine is not None:
@@ -62,7 +60,7 @@ def to_tolerance(scene: Scene, folder: Path, options: Options) -> Record:
         refuse_unheld(options.engine, planned(problem))
     said: dict[str, Any] = {"kernel": library.description()} if options.kernel else {}
     said |= {"device": options.device} if options.engine else {}
-    with begun(problem.scene, folder, options) as info:
+    with begun(problem, folder, options) as info:
         return refine(problem, folder, one_of(options, problem), options.progress, info | said)
 
 
@@ -81,16 +79,17 @@ def one_of(options: Options, problem: Problem) -> One:
     What is decided of a wave does not depend on the step, and is not decided again.
     """
 
-    def made(scene: Scene, place: Path, progress: Progress | None, looks: bool) -> Record:
-        stepped = prepare(scene) if problem.wave is None else replace(problem.stepped(scene), declared=scene)
-        what = stepped if looks else stepped.without_looks()
+    def made(stepped: Problem, place: Path, progress: Progress | None, looks: bool) -> Record:
+        scene = stepped.scene
+        whole = prepare(scene) if problem.wave is None else replace(stepped, declared=scene)
+        what = whole if looks else whole.without_looks()
         return launch.launch(what, place, replace(options, force=True, progress=progress))
 
     return made
 
 
 @contextmanager
-def begun(scene: Scene, folder: Path, options: Options) -> Iterator[dict[str, Any]]:
+def begun(problem: Problem, folder: Path, options: Options) -> Iterator[dict[str, Any]]:
     """Give the runs of a scene a locked folder that holds ``scene.toml``; yield what ``run.json`` says from the start.
 
     Raises
@@ -98,6 +97,7 @@ def begun(scene: Scene, folder: Path, options: Options) -> Iterator[dict[str, An
     RunFolderError
         If the folder exists (without ``options.force``) or cannot be written.
     """
+    scene = problem.scene
     text = scene.to_toml()
     with locked(folder, make=True, force=options.force):
         clear(folder)
@@ -117,14 +117,14 @@ def begun(scene: Scene, folder: Path, options: Options) -> Iterator[dict[str, An
 def continued(one: One, resume: Callable[[Path, Progress | None], Record]) -> One:
     """Return `one` of runs that were stopped: what is finished is read, and what has a checkpoint goes on from it."""
 
-    def rest(scene: Scene, place: Path, progress: Progress | None, looks: bool) -> Record:
+    def rest(stepped: Problem, place: Path, progress: Progress | None, looks: bool) -> Record:
         if (place / STATUS).is_file():
             info = read_status(place)
             if info["status"] != "finished":
                 read_unfinished(place)  # raises if the run failed by a guard
             elif not looks or info.get("looks") != {}:
                 return Record.load(place)
-        return resume(place, progress) if whole_checkpoints(place) else one(scene, place, progress, looks)
+        return resume(place, progress) if whole_checkpoints(place) else one(stepped, place, progress, looks)
 
     return rest
 
@@ -139,7 +139,7 @@ def refine(problem: Problem, folder: Path, one: One, progress: Progress | None, 
     folder : Path
         Existing folder for the answer and ``run.json``.
     one : callable
-        Function of scene, folder, progress callback and whether to look that makes one run of a scene with a time step.
+        Function of problem, folder, progress callback and whether to look that makes one run of a problem with a step.
     progress : callable, optional
         As in `run`.
     info : dict
@@ -156,7 +156,7 @@ def refine(problem: Problem, folder: Path, one: One, progress: Progress | None, 
         As in `run`.
     """
     scene, estimate = problem.scene, Estimate(problem)
-    records, judgement, refinements = halved(scene, folder, plan(problem), one, estimate, progress, info)
+    records, judgement, refinements = halved(problem, folder, plan(problem), one, estimate, progress, info)
     record, runs = combined_record(records, judgement), [each.info for each in records]
     outcome = {
         **estimate.outcome(judgement, record),
@@ -188,7 +188,7 @@ def _all_seconds(runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def halved(
-    scene: Scene,
+    problem: Problem,
     folder: Path,
     plan: Sequence[int],
     one: One,
@@ -200,14 +200,14 @@ def halved(
 
     Parameters
     ----------
-    scene : Scene
-        With ``time.tolerance``.
+    problem : Problem
+        Problem of a scene with ``time.tolerance``.
     folder : Path
         Existing folder for the runs and ``run.json``.
     plan : sequence of int
         Steps per sample of the planned runs; more of them are said in ``run.json``.
     one : callable
-        Function of scene, folder, progress callback and whether to look that makes one run of a scene with a time step.
+        Function of problem, folder, progress callback and whether to look that makes one run of a problem with a step.
         Only a run that is finer than all before looks, and the finest does in the end.
     estimate : callable
         Judgement of some runs, of which all errors count.
@@ -232,7 +232,8 @@ def halved(
     RunInterrupted
         If a run is stopped.
     """
-    tolerance, samples = scene.time.clock.tolerance, scene.time.samples
+    time = problem.scene.time
+    tolerance, samples = time.clock.tolerance, time.samples
     records: list[Record] = []
     refinements: list[str] = []
     with writable(folder):
@@ -240,26 +241,26 @@ def halved(
     try:
         counts, count = list[int](), plan[0]
         while True:
-            stepped = scene.with_values({"time.timestep": scene.time.sample / count})
             before = sum(counts)
             part = _offset(progress, before * samples, max(before + count, sum(plan)) * samples)
             looks = bool(counts) and count > max(*counts, COARSE)
+            stepped = problem.stepped(time.sample / count)
             records.append(one(stepped, folder / f"{count}{PER_SAMPLE}", part, looks))
             counts.append(count)
             judgement = estimate(records)
             # The comparison is false for a nan
             if len(counts) > 1 and all(error <= tolerance for error in judgement.errors.values()):
-                _look(records, lambda run, place: one(run, folder / place, None, True))
+                _look(records, lambda step, place: one(problem.stepped(step), folder / place, None, True))
                 break
             worst = max(judgement.errors.values(), default=inf)
             count = following(counts, judgement, worst, tolerance) if isfinite(worst) else 2 * max(counts)
             if len(counts) == MOST_RUNGS or count > FINEST * plan[0]:
                 raise ToleranceError(
-                    f"time.tolerance = {tolerance!r}: not met with steps down to {scene.time.sample / max(counts)!r} "
+                    f"time.tolerance = {tolerance!r}: not met with steps down to {time.sample / max(counts)!r} "
                     f"tau, {_worst(judgement.errors)}; the runs are kept in {folder}"
                 )
             if len(counts) >= len(plan):
-                shortest = scene.time.sample / max(counts)
+                shortest = time.sample / max(counts)
                 refinements.append(f"steps down to {shortest!r} tau: {_worst(judgement.errors)}; one run more")
     except BaseException as error:  # also from the progress callback: run.json must hold the end of every run
         if isinstance(error, RunInterrupted | KeyboardInterrupt):
@@ -272,11 +273,11 @@ def halved(
     return records, judgement, refinements
 
 
-def _look(records: list[Record], again: Callable[[Scene, str], Record]) -> None:
+def _look(records: list[Record], again: Callable[[float, str], Record]) -> None:
     """Make the finest run of a ladder once more if it has not looked; its steps and seconds are those of both."""
     place, finest = max(enumerate(records), key=lambda each: each[1].scene.time.steps_per_sample)
     if finest.info.get("looks") == {}:
-        looked = again(finest.scene, f"{finest.scene.time.steps_per_sample}{PER_SAMPLE}")
+        looked = again(finest.scene.time.timestep, f"{finest.scene.time.steps_per_sample}{PER_SAMPLE}")
         runs = [finest.info, looked.info]
         both = {"steps": sum(run["steps"] for run in runs), "wall_seconds": _all_seconds(runs)}
         records[place] = replace(looked, info=looked.info | both)

@@ -9,7 +9,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.mode import Mode
 from granular_lmp.errors import SceneError
+from granular_lmp.problem import Problem
 from granular_lmp.rest.linear import mode_of, plane_along_y
 from granular_lmp.rest.resolution import farthest_rounding, position_rounding
 from granular_lmp.rest.scene import Scene
@@ -32,62 +34,70 @@ def moving(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
     return [name for name, size in sizes.items() if not size <= _STILL * largest]
 
 
-def judged(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
+def judged(problem: Problem, signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
     """Return the names of the signals whose error counts: those of `moving`, but only p of an L wave along y.
 
     A mirror symmetry makes q and φ of that wave zero, and at small amplitudes their rounding exceeds the threshold.
     """
-    mirrored = plane_along_y(scene) and scene.require_wave().mode == "L"
+    mirrored = plane_along_y(problem.scene) and problem.scene.require_wave().mode == "L"
     return [name for name in moving(signals) if name == "p" or not mirrored]
 
 
-def linear_signals(scene: Scene) -> dict[str, NDArray[np.float64]]:
+def linear_signals(problem: Problem) -> dict[str, NDArray[np.float64]]:
     """Return p, q, φ of a running plane wave along y by linear theory, in D0, at 16 phases of one period.
 
     A signal that vanishes in linear theory is left out, because only a run shows its size. The dictionary is empty for
     all other waves, whose amplitude at the centre sphere depends on place and time.
     """
-    if not plane_along_y(scene):
+    if problem.wave is None or not plane_along_y(problem.scene):
         return {}
-    mode, wave = mode_of(scene), np.exp(2j * np.pi * np.arange(16) / 16)
+    wave = np.exp(2j * np.pi * np.arange(16) / 16)
+    return {name: share * wave.real for name, share in _shares(problem.wave.mode).items()}
+
+
+def _shares(mode: Mode) -> dict[str, complex]:
+    """Return the amplitudes of p, q, φ in a mode, in D0, of those that do not vanish."""
     shares = {"p": mode.p, "q": mode.q, "phi": mode.f}
-    return {name: share * wave.real for name, share in shares.items() if abs(share) > _STILL}
+    return {name: share for name, share in shares.items() if abs(share) > _STILL}
 
 
-def rounding(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
+def rounding(problem: Problem, signals: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
     """Return the relative error that the rounding of positions leaves in signals (in D0): ½ eps L/(their size).
 
     L is half the height of the packing for p and its width for q and φ. The law gives the magnitude: measured against
     the same steps without LAMMPS, the error was 0.4 to 1.3 times that for 201 rows and 500 to 5000 steps. It grows
     with the number of steps, which the law leaves out. Signals that vanish by symmetry are left out.
     """
+    scene = problem.scene
     far, near = farthest_rounding(scene), position_rounding(scene, scene.shape.columns)
     if not plane_along_y(scene):  # no signal lies along the rows
         near = far = max(far, near)
-    sizes = {name: float(np.sqrt(np.mean(signals[name] ** 2))) for name in judged(scene, signals)}
+    sizes = {name: float(np.sqrt(np.mean(signals[name] ** 2))) for name in judged(problem, signals)}
     return {name: (far if name == "p" else near) / size for name, size in sizes.items()}
 
 
-def walls(scene: Scene) -> float:
+def walls(problem: Problem) -> float:
     """Return the error by the faces at the centre, relative to the wave: 1e-6, or 0 in a periodic cell.
 
     It is also 0 for a scene that runs past the echo (``time.allow_echo``), where the walls are part of the scene.
     """
+    scene = problem.scene
     return WALL_ERROR if scene.shape.faces and scene.time.duration <= scene.echo_time else 0.0
 
 
-def floor(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
+def floor(problem: Problem, signals: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
     """Return the relative errors that no time step removes, rounding and walls, for the worst signal."""
-    return {"rounding": max(rounding(scene, signals).values(), default=0.0), "walls": walls(scene)}
+    return {"rounding": max(rounding(problem, signals).values(), default=0.0), "walls": walls(problem)}
 
 
-def check_floor(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> None:
-    """Raise a SceneError if no time step can meet the scene's tolerance for these signals."""
+def check_floor(problem: Problem) -> None:
+    """Raise a SceneError if no time step can meet the tolerance of a problem for the signals of linear theory."""
+    scene = problem.scene
     remedies = {
         "rounding": "a larger wave.amplitude or fewer packing.rows",
         "walls": 'packing.ends = "periodic"' + ("" if scene.shape.infinite else ' and packing.sides = "periodic"'),
     }
-    for source, value in floor(scene, signals).items():
+    for source, value in floor(problem, linear_signals(problem)).items():
         if scene.time.clock.tolerance < value:
             raise SceneError(
                 f"time.tolerance = {scene.time.tolerance!r}: must be at least {value:.2g}, which {source} leaves in "
@@ -101,7 +111,7 @@ def below_rounding(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> 
     The rounding is `noise_floor` or `grain`, whichever is larger. The list is empty for L, whose p is the wave itself,
     and for waves that are not plane and along y, for which the laws do not hold.
     """
-    if not plane_along_y(scene) or "p" in linear_signals(scene) or "p" not in moving(signals):
+    if not plane_along_y(scene) or "p" in _shares(mode_of(scene)) or "p" not in moving(signals):
         return []
     size, least = float(np.sqrt(np.mean(signals["p"] ** 2))), max(noise_floor(scene), grain(scene))
     if size >= 3 * least:

@@ -10,6 +10,7 @@ from granular_lmp.accuracy.budget import error_budget
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import SWEEP
+from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import launch
 from granular_lmp.runs.continuation import read_unfinished
@@ -57,7 +58,7 @@ def run(
         Callback ``progress(step, steps)``, called about ten times a second; `steps` grows if more runs are needed.
     kernel : bool, optional
         Compute contacts with the library that `granular_lmp.lammps.kernel.library.build` made: the same numbers in less
-        time (docs/how-long.md). By default it is taken if it was built and knows the contacts. True demands it, False
+        time. By default it is taken if it was built and knows the contacts. True demands it, False
         turns it off, and ``info["kernel"]`` says that it was taken.
     engine : Engine, optional
         What takes the steps in place of LAMMPS (`granular_lmp.runs.engine`).
@@ -92,7 +93,7 @@ def run(
     Notes
     -----
     *Good values*: ``time.tolerance`` from 1e-2 to 1e-4. At 1e-5 some waves take more than 256 steps per sample, and
-    below it the rounding of positions dominates (docs/accuracy.md).
+    below it the rounding of positions dominates.
 
     Examples
     --------
@@ -106,7 +107,7 @@ def run(
         return launch.launch(what, folder, options, _budget)
     from granular_lmp.accuracy.refinement import to_tolerance  # kept out of start-up
 
-    return to_tolerance(what, folder, options)
+    return to_tolerance(prepare(what), folder, options)
 
 
 def run_impact(what: Scene | Deck, folder: str | Path, options: Options | None = None) -> Record:
@@ -116,8 +117,8 @@ def run_impact(what: Scene | Deck, folder: str | Path, options: Options | None =
     return run(what, folder, **{name: getattr(given, name) for name in names})
 
 
-def _budget(record: Record) -> dict[str, Any]:
-    return {} if record.scene.wave is None else {"error_budget": error_budget(record.scene, record.signals)}
+def _budget(problem: Problem, record: Record) -> dict[str, Any]:
+    return {} if problem.wave is None else {"error_budget": error_budget(problem, record.signals)}
 
 
 def resume(folder: str | Path, *, progress: Progress | None = None, engine: Engine | None = None) -> Record:

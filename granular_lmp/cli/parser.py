@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from granular_lmp.cli import (
+    deck_commands,
     machine_commands,
     modes_command,
     run_commands,
@@ -21,6 +22,7 @@ GROUPS = {
     run_commands: ("run", "kick", "resume", "adopt", "accept"),
     study_commands: ("sweep", "scatter", "cost", "collide"),
     view_commands: ("view", "front", "export"),
+    deck_commands: ("lint",),
     machine_commands: (),  # completion asks for all
 }
 

@@ -204,7 +204,7 @@ def deck_of(problem: Problem) -> Deck:
 
 def data_of(problem: Problem) -> DataFile:
     """Return ``data.NAME`` of a problem as this package writes it."""
-    return replicated.first_rows(problem) if replicated.suits(problem.scene) else spheres.data_of(problem)
+    return replicated.first_rows(problem) if replicated.suits(problem) else spheres.data_of(problem)
 
 
 def written_text(problem: Problem) -> str:

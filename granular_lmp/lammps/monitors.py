@@ -64,11 +64,11 @@ def _format(problem: Problem) -> str:
     return " ".join(["%.0f"] * 2 + ["%.13g"] * (1 + vector) + ["%.17g"] * vector + ["%.13g"] * vector * rolling)
 
 
-def monitor_files(scene: Scene) -> list[str]:
-    """Return the names of the files of all monitors of a scene."""
+def monitor_files(problem: Problem) -> list[str]:
+    """Return the names of the files of all monitors of a problem."""
     return [
         pattern.format(each.name)
-        for each in scene.monitor
+        for each in problem.scene.monitor
         for pattern in (MONITOR, *([MONITOR_CONTACTS] if each.with_contacts else []))
     ]
 

@@ -24,15 +24,15 @@ from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.ends import box_of
 from granular_lmp.problem import Problem
 from granular_lmp.rest.linear import BlochWave, physics_of
-from granular_lmp.rest.scene import Scene
 
 # Spheres from which a sheet is replicated. LAMMPS parses 1e5 of them in 0.9 s; smaller decks are data that one can read
 LARGE = 100_000
 
 
-def suits(scene: Scene) -> bool:
-    """Return whether LAMMPS makes the spheres of a scene: a large perfect sheet, at rest or with a plane wave."""
-    if scene.wave is None:
+def suits(problem: Problem) -> bool:
+    """Return whether LAMMPS makes the spheres of a problem: a large perfect sheet, at rest or with a plane wave."""
+    scene = problem.scene
+    if problem.wave is None:
         return False
     waved = not scene.form.driven and not scene.envelope.finite
     moved = scene.form.waves and any(each.motion for each in scene.source)

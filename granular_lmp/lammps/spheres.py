@@ -43,7 +43,7 @@ def types(packing: ase.Atoms) -> NDArray[np.int64]:
 
 def spheres(problem: Problem) -> list[str]:
     """Return the lines that read the spheres at rest and how they begin, or make a large sheet of its first rows."""
-    made = replicated.suits(problem.scene)
+    made = replicated.suits(problem)
     wave_is = "the variables wave_* are" if made else "the section wave of the data file holds"
     title = "lattice" + f" at rest; {wave_is} the wave for unit amplitude" if problem.scene.wave else "crystal at rest"
     lines = replicated.lines(problem) if made else start.read(problem)

@@ -11,6 +11,7 @@ from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.signals import Picture
 from granular_lmp.rest.at_rest import CrystalAtRest
+from granular_lmp.rest.face import Rest
 from granular_lmp.rest.kinds import rest_of
 from granular_lmp.rest.scene import Scene
 
@@ -40,7 +41,7 @@ def at_rest_figure(scene: Scene) -> Picture:
     figure = Picture(figsize=(8.0, 6.0), layout="constrained")
     axes = figure.subplots()
     position, radius = crystal.atoms.positions[:, :2], crystal.atoms.arrays["radius"]
-    values, label = _values(scene, crystal)
+    values, label = _values(rest)
     discs = EllipseCollection(
         2 * radius, 2 * radius, 0 * radius, units="xy", offsets=position, offset_transform=axes.transData,
         cmap="RdBu_r", norm=CenteredNorm(halfrange=float(np.abs(values).max()) or 1.0), linewidths=0,
@@ -63,7 +64,7 @@ def at_rest_figure(scene: Scene) -> Picture:
     axes.add_collection(
         LineCollection(_segments(position, i, vector), colors="black", linestyles="dotted", linewidths=1), autolim=False
     )
-    empty = _empty_places(scene, crystal)
+    empty = _empty_places(rest)
     axes.plot(*empty.T, "x", color="black", markersize=5)
     low, high = position.min(axis=0) - 1.5, position.max(axis=0) + 1.5
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x/R", ylabel="y/R")
@@ -80,13 +81,13 @@ def at_rest_figure(scene: Scene) -> Picture:
     return figure
 
 
-def _values(scene: Scene, crystal: CrystalAtRest) -> tuple[NDArray[np.float64], str]:
+def _values(rest: Rest) -> tuple[NDArray[np.float64], str]:
     """Return what the colour of the spheres shows, (N,), and its label."""
-    radius, density = crystal.atoms.arrays["radius"], crystal.atoms.arrays["density"]
+    radius, density, sphere = rest.atoms.arrays["radius"], rest.atoms.arrays["density"], rest.scene.sphere
     if np.ptp(radius) or not np.ptp(density):
-        overlap = scene.scale.length / scene.sphere.radius
-        return (radius - 1) / overlap, f"deviation of the diameter (${scene.scale.symbol}$)"
-    return density / scene.sphere.density - 1, "relative deviation of the density"
+        overlap = rest.scale.length / sphere.radius
+        return (radius - 1) / overlap, f"deviation of the diameter (${rest.scale.symbol}$)"
+    return density / sphere.density - 1, "relative deviation of the density"
 
 
 def _segments(
@@ -113,10 +114,10 @@ def _names(crystal: ase.Atoms, i: NDArray[np.int64], j: NDArray[np.int64]) -> ND
     return np.minimum(i, j) * len(crystal) + np.maximum(i, j)
 
 
-def _empty_places(scene: Scene, crystal: CrystalAtRest) -> NDArray[np.float64]:
+def _empty_places(rest: Rest) -> NDArray[np.float64]:
     """Return the places of the lattice without a sphere, (M, 2), in radii, in the cell as it has breathed."""
-    lattice, atoms = packed(scene.sphere, scene.shape), crystal.atoms
-    there = np.zeros((scene.shape.rows, scene.shape.columns), dtype=bool)
+    scene, atoms = rest.scene, rest.atoms
+    lattice, there = packed(scene.sphere, scene.shape), np.zeros((scene.shape.rows, scene.shape.columns), dtype=bool)
     there[atoms.arrays["row"], atoms.arrays["column"]] = True
     scale = atoms.cell.lengths()[:2] / lattice.cell.lengths()[:2]
     return lattice.positions[~there.ravel(), :2] * scale

@@ -113,7 +113,7 @@ def adopt(
         raise RunFolderError(f"{source / LOG}: says dump = {shown(values['dump'])}: must be a file of the same folder")
     if not dump.is_file():
         raise RunFolderError(f"{dump}: missing; the record is made from it")
-    for name in monitor_files(problem.scene):
+    for name in monitor_files(problem):
         if not (source / name).is_file():
             raise RunFolderError(f"{source / name}: the file of a monitor of the scene is missing")
     _refuse_other_beginning(source, dump.name, problem)
@@ -136,10 +136,10 @@ def adopt(
                     f"{simulation.dump}.contacts": f"{dump.name}.contacts",
                     simulation.dump: dump.name,
                 }
-                for name, there in (others | {name: name for name in monitor_files(problem.scene)}).items():
+                for name, there in (others | {name: name for name in monitor_files(problem)}).items():
                     if (source / there).is_file():
                         shutil.copyfile(source / there, place / name)
-            mend(place, problem.scene)
+            mend(place, problem)
 
         with collected() as seconds:
             job = Job(place, deck.input_name, LOG, lock, lambda _: None)

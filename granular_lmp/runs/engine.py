@@ -6,15 +6,20 @@ has no engine: `granular-analysis network` gives one.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.lattices import centre
 from granular_lmp.errors import SceneError as SceneError
 from granular_lmp.frozen import dataclass
-from granular_lmp.lammps.beginning import Beginning
+from granular_lmp.lammps.beginning import Beginning, beginning
+from granular_lmp.lammps.region_of_influence import distances
+from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene
+from granular_lmp.runs.continuation import NETWORK
+from granular_lmp.runs.manifest import description
 
 __all__ = ["Engine", "Look", "Moment", "Motion", "Setting"]
 
@@ -102,6 +107,19 @@ class Setting:
     step: float
     recorded: int
     distances: Floats
+
+    @classmethod
+    def of(cls, problem: Problem, info: Mapping[str, Any], begun: Beginning) -> Self:
+        """Return the setting of a problem whose run begins so, and whose ``run.json`` begins with `info`."""
+        recorded = -1 if problem.scene.wave is None else centre(problem.rest.atoms)
+        step = problem.units.number(problem.scene.time.step * problem.scene.scale.time, time=1)
+        return cls(problem.scene, info, begun, step, recorded, distances(problem))
+
+
+def setting_of(scene: Scene) -> Setting:
+    """Return the setting of the run of a scene, which is not begun."""
+    problem = prepare(scene)
+    return Setting.of(problem, description(problem, [], NETWORK, 1), beginning(problem))
 
 
 class Engine(Protocol):

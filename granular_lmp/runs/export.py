@@ -186,6 +186,14 @@ def export_spheres(scene: Scene, path: str | Path) -> None:
     ------
     RunFolderError
         For another ending, or a file that cannot be written.
+
+    Examples
+    --------
+    >>> drawn = Scene.load("tr_periodic").with_values({"packing.columns": 6, "disorder.density": 0.1})
+    >>> export_spheres(drawn, "spheres.csv")
+    >>> Path("spheres.csv").read_text().splitlines()[0]
+    'sphere,density_kg/m3,radius_m'
+    >>> read = drawn.with_values({"disorder.density": 0.0, "packing.table": "spheres.csv"})
     """
     path = Path(path)
     if path.suffix.lower() != ".csv":

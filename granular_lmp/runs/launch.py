@@ -25,7 +25,7 @@ from granular_lmp.runs.status import read_status
 def launch(what: Scene | Problem | Deck, folder: str | Path, options: Options, judge: Judge = nothing_more) -> Record:
     """Run the deck of a scene or problem with a time step, or a deck, in `folder`, and return its record.
 
-    `judge` returns more entries of ``run.json`` from the record of a run that did not fail.
+    `judge` returns more entries of ``run.json`` from the problem and the record of a run that did not fail.
 
     Raises
     ------

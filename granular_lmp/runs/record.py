@@ -136,11 +136,12 @@ class Record(HasCard):
         return cls(tau, {"p": p, "q": q, "phi": phi}, scene, info or {})
 
     @classmethod
-    def empty(cls, scene: Scene, folder: Path | None = None) -> Self:
+    def empty(cls, problem: Problem, folder: Path | None = None) -> Self:
         """Make the record of a run that has recorded nothing."""
+        scene = problem.scene
         if scene.wave is not None:
             return cls(np.empty(0), dict.fromkeys(header_of(scene)[1:], np.empty(0)), scene, folder=folder)
-        still = np.empty((0, len(prepare(scene).rest.recorded), scene.space))
+        still = np.empty((0, len(problem.rest.recorded), scene.space))
         return cls(np.empty(0), {"displacement": still, "velocity": still}, scene, folder=folder)
 
     @classmethod

@@ -19,16 +19,17 @@ from granular_lmp.lammps.guards import has_looks
 from granular_lmp.lammps.kernel_guards import watched_text
 from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import DUMP, SCENE, SNAPSHOTS, RunLog, mend_dump
+from granular_lmp.problem import Problem
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs import manifest
 from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record
 from granular_lmp.runs.routes import Job, log_tail
 
-Judge = Callable[[Record], dict[str, Any]]
+Judge = Callable[[Problem, Record], dict[str, Any]]
 
 
-def nothing_more(_: Record) -> dict[str, Any]:
+def nothing_more(_problem: Problem, _record: Record) -> dict[str, Any]:
     """Return no more entries of ``run.json``."""
     return {}
 
@@ -43,7 +44,7 @@ class Simulation:
     edits : list of str
         Lines by which its text differs from the one that this package writes.
     judge : callable
-        Returns more entries of ``run.json`` from the record of a run that did not fail.
+        Returns more entries of ``run.json`` from the problem and the record of a run that did not fail.
     kernel : bool
         True if the kernel computes the contacts, which then sees them for the guards too.
     """
@@ -115,7 +116,7 @@ class Simulation:
 
     def mend(self, folder: Path) -> None:
         """Cut what a stop left of the dumps back to whole records."""
-        mend(folder, self.scene)
+        mend(folder, self.deck.problem)
 
     def collect(self, folder: Path, *, stopped: bool) -> Record:
         """Return the record of a run, finished or not, and write that of a centre sphere to ``trajectory.csv``.
@@ -123,7 +124,7 @@ class Simulation:
         Dumps are mended if the run was stopped or continued, or lost a sphere; to look for it costs more than to read.
         """
         if not (folder / self.dump).exists():
-            return Record.empty(self.scene, folder)
+            return Record.empty(self.deck.problem, folder)
         try:
             record = None if stopped else Record.from_dump(folder, self.scene)
         except RunFolderError:
@@ -155,13 +156,13 @@ class Simulation:
 
     def _monitors_lack(self, folder: Path, expected: int) -> str:
         """Return which file of a monitor lacks records; "" if none does."""
-        names = monitor_files(self.scene)
+        names = monitor_files(self.deck.problem)
         missing = (name for name in names if not is_whole(folder / name, expected, self.steps))
         return next((f"{name} lacks records" for name in missing), "")
 
     def judged(self, record: Record) -> dict[str, Any]:
         """Return the entries of ``run.json`` of a run that did not fail: what is read off its record."""
-        return readouts_of(record) | self.judge(record)
+        return readouts_of(record) | self.judge(self.deck.problem, record)
 
 
 def _not_finite(record: Record, *, tracked: bool) -> str:
@@ -175,7 +176,7 @@ def _fewer(record: Record, expected: int) -> str:
     return "" if len(record.tau) == expected else f"{len(record.tau)} records instead of {expected}"
 
 
-def mend(folder: Path, scene: Scene) -> None:
-    """Mend the dumps of a run folder: `mend_dump`, `mend_binary`."""
-    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, SNAPSHOTS, *monitor_files(scene)))):
+def mend(folder: Path, problem: Problem) -> None:
+    """Mend the dumps of the run folder of a problem: `mend_dump`, `mend_binary`."""
+    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, SNAPSHOTS, *monitor_files(problem)))):
         (mend_binary if path.suffix == ".bin" else mend_dump)(path)

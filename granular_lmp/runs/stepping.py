@@ -17,7 +17,6 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects.freedoms import axes, turns
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps import written
@@ -26,7 +25,6 @@ from granular_lmp.lammps.checkpoints import minutes_between
 from granular_lmp.lammps.guards import line_interval
 from granular_lmp.lammps.monitors import contact_columns
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, MONITOR, MONITOR_CONTACTS, SNAPSHOTS, whole
-from granular_lmp.lammps.region_of_influence import distances
 from granular_lmp.problem import Problem
 from granular_lmp.runs.continuation import END, NETWORK, last_checkpoint, whole_checkpoints
 from granular_lmp.runs.engine import Engine, Moment, Motion, Setting
@@ -43,9 +41,7 @@ def route_by(engine: Engine, problem: Problem, info: dict[str, Any]) -> Route:
     _refuse(problem)
     with phase("start"):
         observer, begun = Observer(problem), beginning(problem)
-        recorded = -1 if problem.scene.wave is None else centre(problem.rest.atoms)
-        step = problem.units.number(problem.scene.time.step * problem.scene.scale.time, time=1)
-        motion = engine.begin(Setting(problem.scene, info, begun, step, recorded, distances(problem)))
+        motion = engine.begin(Setting.of(problem, info, begun))
     return lambda job: _steps(motion, problem, Recorder(problem, begun, observer), job)
 
 

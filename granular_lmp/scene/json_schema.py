@@ -1,4 +1,4 @@
-"""Keys of a scene file as a JSON Schema, for completion in editors, and as the table of the reference page.
+"""Keys of a scene file, and their JSON Schema, for completion in editors.
 
 Both are generated from the declarations in `granular_lmp.scene.sections`, so neither can differ from what the reader
 checks. Only `Scene` checks combinations of values.
@@ -14,7 +14,7 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.scene.declaration import Declaration
 from granular_lmp.scene.document import note
 from granular_lmp.scene.forms import STILL
-from granular_lmp.scene.schema import LONGEST_DESCRIPTION, LONGEST_NAME, Rule, toml
+from granular_lmp.scene.schema import LONGEST_DESCRIPTION, LONGEST_NAME, Rule
 from granular_lmp.scene.without_wave import HELD, MOVING_TABLES, NOT_HELD, WAVE
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -135,19 +135,3 @@ def _value(key: Key) -> dict[str, Any]:
     rule, default = key.rule, {} if key.default in _NOTHING else {"default": key.default}
     described = {"description": rule.note} if rule.note else {}
     return rule.schema() | described | default
-
-
-def reference(variant: str = WAVE) -> str:
-    """Return tables of all keys in Markdown, one per section: key, unit, default, allowed values, meaning."""
-    lines: list[str] = []
-    section = ""
-    for key in keys(variant):
-        if key.section != section:
-            section = key.section
-            title = f"[[{section}]]" if section in Declaration.layout.repeated else f"[{section}]"
-            lines += ["", f"## `{title}`", "", "| key | unit | default | allowed | meaning |"]
-            lines.append("|---|---|---|---|---|")
-        default = "must be given" if key.required else "–" if key.default in _NOTHING else f"`{toml(key.default)}`"
-        row = (f"`{key.name}`", key.rule.unit, default, key.rule.allowed, key.rule.meaning)
-        lines.append("| " + " | ".join(row) + " |")
-    return "\n".join(lines).strip() + "\n"

@@ -5,7 +5,7 @@ determine (`granular_lmp.crystal.sphere_table`).
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -85,8 +85,8 @@ def located(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 def _read(name: str, key: str) -> SphereTable:
     said = f"{key} = {shown(name)}"
-    lines, columns = numbers(Path(name), _QUANTITIES, {}, said, largest=LARGEST)
-    found = _checked(columns, said, [f"line {line}" for line in lines] if len(lines) <= MOST else [])
+    lines, columns = numbers(Path(name), _QUANTITIES, {}, said, largest=LARGEST, most=MOST)
+    found = _checked(columns, said, lambda row: f"line {lines[row]}")
     table = SphereTable.of(found, name)
     if re.fullmatch(PATTERN, Path(name).name) and Path(name).name != table:
         raise SceneError(
@@ -102,29 +102,30 @@ def _of_lists(value: Mapping[str, Any], key: str) -> SphereTable:
             raise SceneError(unknown_key(f"{key}.{name}", str(name), HEADS))
     columns = {}
     for name, given in value.items():
-        if not isinstance(given, list | tuple) or not all(isinstance(x, int | float) for x in given):
+        numbers_alone = isinstance(given, list | tuple | range) and not {*map(type, given)} - {int, float}
+        if not numbers_alone:
             raise SceneError(f"{key}.{name} = {shown(given)}: must be a list of numbers, one for each sphere")
         columns[name] = np.array(given, dtype=np.float64)
     if len({len(each) for each in columns.values()}) > 1:
         held = ", ".join(f"{name} has {len(each)}" for name, each in columns.items())
         raise SceneError(f"{key}: {held}; all columns must have a number for each sphere")
     count = max(map(len, columns.values()), default=0)
-    return SphereTable.of(_checked(columns, key, [f"[{place}]" for place in range(count)]), key)
+    if count > MOST:
+        raise SceneError(f"{key}: {count} rows: must be at most {MOST}")
+    return SphereTable.of(_checked(columns, key, lambda row: f"[{row}]"), key)
 
 
-def _checked(columns: Mapping[str, Floats], said: str, places: list[str]) -> Mapping[str, Floats]:
-    """Return columns as they are.
+def _checked(columns: Mapping[str, Floats], said: str, place: Callable[[int], str]) -> Mapping[str, Floats]:
+    """Return columns as they are; `place` says where a row is.
 
     Raises
     ------
     SceneError
-        If there is no value of a sphere or there are too many, a number is not allowed, or a sphere is there twice.
+        If there is no value of a sphere, a number is not allowed, or a sphere is there twice.
     """
     count = max(map(len, columns.values()), default=0)
     if not set(columns) - {SITE} or not count:
         raise SceneError(f"{said}: must have a row and one of the columns {', '.join([*HEADS.values()][1:])}")
-    if count > MOST:
-        raise SceneError(f"{said}: {count} rows: must be at most {MOST}")
     for name, values in columns.items():
         interval = _RULES[name].interval
         assert interval is not None  # each has one
@@ -134,7 +135,7 @@ def _checked(columns: Mapping[str, Floats], said: str, places: list[str]) -> Map
         if not inside.all():
             worst = int(np.argmin(inside))
             raise SceneError(
-                f"{said}: {places[worst]}: {HEADS[name]} = {values[worst]:.16g}: must be {_RULES[name].allowed}"
+                f"{said}: {place(worst)}: {HEADS[name]} = {values[worst]:.16g}: must be {_RULES[name].allowed}"
             )
     sites = columns.get(SITE, np.arange(count))
     order = np.argsort(sites, kind="stable")
@@ -142,7 +143,7 @@ def _checked(columns: Mapping[str, Floats], said: str, places: list[str]) -> Map
     if len(twice):
         again = order[twice[0] + 1]
         raise SceneError(
-            f"{said}: {places[again]}: {SITE} = {sites[again]:.0f}: is there twice, in {places[order[twice[0]]]} too; "
+            f"{said}: {place(again)}: {SITE} = {sites[again]:.0f}: is there twice, in {place(order[twice[0]])} too; "
             "must be there once"
         )
     return columns

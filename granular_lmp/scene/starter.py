@@ -10,19 +10,17 @@ _HEAD = """\
 # Run it:                        granular-lmp run {file}
 # What it would take:            granular-lmp check {file}
 # Change one value:              granular-lmp run {file} --set {change}
-# Every key, with what is allowed: {page}, and granular-lmp {schema} for editors
+# Every key, with what is allowed: granular-lmp {schema}
 # Tables that may be added:      {tables}
 
 """
 _OF_WAVE = {
     "change": "wave.amplitude=0.1",
-    "page": "docs/reference/scene.md",
     "schema": "schema",
     "tables": "[disorder], [[inclusion]], [absorb], [[source]], [[monitor]]",
 }
 _OF_STRIKE = {
     "change": "time.duration=50.0",
-    "page": "docs/reference/impact.md",
     "schema": "schema impact",
     "tables": "[start], [disorder], [output], [[striker]], [[inclusion]]",
 }
@@ -61,6 +59,8 @@ def write_starter(path: str | Path, scene: Declaration) -> None:
     try:
         with path.open("x", encoding="utf-8") as stream:
             stream.write(text)
+        for name, pieces in scene.beside.items():
+            path.with_name(name).write_text("".join(pieces), encoding="utf-8")
     except FileExistsError as error:
         raise RunFolderError(f"{path}: is there already; choose another name") from error
     except OSError as error:

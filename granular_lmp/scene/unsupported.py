@@ -1,9 +1,7 @@
 """Hints for keys that a scene does not have: what is not supported, and what is declared by another key.
 
-The reasons are on the page ``docs/reference/not-there.md``.
+The reasons are on the page ``docs/reference/not-there.md`` of the repository.
 """
-
-PAGE = "docs/reference/not-there.md"
 
 # Where to go → words, in lower case, that somebody would try as a key
 NOT_SUPPORTED = {
@@ -27,7 +25,7 @@ ELSEWHERE = {
 
 def hint(key: str) -> str | None:
     """Return what to use in place of a key that does not exist; None for a word that nobody asks for."""
-    for hints, form in ((NOT_SUPPORTED, f"not supported; {{}} ({PAGE})"), (ELSEWHERE, "unknown key; {}")):
+    for hints, form in ((NOT_SUPPORTED, "not supported; {}"), (ELSEWHERE, "unknown key; {}")):
         for where, words in hints.items():
             if key.lower() in words.split():
                 return form.format(where)

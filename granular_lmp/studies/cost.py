@@ -18,7 +18,6 @@ from time import monotonic
 from typing import Any
 
 from granular_lmp.accuracy.estimates import richardson
-from granular_lmp.accuracy.ladder import sphere_steps
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.effects.selection import order
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, one_line
@@ -26,7 +25,7 @@ from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.laws import contacts
 from granular_lmp.lammps.outputs import COST, STATUS, csv_text, replace_text, writable, write_files
-from granular_lmp.problem import prepare
+from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked, refuse_long
@@ -34,6 +33,7 @@ from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import Record, read_status
 from granular_lmp.studies.cost_settings import Setting, base, references, settings
 from granular_lmp.studies.cost_table import NOT_RUN, NUMBERS, Row, errors
+from granular_lmp.studies.identity import names_of
 from granular_lmp.studies.sweep_points import scene_hash
 from granular_lmp.studies.sweep_request import scene_asked
 
@@ -70,12 +70,12 @@ class Plan:
 
     def place(self, setting: Setting, turn: int = 1) -> Path:
         """Return the folder of a setting in one round."""
-        name = scene_hash(setting.run) + "-kernel" * self.kernel
+        name = setting.folder + "-kernel" * self.kernel
         return self.folder / "runs" / name / str(turn)
 
     def todo(self) -> dict[Path, Setting]:
         """Return folder → setting of runs that are not done: those of the reference, then each round by length."""
-        each_round = sorted(self.settings, key=lambda setting: sphere_steps(setting.run))
+        each_round = sorted(self.settings, key=lambda setting: setting.work)
         wanted = {self.place(setting): setting for setting in self.references}
         for turn in range(1, self.repeats + 1):
             wanted |= {self.place(setting, turn): setting for setting in each_round}
@@ -147,10 +147,10 @@ def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, kernel: bool | N
     LaunchError, LammpsMissingError
         If the kernel is asked for and cannot be taken.
     """
-    folder, scene = absolute(folder), base(scene)
-    _refuse_other(folder, scene)
-    kernel = library.chosen(kernel, "\n".join(contacts(prepare(scene))))
-    return Plan(folder, scene, references(scene), *settings(scene), repeats, kernel)
+    folder, problem = absolute(folder), prepare(base(scene))
+    _refuse_other(folder, problem)
+    kernel = library.chosen(kernel, "\n".join(contacts(problem)))
+    return Plan(folder, problem.declared, references(problem), *settings(problem), repeats, kernel)
 
 
 def measure(plan: Plan, *, budget: float = inf, progress: Progress | None = None) -> dict[str, Any]:
@@ -183,7 +183,7 @@ def measure(plan: Plan, *, budget: float = inf, progress: Progress | None = None
     with locked(plan.folder, make=True, force=True):
         plan.save(failures)  # marks the folder as that of this study, even if this process is killed
         todo, started = plan.todo(), monotonic()
-        work = [sphere_steps(setting.run) for setting in todo.values()]
+        work = [setting.work for setting in todo.values()]
         try:
             for done, (folder, setting) in enumerate(todo.items(), 1):
                 if monotonic() - started > budget:
@@ -207,8 +207,8 @@ def measure(plan: Plan, *, budget: float = inf, progress: Progress | None = None
     return result
 
 
-def _refuse_other(folder: Path, scene: Scene) -> None:
-    """Raise RunFolderError if the folder exists and is not that of a study of this scene."""
+def _refuse_other(folder: Path, problem: Problem) -> None:
+    """Raise RunFolderError if the folder exists and is not that of a study of this problem's scene."""
     refuse_long(folder)
     if not (folder / COST).is_file():
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -218,5 +218,5 @@ def _refuse_other(folder: Path, scene: Scene) -> None:
         there = scene_asked(folder, json.loads((folder / COST).read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError, AttributeError, KeyError) as error:
         raise RunFolderError(f"{folder / COST}: cannot be read: {one_line(error)}") from error
-    if scene_hash(there) != scene_hash(scene):
+    if scene_hash(there) != names_of(problem.scene)[0]:
         raise RunFolderError(f"{folder}: holds a study of another scene, {there.name}; choose another folder")

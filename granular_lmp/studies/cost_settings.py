@@ -5,13 +5,14 @@ Each setting is one run, with a few keys of the scene changed. All other values 
 
 from typing import Any
 
-from granular_lmp.accuracy.ladder import build
-from granular_lmp.accuracy.rounding import check_floor, linear_signals
+from granular_lmp.accuracy.ladder import build, sphere_steps
+from granular_lmp.accuracy.rounding import check_floor
 from granular_lmp.errors import GranularError
 from granular_lmp.frozen import dataclass
-from granular_lmp.problem import prepare
+from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.linear import plane_along_y
 from granular_lmp.rest.scene import Scene
+from granular_lmp.studies.identity import names_of
 
 HALVINGS = 5  # a single run halves the longest stable step at most five times
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
@@ -30,12 +31,18 @@ class Setting:
     run : Scene
     options : str
         Options of ``granular-lmp run`` that give this setting of the declared scene.
+    folder : str
+        Name of its run (`granular_lmp.studies.identity`).
+    work : float
+        Spheres times steps of all its runs, to which its time is proportional.
     """
 
     varied: str
     name: str
     run: Scene
     options: str
+    folder: str
+    work: float
 
 
 def base(scene: Scene) -> Scene:
@@ -55,42 +62,43 @@ def base(scene: Scene) -> Scene:
     return scene.with_values({"time.timestep": built.scene.time.timestep}).with_values(own | {"output.particles": 0.0})
 
 
-def settings(scene: Scene) -> tuple[list[Setting], dict[str, str]]:
-    """Return the settings of a scene from `base`, and the names of those that it excludes with the reason.
+def settings(problem: Problem) -> tuple[list[Setting], dict[str, str]]:
+    """Return the settings of the problem of a scene from `base`, and the names of those that it excludes, with reasons.
 
     A tolerance is met with the fewest spheres. Only of a plane wave along y in an endless perfect crystal may their
     number change; a periodic cell keeps its rows, which fix the wavenumber.
     """
+    scene = problem.scene
     fewest = {"packing.columns": "auto"} | ({} if scene.shape.along_y else {"packing.rows": "auto"})
     size: dict[str, Any] = fewest if plane_along_y(scene) else {}
-    wanted = {("time step", f"{step:.4g}"): {"time.timestep": step} for step in steps(scene)}
+    wanted = {("time step", f"{step:.4g}"): {"time.timestep": step} for step in steps(problem)}
     wanted |= {("tolerance", f"{each:.0e}"): size | {"time.tolerance": each} for each in TOLERANCES}
     made, refused = list[Setting](), dict[str, str]()
     for (varied, name), changes in wanted.items():
         try:
-            made.append(_setting(scene, varied, name, changes))
+            made.append(_setting(problem, varied, name, changes))
         except GranularError as error:
             refused[f"{varied}: {name}"] = str(error)
     return made, refused
 
 
-def references(scene: Scene) -> list[Setting]:
+def references(problem: Problem) -> list[Setting]:
     """Return the three runs, with steps finer than those of all settings, from which the reference is extrapolated."""
-    finer = [steps(scene)[-1] / 2**k for k in (1, 2, 3)]
-    return [_setting(scene, "reference", f"{step:.3g}", {"time.timestep": step}) for step in finer]
+    finer = [steps(problem)[-1] / 2**k for k in (1, 2, 3)]
+    return [_setting(problem, "reference", f"{step:.3g}", {"time.timestep": step}) for step in finer]
 
 
-def steps(scene: Scene) -> list[float]:
-    """Return the longest step that the scene allows and that fits a sample, and its halves, τ."""
-    rules = prepare(scene).rest.step_rules()
-    longest = scene.time.sample / (int(scene.time.sample / min(rule.longest for rule in rules)) + 1)
+def steps(problem: Problem) -> list[float]:
+    """Return the longest step that a problem allows and that fits a sample, and its halves, τ."""
+    sample, rules = problem.scene.time.sample, problem.rest.step_rules()
+    longest = sample / (int(sample / min(rule.longest for rule in rules)) + 1)
     return [longest / 2**k for k in range(HALVINGS + 1)]
 
 
-def _setting(scene: Scene, varied: str, name: str, changes: dict[str, Any]) -> Setting:
+def _setting(problem: Problem, varied: str, name: str, changes: dict[str, Any]) -> Setting:
     """Return a setting; raises every SceneError of its run."""
-    run = scene.with_values(changes)
-    if scene.wave is not None:
-        check_floor(run, linear_signals(run))
-    prepare(run)
-    return Setting(varied, name, run, " ".join(f"--set {key}={value}" for key, value in changes.items()))
+    run = prepare(problem.declared.with_values(changes))
+    if run.wave is not None:
+        check_floor(run)
+    options = " ".join(f"--set {key}={value}" for key, value in changes.items())
+    return Setting(varied, name, run.declared, options, names_of(run.scene)[0], sphere_steps(run))

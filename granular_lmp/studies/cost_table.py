@@ -29,7 +29,7 @@ def errors(record: Record, best: Record) -> dict[str, float | None]:
     value. An error is None if the signal vanishes by symmetry or was not recorded.
     """
     wave = best.scene.wave is not None
-    there = judged(best.scene, best.signals) if wave else best.signals
+    there = judged(best.problem, best.signals) if wave else best.signals
     norm = np.linalg.norm if wave else lambda values: np.max(np.abs(values))
     found: dict[str, float | None] = {}
     for name, values in best.signals.items():

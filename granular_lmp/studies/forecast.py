@@ -121,7 +121,8 @@ def forecast(problem: Problem) -> Forecast:
     took 1 to 1.8 times as long), and where the machine has other work now than later: take them for a factor of two. A
     run to a tolerance takes more steps if its errors ask for it.
     """
-    scene, counts = planned(problem).scene, plan(problem)
+    finest, counts = planned(problem), plan(problem)
+    scene = finest.scene
     spheres, runs, steps = len(problem.rest.atoms), len(counts), sum(counts) * scene.time.samples
     records = scene.time.samples + 1
     kept = len(problem.rest.recorded) * records if problem.wave is None else 0  # snapshots of a wave are not read
@@ -129,8 +130,8 @@ def forecast(problem: Problem) -> Forecast:
     try:
         if alone and lack:
             raise LaunchError(lack)
-        rate, overhead, basis = _tried(scene, kernel=not lack)
-        plain = None if lack or alone else _tried(scene, kernel=False)[0]
+        rate, overhead, basis = _tried(finest, kernel=not lack)
+        plain = None if lack or alone else _tried(finest, kernel=False)[0]
     except GranularError as error:
         rate, overhead, basis = inf, nan, f"unknown: {error}"
     start = runs * overhead
@@ -141,7 +142,7 @@ def forecast(problem: Problem) -> Forecast:
         steps=steps,
         records=records,
         runs=runs,
-        snapshots=_snapshots(scene),
+        snapshots=_snapshots(finest),
         start=None if isnan(start) else start,
         seconds=None if isnan(seconds) else seconds,
         basis=basis,
@@ -165,30 +166,32 @@ def _kernel(problem: Problem) -> tuple[str, str]:
     return lack, alone
 
 
-def _snapshots(scene: Scene) -> int:
+def _snapshots(problem: Problem) -> int:
     """Return the number of snapshots of all spheres."""
-    if scene.wave is None:
+    scene = problem.scene
+    if problem.wave is None:
         return scene.time.samples + 1 if scene.output.everyone else 0
     every = scene.output.particles
     return int(scene.time.duration / every + 1e-9) + 1 if every else 0
 
 
-def _tried(scene: Scene, kernel: bool = False) -> tuple[float, float, str]:
+def _tried(problem: Problem, kernel: bool = False) -> tuple[float, float, str]:
     """Return sphere-steps a second, seconds beside the loop, and what they were made of."""
-    small = _small(scene)
+    small, spheres = _small(problem), problem.scene.shape.spheres
     rate, overhead = speed(small, kernel)
-    cell = "this scene" if small.shape.spheres == scene.shape.spheres else f"a cell of {small.shape.words}"
-    start = overhead * max(1.0, scene.shape.spheres / small.shape.spheres)
+    cell = "this scene" if small.shape.spheres == spheres else f"a cell of {small.shape.words}"
+    start = overhead * max(1.0, spheres / small.shape.spheres)
     return rate, start, f"a short run of {cell} just now, {rate:.2g} sphere-steps a second"
 
 
-def _small(scene: Scene) -> Scene:
-    """Return the scene, or a cell which stands for it, cut after as many steps as a short run takes.
+def _small(problem: Problem) -> Scene:
+    """Return the scene of a problem, or a cell which stands for it, cut after as many steps as a short run takes.
 
     The cell has the spheres, contacts and time of the scene, with a wave along y that fits it, or a striker in its
     middle. All else is at its default: a step of the cell then takes as long for each sphere, and no place or end has
     to fit a smaller crystal.
     """
+    scene = problem.scene
     rows, columns = _size(scene.lattice, scene.shape.layers)
     if scene.shape.spheres > max(_LARGEST, rows * columns * scene.shape.layers):
         tables = scene.to_dict()
@@ -197,7 +200,7 @@ def _small(scene: Scene) -> Scene:
             for table in _OF_CELL
             if table in tables
         }
-        own = _struck_cell(scene, rows, columns) if scene.wave is None else _waving_cell(scene, scene.wave, rows)
+        own = _struck_cell(problem, rows, columns) if scene.wave is None else _waving_cell(scene.wave, tables, rows)
         own["packing"] |= {"rows": rows, "columns": columns}
         scene = Scene.from_dict(kept | own)
     steps = max(_FEWEST_STEPS, ceil(_WARM_UP / scene.shape.spheres))
@@ -215,25 +218,23 @@ def _size(lattice: Lattice, layers: int) -> tuple[int, int]:
     return (rows if layers == 1 else max(_PERIOD, rows // _PERIOD * _PERIOD)), columns
 
 
-def _waving_cell(scene: Scene, wave: Wave, rows: int) -> dict[str, dict[str, Any]]:
-    tables = scene.to_dict()
+def _waving_cell(wave: Wave, tables: dict[str, Any], rows: int) -> dict[str, dict[str, Any]]:
     kept = {table: {key: tables[table][key] for key in keys if key in tables[table]} for table, keys in _PARTS.items()}
     kept["packing"] |= {"ends": "periodic"}
     kept["wave"] |= {"wavenumber": min(max(wave.wavenumber, 2 * pi / rows), pi)}
     return kept | {"time": tables["time"] | {"allow_echo": True}}
 
 
-def _struck_cell(scene: Scene, rows: int, columns: int) -> dict[str, Any]:
+def _struck_cell(problem: Problem, rows: int, columns: int) -> dict[str, Any]:
     return {
-        "packing": scene.to_dict()["packing"] | {"table": ""},  # whose places the cell has not
-        "striker": [{"spheres": [[rows // 2, columns // 2]], "velocity": scene.scale.velocity}],
-        "output": {} if _snapshots(scene) else {"rows": [0, 0]},
+        "packing": problem.scene.to_dict()["packing"] | {"table": ""},  # whose places the cell has not
+        "striker": [{"spheres": [[rows // 2, columns // 2]], "velocity": problem.rest.scale.velocity}],
+        "output": {} if _snapshots(problem) else {"rows": [0, 0]},
     }
 
 
 def speed(scene: Scene, kernel: bool = False) -> tuple[float, float]:
-    """Return sphere-steps a second and the seconds beside the time loop, of a short run in a warm process."""
-    scene = build(scene).problem.scene  # with a tolerance the one that has the finest of the planned steps
+    """Return sphere-steps a second and the seconds beside the time loop, of a short run of a scene with a step."""
     per_sample = scene.shape.spheres * scene.time.steps_per_sample
     duration = scene.time.sample * min(ceil(_WARM_UP / per_sample), scene.time.samples)
     none = {"output.particles": 0.0} if scene.output.particles > duration else {}

@@ -195,21 +195,22 @@ def scatter(
             f"time.duration = {scene.time.duration!r}: must be at least {passed:.4g}, until the fastest wave has "
             "passed the rows behind the inclusions, and longer for slower ones"
         )
-    frequencies = _running(windows, scene, frequency * np.linspace(1 - width, 1 + width, FREQUENCIES if width else 1))
+    frequencies = _running(windows, problem, frequency * np.linspace(1 - width, 1 + width, FREQUENCIES if width else 1))
     inner = frequencies[np.abs(frequencies / frequency - 1) <= width / 2]
     chosen = inner[np.unique(np.round(np.linspace(0, len(inner) - 1, tones)).astype(int))] if tones else inner[:0]
-    runs = [(scene, "", frequencies)]
-    runs += [(_as_tone(scene, float(each)), f"tone_{k}_", np.array([each])) for k, each in enumerate(chosen, 1)]
+    runs = [(problem, "", frequencies)]
+    runs += [(prepare(_as_tone(scene, float(at))), f"tone_{k}_", np.array([at])) for k, at in enumerate(chosen, 1)]
     how: dict[str, Any] = {"force": force, "progress": progress, "kernel": kernel, "engine": engine}
     rows: list[Row] = []
     with locked(folder, make=True, force=force):
         _clear_study(folder)
         for each, prefix, at in runs:
+            whole = each.declared
             normal, scattered = (
                 run(one, folder / f"{prefix}{name}", **how).snapshots()
-                for name, one in ((NORMALISATION, each.with_values({"inclusion": []})), (INCLUSIONS, each))
+                for name, one in ((NORMALISATION, whole.with_values({"inclusion": []})), (INCLUSIONS, whole))
             )
-            rows += _compare(prepare(each), normal, scattered, at)
+            rows += _compare(each, normal, scattered, at)
         found = Scatter(folder, scene, rows)
         with writable(folder):
             replace_text(folder / SCATTER, found.to_csv())
@@ -320,9 +321,9 @@ def _windows(problem: Problem) -> _Windows:
     return _Windows(front, behind, *(line_of(lattice, scene.sphere, physics_of(scene)) for lattice in lattices))
 
 
-def _running(windows: _Windows, scene: Scene, frequencies: Floats) -> Floats:
+def _running(windows: _Windows, problem: Problem, frequencies: Floats) -> Floats:
     """Return the frequencies at which the incident wave runs, but for edges of bands in front and behind."""
-    name, physics = scene.require_wave().mode, physics_of(scene)
+    name, physics = problem.scene.require_wave().mode, physics_of(problem.scene)
     found = []
     for frequency in frequencies:
         with suppress(CrystalError):  # the edge of a band

@@ -18,7 +18,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.accuracy.ladder import sphere_steps
 from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.card import HasCard
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted
@@ -284,7 +283,7 @@ def sweep(
         todo = {name: each for name, each in made.items() if rows[name]["status"] != "finished"}
         if todo and engine is None and kernel is None and library.is_built():
             library.say_taken()  # runs in other processes say nothing here
-        cost = {name: sphere_steps(each) + _OVERHEAD for name, each in todo.items()}
+        cost = {point.run: point.work + _OVERHEAD for point in grid if point.run in todo}
         total = left = sum(cost.values())
         started = saved = time.monotonic()
         try:

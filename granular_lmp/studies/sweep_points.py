@@ -5,13 +5,12 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
-from functools import lru_cache
 from itertools import product
 from math import prod
 from pathlib import Path
 from typing import Any
 
-from granular_lmp.accuracy.ladder import planned, planned_steps
+from granular_lmp.accuracy.ladder import planned, sphere_steps
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.problem import Problem, prepare
@@ -86,6 +85,8 @@ class GridPoint:
         The scene that was asked for.
     of_run : Scene
         The scene of the run, which is another for points that share it.
+    work : float
+        Spheres times steps of the run, to which its time is proportional.
     """
 
     asked: dict[str, Any]
@@ -93,6 +94,7 @@ class GridPoint:
     run: str
     scene: Scene
     of_run: Scene
+    work: float
 
 
 def points(
@@ -127,17 +129,20 @@ def points(
         try:
             one = scene.with_values(asked)
             problem = prepare(one)
-            planned_steps(problem)  # raises if a tolerance takes too many
+            work = sphere_steps(problem)  # raises if a tolerance takes too many
             if refuse is not None:
                 refuse(planned(problem))
         except SceneError as error:
             said = ", ".join(f"{key} = {shown(value)}" for key, value in asked.items())
             raise SceneError(f"{error} (in the sweep at {said})", because=error.because) from error
-        made.append(GridPoint(asked, _ran(problem, asked), _name(one, problem.scene, runs), one, one))
+        made.append(GridPoint(asked, _ran(problem, asked), _name(problem, runs), one, one, work))
         motions.setdefault(_motion(problem), []).append(made[-1])
     of_run = {id(point): _chosen(same, runs) for same in motions.values() for point in same}
     chosen = [of_run[id(point)] for point in made]
-    return [replace(point, ran=of.ran, run=of.run, of_run=of.scene) for point, of in zip(made, chosen, strict=True)]
+    return [
+        replace(point, ran=of.ran, run=of.run, of_run=of.scene, work=of.work)
+        for point, of in zip(made, chosen, strict=True)
+    ]
 
 
 def _chosen(same: list[GridPoint], runs: Path | None) -> GridPoint:
@@ -167,18 +172,14 @@ def _motion(problem: Problem) -> str:
     return json.dumps(values | {"name": None, "description": None}, sort_keys=True)
 
 
-@lru_cache(maxsize=64)  # settings of a study of cost share scenes, and are named again when it goes on
 def scene_hash(scene: Scene) -> str:
     """Return the name of a scene's run, in which every "auto" is decided (`granular_lmp.studies.identity`)."""
     return names_of(prepare(scene).scene)[0]
 
 
-def _name(scene: Scene, concrete: Scene, runs: Path | None) -> str:
-    """Return the name of a scene's run; in a folder `runs` that of an earlier release, where the run has that one.
-
-    `concrete` is the scene with every "auto" decided.
-    """
-    names = names_of(concrete)
-    if scene.packing.columns == 1:  # release 0.1.0 ran one column where the scene says so
-        names += names_of(concrete.with_values({"packing.columns": 1}))
+def _name(problem: Problem, runs: Path | None) -> str:
+    """Return the name of a problem's run; in a folder `runs` that of an earlier release, where the run has that one."""
+    names = names_of(problem.scene)
+    if problem.declared.packing.columns == 1:  # release 0.1.0 ran one column where the scene says so
+        names += names_of(problem.scene.with_values({"packing.columns": 1}))
     return next((name for name in names if runs and (runs / name).exists()), names[0])

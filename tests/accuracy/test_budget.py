@@ -17,7 +17,6 @@ from granular_analysis.theory.wave import Wave
 from granular_analysis.tools.compare import compare, main
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy import budget as known
-from granular_lmp.accuracy.ladder import with_step
 from granular_lmp.accuracy.verlet import phase_error
 from granular_lmp.problem import prepare
 from granular_lmp.rest.linear import mode_of
@@ -54,7 +53,7 @@ def names_of(scene: Scene) -> tuple[str, ...]:
 def as_run(scene: Scene, tau: Any = FEW) -> Record:
     """A record of the exact lattice as if LAMMPS had run the scene, with what a run knows of its errors."""
     record = from_theory(scene, "exact-lattice", tau)
-    return replace(record, info={"error_budget": known.error_budget(scene, record.signals)})
+    return replace(record, info={"error_budget": known.error_budget(prepare(scene), record.signals)})
 
 
 def budget_of(record: Record) -> dict[str, Source]:
@@ -80,10 +79,10 @@ def budget_of(record: Record) -> dict[str, Source]:
     ),
 )
 def test_the_time_step_s_part_is_the_error_of_the_stepped_lattice(scene: Scene, measured: Measure) -> None:
-    scene = with_step(scene, 0.05)
+    scene = scene.with_values({"time.timestep": 0.05})
     wave = wave_in(scene, scene.sphere.overlap_ratio)
     (record,), (exact,) = stepped([wave], 10), limit([wave])
-    line = known.error_budget(scene, dict(zip(NAMES, exact.T, strict=True)))[0]
+    line = known.error_budget(prepare(scene), dict(zip(NAMES, exact.T, strict=True)))[0]
     for i, name in enumerate(NAMES):
         if line[name] is not None:
             measured(line[name] / relative_error(record[:, i], exact[:, i]) - 1)
@@ -97,13 +96,13 @@ def test_a_run_knows_three_sources_and_no_theory() -> None:
     budget = as_run(PAPER).info["error_budget"]
     assert tuple(line["name"] for line in budget) == OF_RUN
     periodic = PAPER.with_values({"packing.rows": 200, "packing.ends": "periodic"})
-    assert known.error_budget(periodic, as_run(PAPER).signals)[1]["p"] == 0.0
+    assert known.error_budget(prepare(periodic), as_run(PAPER).signals)[1]["p"] == 0.0
 
 
 def test_an_estimate_takes_the_place_of_the_law() -> None:
     scene = PAPER.with_values({"time.tolerance": 1e-3})
     estimate = {"p": 3e-4, "q": 2e-5, "phi": 1e-5}
-    first = known.error_budget(scene, as_run(PAPER).signals, estimate)[0]
+    first = known.error_budget(prepare(scene), as_run(PAPER).signals, estimate)[0]
     assert [first[name] for name in NAMES] == list(estimate.values())
     assert first["to_halve"] == "time.tolerance = 0.00015"
 
@@ -186,8 +185,8 @@ def test_what_is_said_to_halve_an_error_halves_it(name: str, changes: Any) -> No
 
 def test_what_is_said_to_halve_the_error_of_the_step_halves_it() -> None:
     scene = PAPER.with_values({"time.sample": 1.0, "time.timestep": 0.01})  # many steps: it is hardly rounded down
-    first = known.error_budget(scene, as_run(PAPER).signals)[0]
-    after = with_step(scene, float(first["to_halve"].split()[-1]))
+    first = known.error_budget(prepare(scene), as_run(PAPER).signals)[0]
+    after = prepare(scene).stepped(float(first["to_halve"].split()[-1]))
     assert known.error_budget(after, as_run(PAPER).signals)[0]["q"] / first["q"] == pytest.approx(0.5, rel=0.1)
     assert first["q"] == phase_error(mode_of(scene).frequency, 0.01, 120.0)
 
@@ -206,7 +205,8 @@ def test_the_error_of_the_step_of_a_damped_wave_is_lammps_s(viscosity: float, tm
     undamped = phase_error(mode_of(record.scene).frequency, 0.1, 60.0)
     assert line["q"] > 3 * undamped
     step = float(line["to_halve"].split()[-1])
-    halved = known.error_budget(with_step(record.scene.with_values({"time.sample": step}), step), record.signals)[0]
+    finer = prepare(record.scene.with_values({"time.sample": step, "time.timestep": step}))
+    halved = known.error_budget(finer, record.signals)[0]
     assert halved["q"] == pytest.approx(line["q"] / 2, rel=0.1)
 
 
@@ -220,8 +220,8 @@ def test_the_error_of_the_step_of_a_damped_wave_is_lammps_s(viscosity: float, tm
     ids=str,
 )
 def test_the_order_is_that_of_the_effects(changes: dict[str, Any], order: int) -> None:
-    scene = prepare(with_step(PAPER, 0.05).with_values(changes)).scene
-    assert known.error_budget(scene, as_run(PAPER).signals)[0]["order"] == order
+    problem = prepare(PAPER.with_values({"time.timestep": 0.05} | changes))
+    assert known.error_budget(problem, as_run(PAPER).signals)[0]["order"] == order
 
 
 def test_a_line_is_left_out_where_nothing_is_known() -> None:
@@ -235,9 +235,9 @@ def test_a_line_is_left_out_where_nothing_is_known() -> None:
 def test_run_json_holds_the_budget_and_compare_prints_it(
     small: Scene, tmp_path: Any, capsys: pytest.CaptureFixture
 ) -> None:
-    scene = with_step(small.with_values({"time.duration": 10.0}), 0.05)
+    scene = small.with_values({"time.duration": 10.0, "time.timestep": 0.05})
     record = run(scene, tmp_path / "run")
-    assert record.info["error_budget"] == known.error_budget(scene, record.signals)
+    assert record.info["error_budget"] == known.error_budget(prepare(scene), record.signals)
     assert "timestep_error_of_fundamental" not in record.info
     assert main([str(tmp_path / "run")]) == 0
     said = capsys.readouterr().out

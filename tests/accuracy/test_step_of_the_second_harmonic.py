@@ -16,9 +16,9 @@ from granular_analysis.theory.wave import Wave
 from granular_analysis.theory.wave import second_harmonic as by_theory
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.budget import error_budget
-from granular_lmp.accuracy.ladder import with_step
 from granular_lmp.accuracy.oscillator import Oscillator
 from granular_lmp.accuracy.second_harmonic import second_harmonic
+from granular_lmp.problem import prepare
 from tests.conftest import PAPER
 from tests.stepped import limit, stepped
 
@@ -38,7 +38,7 @@ def wave_of_name(mode: str, xi: float, law: str) -> Wave:
 
 def scene_of(mode: str, xi: float, law: str) -> Scene:
     wave = {"wave.mode": mode, "wave.wavenumber": xi, "wave.amplitude": 0.01, "effects.shear_law": law}
-    return with_step(PAPER.with_values({**wave, "time.duration": 40.0, "time.sample": 0.5}), STEP)
+    return PAPER.with_values({**wave, "time.duration": 40.0, "time.sample": 0.5, "time.timestep": STEP})
 
 
 @cache
@@ -140,14 +140,12 @@ def test_the_error_of_a_run_to_a_tolerance_is_the_share_that_its_estimate_says()
 @each_wave
 def test_the_budget_says_the_error_of_p(mode: str, xi: float, law: str) -> None:
     record, without = records(mode, xi, law)
-    line = error_budget(record.scene, record.signals)[0]
+    line = error_budget(record.problem, record.signals)[0]
     # Of L it is the phase error of the linear wave, whose start errs too; of the others what is of order a² is left
     assert line["p"] == pytest.approx(relative_error(record.p, without.p), rel=0.1)
     aim = float(line["to_halve"].split()[-1])
-    finer = Record.of_centre(
-        TAU, *without.signals.values(), with_step(record.scene.with_values({"time.sample": aim}), aim)
-    )
-    halved = error_budget(finer.scene.with_values({"time.sample": 0.5, "time.timestep": aim}), finer.signals)[0]
+    finer = prepare(record.scene.with_values({"time.sample": 0.5, "time.timestep": aim}))
+    halved = error_budget(finer, without.signals)[0]
     assert max(halved[name] or 0.0 for name in "pq") <= 0.55 * max(line[name] or 0.0 for name in "pq")
 
 
@@ -157,7 +155,7 @@ def test_near_an_antiresonance_the_error_of_p_is_that_of_the_slip_or_not_known()
         wave = Wave.of_mode("TR", 2.127, amplitude, contact)
         scene = scene_of("TR", 2.127, "secant").with_values({"wave.amplitude": amplitude})
         p = {"p": stepped([wave], 5, records=80)[0, :, 0], "q": np.cos(TAU)}
-        said, without = error_budget(scene, p)[0]["p"], limit([wave], TAU)[0, :, 0]
+        said, without = error_budget(prepare(scene), p)[0]["p"], limit([wave], TAU)[0, :, 0]
         assert (said is not None) == known
         if said is not None:  # 2.5 times of it is the slip that turns late
             assert said == pytest.approx(relative_error(p["p"], without), rel=0.1)

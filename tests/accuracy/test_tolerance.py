@@ -22,17 +22,15 @@ from granular_lmp.accuracy.ladder import (
     COARSE,
     RUNGS,
     deciding_frequency,
-    finest_step,
-    first_step,
     pair_error,
+    plan,
     planned_steps,
-    with_step,
 )
 from granular_lmp.accuracy.noise import counted, lost, noise_of
 from granular_lmp.accuracy.refinement import refine
 from granular_lmp.accuracy.rounding import floor, linear_signals, rounding
 from granular_lmp.errors import EffectError, RunFolderError, RunInterrupted, SceneError, ToleranceError
-from granular_lmp.problem import prepare
+from granular_lmp.problem import Problem, prepare
 from granular_lmp.rest.held import largest_step
 from granular_lmp.rest.step_rules import COARSEST
 from granular_lmp.runs.record import read_status
@@ -84,7 +82,7 @@ def errors_of(record: Record, reference: np.ndarray) -> dict[str, float]:
     ids=["TR", "RT", "L"],
 )
 def test_the_stepped_lattice_is_lammps(scene: Scene, per_sample: int, tmp_path: Path) -> None:
-    record = run(with_step(scene, 0.5 / per_sample), tmp_path / "run")
+    record = run(scene.with_values({"time.timestep": 0.5 / per_sample}), tmp_path / "run")
     model, other = (stepped([wave_of(scene)], per_sample + more, records=scene.time.samples)[0] for more in (0, 1))
     for name, error in errors_of(record, model).items():
         # Rounding of positions of 1e4 nm, of the p of RT (1e-4 of D0) the most
@@ -164,7 +162,7 @@ def test_a_folder_that_is_there_is_run_again_only_by_force(tmp_path: Path) -> No
     record = run(scene, tmp_path / "run", force=True)
     steps = [Record.load(folder).scene.time.step for folder in (tmp_path / "run").glob("*_per_sample")]
     assert sorted(steps, reverse=True)[-3:] == record.info["extrapolated_from"]
-    assert max(steps) == first_step(scene)  # none of the first run is left
+    assert max(steps) == scene.time.sample / plan(prepare(scene))[0]  # none of the first run is left
     assert (tmp_path / "run/mine").read_text() == "kept"
 
 
@@ -181,7 +179,7 @@ def looking(folder: Path) -> dict[str, bool]:
 def test_a_contact_that_opens_in_a_coarse_run_alone_does_not_fail_a_ladder(tmp_path: Path) -> None:
     scene = periodic("L", 8, 3, 0.525, time_duration=30.0)
     with pytest.raises(EffectError, match="contact_opening"):
-        run(with_step(scene, 0.5), tmp_path / "coarse")
+        run(scene.with_values({"time.timestep": 0.5}), tmp_path / "coarse")
     record = run(scene.with_values({"time.tolerance": 5e-2}), tmp_path / "run")
     assert looking(tmp_path / "run") == {"1": False, "2": False, "3": True}
     (exact,) = limit([wave_of(scene)], record.tau)
@@ -288,12 +286,13 @@ def test_a_signal_is_lost_where_noise_alone_would_be_estimated_above_the_toleran
     runs = [{"p": random.standard_normal(10_000)} for _ in range(3)]
     silent = {"p": 0.0}  # no error of first order
     seen = extrapolation.judge(runs, (4, 5, 8), 2, hidden=silent, relative=False).errors["p"] / 100  # root of 10,000
-    finest = PAPER.with_values({"time.timestep": 0.01})
+    finest = prepare(PAPER.with_values({"time.timestep": 0.01}))
     signals = {name: size * np.cos(np.arange(200)) for name, size in {"p": 1e-3, "q": 1.0, "phi": 1.0}.items()}
     noise = noise_of(finest, signals)["p"]
     # It is 2.8 of the noise, and 3 are said
     for share, found in ((0.8, {"p": noise}), (1.25, {})):
-        assert lost(PAPER.with_values({"time.tolerance": share * seen * noise}), signals, finest) == found
+        asked = prepare(PAPER.with_values({"time.tolerance": share * seen * noise}))
+        assert lost(asked, signals, finest) == found
 
 
 def test_where_rounding_leaves_nothing_the_tolerance_is_refused_after_one_run(tmp_path: Path) -> None:
@@ -316,13 +315,14 @@ def test_the_law_of_rounding_is_lammps_s_within_a_factor_of_three(tmp_path: Path
     scene = PAPER.with_values({"wave.amplitude": 0.01, "time.timestep": 0.1, "time.duration": 60.0})
     record = run(scene, tmp_path / "run")
     (model,) = stepped([wave_of(scene)], 5, records=120)
-    assert 1 / 3 < errors_of(record, model)["p"] / rounding(scene, record.signals)["p"] < 3
+    assert 1 / 3 < errors_of(record, model)["p"] / rounding(prepare(scene), record.signals)["p"] < 3
 
 
 def test_a_periodic_cell_has_no_walls_and_little_rounding() -> None:
-    cell, waves = periodic("TR", 16, 2, 0.2), linear_signals(PAPER) | {"p": np.array([1e-3, -1e-3])}
+    cell, paper = prepare(periodic("TR", 16, 2, 0.2)), prepare(PAPER)
+    waves = linear_signals(paper) | {"p": np.array([1e-3, -1e-3])}
     assert floor(cell, waves)["walls"] == 0.0
-    assert floor(cell, waves)["rounding"] < floor(PAPER, waves)["rounding"] / 10
+    assert floor(cell, waves)["rounding"] < floor(paper, waves)["rounding"] / 10
 
 
 def test_timestep_and_tolerance_exclude_each_other() -> None:
@@ -334,7 +334,7 @@ def test_timestep_and_tolerance_exclude_each_other() -> None:
     asked = PAPER.with_values({"time.tolerance": 1e-3})
     assert "timestep =" not in asked.to_toml(full=True)
     assert Scene.loads(asked.to_toml()) == asked
-    assert with_step(asked, 0.05) == PAPER
+    assert asked.with_values({"time.timestep": 0.05}) == PAPER
     with pytest.raises(SceneError, match="no time step until one is chosen"):
         _ = asked.time.step
     with pytest.raises(SceneError, match=r"time\.tolerance = 0\.5: must be a number in"):
@@ -347,24 +347,24 @@ def test_timestep_and_tolerance_exclude_each_other() -> None:
 @pytest.mark.parametrize("sample", [0.05, 0.5, 3.0])
 def test_the_steps_fit_the_sample_and_are_the_largest_that_do(sample: float) -> None:
     scene = PAPER.with_values({"time.sample": sample, "time.tolerance": 1e-5})
-    step, frequency = first_step(scene), deciding_frequency(scene)
-    count = round(sample / step)
-    assert step * count == pytest.approx(sample, rel=1e-12)
-    assert finest_step(scene) == step / 4
-    assert planned_steps(prepare(scene)) == 7 * count * scene.time.samples
+    problem = prepare(scene)
+    count, frequency = plan(problem)[0], deciding_frequency(problem)
+    assert plan(problem) == (count, 2 * count, 4 * count)
+    assert planned_steps(problem) == 7 * count * scene.time.samples
 
     def expected(count: int) -> float:
         return pair_error(frequency, sample / (2 * count), scene.time.duration) / COARSE
 
     assert expected(count) <= 1e-5
-    if count > 1 and sample / (count - 1) < COARSEST * largest_step(prepare(scene).scene):
+    if count > 1 and sample / (count - 1) < COARSEST * largest_step(problem.scene):
         assert expected(count - 1) > 1e-5
 
 
 def test_the_deciding_frequency_is_of_the_drive_or_of_the_free_wave() -> None:
     # TR at 0.802: |sin ξ| of L at 2ξ against 2^{1/3} 0.277; RT: 2^{1/3} 1.788
-    assert deciding_frequency(PAPER) == pytest.approx(np.sin(0.802), rel=1e-3)
-    assert deciding_frequency(PAPER.with_values({"wave.mode": "RT"})) == pytest.approx(2 ** (1 / 3) * 1.788, rel=1e-3)
+    rotational = prepare(PAPER.with_values({"wave.mode": "RT"}))
+    assert deciding_frequency(prepare(PAPER)) == pytest.approx(np.sin(0.802), rel=1e-3)
+    assert deciding_frequency(rotational) == pytest.approx(2 ** (1 / 3) * 1.788, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -381,20 +381,21 @@ def test_the_deciding_frequency_is_of_the_drive_or_of_the_free_wave() -> None:
     ids=lambda value: str(sorted(value) if isinstance(value, set) else value),
 )
 def test_a_step_is_found_at_the_edges_of_what_a_scene_may_be(changes: dict[str, Any]) -> None:
-    scene = PAPER.with_values({"time.tolerance": 1e-2} | changes)
-    assert 0 < first_step(scene) <= COARSEST * largest_step(prepare(scene).scene)
+    problem = prepare(PAPER.with_values({"time.tolerance": 1e-2} | changes))
+    assert 0 < problem.scene.time.sample / plan(problem)[0] <= COARSEST * largest_step(problem.scene)
 
 
 def test_a_step_too_small_is_refused() -> None:
     changes = {"time.duration": 1e7, "time.allow_echo": True, "time.tolerance": 1e-9, "wave.mode": "RT"}
     with pytest.raises(SceneError, match=r"time\.tolerance = 1e-09: would take more than 1000000000 steps"):
-        first_step(PAPER.with_values(changes))
+        plan(prepare(PAPER.with_values(changes)))
 
 
 def test_a_deck_of_a_scene_with_a_tolerance_is_the_finest_run(capsys: pytest.CaptureFixture, tmp_path: Path) -> None:
     asked = ["tr_periodic", "--set", "time.tolerance=1e-3"]
     assert cli.main(["build", *asked, "-o", str(tmp_path / "deck")]) == 0
-    step = finest_step(Scene.load("tr_periodic").with_values({"time.tolerance": 1e-3}))
+    problem = prepare(Scene.load("tr_periodic").with_values({"time.tolerance": 1e-3}))
+    step = problem.scene.time.sample / plan(problem)[-1]
     assert Scene.load(tmp_path / "deck").time.tolerance == 1e-3
     assert f"variable timestep  index {step!r}" in (tmp_path / "deck" / "in.tr_periodic").read_text()
     assert cli.main(["effects", *asked]) == 0
@@ -406,12 +407,13 @@ def pair() -> tuple[Scene, Callable[[int], Record]]:
     scene = periodic("TR", 16, 2, 0.2, time_tolerance=1e-3)
     wave = described(scene)
     runs = Stepped({wave: scene.time.samples})
-    return scene, lambda count: runs.record(with_step(scene, 0.5 / count), wave)
+    return scene, lambda count: runs.record(scene.with_values({"time.timestep": 0.5 / count}), wave)
 
 
 def judged(runs: list[Record]) -> Judgement:
     """Return what a ladder says of runs."""
-    return judge([run.signals for run in runs], [run.scene for run in runs])
+    counts = [run.scene.time.steps_per_sample for run in runs]
+    return judge(runs[-1].problem, [run.signals for run in runs], counts)
 
 
 def answer(runs: list[Record]) -> Record:
@@ -424,7 +426,7 @@ def test_free_waves_that_coarse_steps_do_not_resolve_are_in_the_estimate() -> No
     runs, scene = Stepped(), scene_of(wave, 1e-3)
 
     def at(*counts: int) -> list[Record]:
-        return [runs.record(with_step(scene, 0.5 / count), wave) for count in counts]
+        return [runs.record(scene.with_values({"time.timestep": 0.5 / count}), wave) for count in counts]
 
     exact = answer(at(16, 32, 64)).phi
     for counts in ((1, 2, 4, 8), (2, 4, 8, 16)):
@@ -444,7 +446,7 @@ def test_a_signal_that_is_not_finite_is_not_taken_for_a_good_one(
     broken = at(6).with_signals(p=np.where(at(6).tau > 1, np.nan, at(6).p))
     assert not judged([at(3), broken]).errors["p"] <= 1.0
     untracked = [at(count).with_signals(phi=np.full_like(at(count).tau, np.nan)) for count in (3, 6)]
-    assert set(counted(untracked[-1].scene, dict(untracked[-1].signals))) == {"p", "q"}
+    assert set(counted(untracked[-1].problem, dict(untracked[-1].signals))) == {"p", "q"}
 
 
 def test_effects_decide_the_order_of_the_answer(pair: tuple[Scene, Callable[[int], Record]]) -> None:
@@ -475,14 +477,15 @@ def test_a_tolerance_that_no_step_meets_is_an_error_that_says_what_was_reached(
     scene, at = pair
     noise = np.random.default_rng(1)
 
-    def one(stepping: Scene, *_: Any) -> Record:
+    def one(stepping: Problem, *_: Any) -> Record:
         record = at(3)  # whatever the step
         q = record.q + 0.01 * noise.standard_normal(len(record.q))
-        return replace(record.with_signals(q=q), scene=stepping)
+        return replace(record.with_signals(q=q), scene=stepping.scene)
 
     (tmp_path / "scene.toml").write_text(scene.to_toml())
     with pytest.raises(ToleranceError, match=r"time\.tolerance = 0\.001: not met with steps down to .* of q") as caught:
         refine(prepare(scene), tmp_path, one, None, {})
     assert "\n" not in str(caught.value)
     assert read_status(tmp_path)["status"] == "failed"
-    assert first_step(scene) / FINEST <= float(str(caught.value).split()[9]) < first_step(scene) / 4
+    first = scene.time.sample / plan(prepare(scene))[0]
+    assert first / FINEST <= float(str(caught.value).split()[9]) < first / 4

@@ -10,6 +10,7 @@ import pytest
 from granular_lmp import ImpactScene, Scene, run, run_impact
 from granular_lmp.accuracy import noise
 from granular_lmp.errors import ToleranceError
+from granular_lmp.problem import prepare
 from granular_lmp.scene.shipped import shipped
 from tests.conftest import PAPER, members
 
@@ -141,8 +142,9 @@ def test_what_no_shorter_step_improves_is_noise_and_what_it_improves_is_not() ->
     signals, before = {"p": np.full(10, 1e-6), "q": np.ones(10)}, {"p": 0.02, "q": 0.02}
 
     def lost(scene: Scene, signals: dict[str, np.ndarray], before: dict[str, float], error: float) -> set[str]:
-        now = {name: (error, scene) for name in signals}
-        return set(noise.out_of_reach(1e-2, scene, signals, before, now))
+        problem = prepare(scene)
+        now = {name: (error, problem) for name in signals}
+        return set(noise.out_of_reach(1e-2, problem, signals, before, now))
 
     assert lost(weak, signals, before, 0.03) == {"p"}  # q is a million times its rounding
     assert not lost(weak, signals, before, 0.015)
@@ -151,10 +153,10 @@ def test_what_no_shorter_step_improves_is_noise_and_what_it_improves_is_not() ->
 
 @pytest.mark.parametrize(("shorter", "drowned"), [(1, False), (10, False), (100, True)])
 def test_what_rounding_drowns_at_the_step_that_it_needs_is_noise(shorter: int, drowned: bool) -> None:
-    scene = PAPER.with_values({"wave.amplitude": 1e-3, "time.duration": 10.0})
-    finer, signals = scene.with_values({"time.timestep": scene.time.step / shorter}), {"p": np.full(10, 1e-5)}
+    problem = prepare(PAPER.with_values({"wave.amplitude": 1e-3, "time.duration": 10.0}))
+    finer, signals = problem.stepped(problem.scene.time.step / shorter), {"p": np.full(10, 1e-5)}
     # Rounding is 1.2e-3 of p at this step, and goes as its inverse: 0.12, where law and tolerance allow 0.03
-    assert bool(noise.out_of_reach(1e-2, scene, signals, {}, {"p": (0.02, finer)})) == drowned
+    assert bool(noise.out_of_reach(1e-2, problem, signals, {}, {"p": (0.02, finer)})) == drowned
 
 
 def test_where_all_that_counts_is_lost_the_tolerance_is_refused() -> None:

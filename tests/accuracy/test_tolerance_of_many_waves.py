@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_lmp import Record, Scene
-from granular_lmp.accuracy.ladder import RUNGS, first_step
+from granular_lmp import Record
+from granular_lmp.accuracy.ladder import RUNGS, plan
 from granular_lmp.accuracy.refinement import refine
-from granular_lmp.problem import prepare
+from granular_lmp.problem import Problem, prepare
 from tests.stand_in import status_of
 from tests.stepped_waves import Stepped, Wave, scene_of
 
@@ -68,7 +68,7 @@ def outcomes(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
         if not (wave[0] == "TR" and wave[1] == 2.127 and wave[3] == 0.17 and tolerance < 1e-3)
     ]  # fmt: skip
     scenes = {case: scene_of(*case, LENGTHS[case[0]]) for case in cases}
-    chosen = {case: round(0.5 / first_step(scene)) for case, scene in scenes.items()}
+    chosen = {case: plan(prepare(scene))[0] for case, scene in scenes.items()}
     runs.prepare((wave, count << rung) for (wave, _), count in chosen.items() for rung in range(RUNGS))
     runs.prepare_limits(SETS[request.param])
     for wave, tolerance in cases:
@@ -77,9 +77,9 @@ def outcomes(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
         (folder / "scene.toml").write_text(scene.to_toml())
         taken: list[Path] = []
 
-        def one(stepping: Scene, place: Path, *_: Any, wave: Wave = wave, taken: list[Path] = taken) -> Record:
+        def one(stepping: Problem, place: Path, *_: Any, wave: Wave = wave, taken: list[Path] = taken) -> Record:
             taken.append(place)
-            return runs.record(stepping, wave)
+            return runs.record(stepping.scene, wave)
 
         record = refine(prepare(scene), folder, one, None, status_of(scene))
         errors = runs.errors(wave, np.column_stack([record.p, record.q, record.phi]))

@@ -15,7 +15,6 @@ from granular_analysis.measure.runs import sweep
 from granular_analysis.theory.choice import wave_of
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
-from granular_lmp.accuracy.ladder import with_step
 from tests.conftest import members
 from tests.stand_in import leave_folder, leave_sweep
 
@@ -283,7 +282,10 @@ def test_runs_that_have_no_such_amplitude_are_refused(changes: dict[str, object]
 @pytest.mark.parametrize("mode", members(["TR", "RT", "L"], "RT"))
 def test_lammps_makes_the_amplitude_of_theory(mode: str, tmp_path: Path) -> None:
     scene = ZONE.with_values({"packing.rows": 16, "wave.mode": mode, "wave.wavenumber": np.pi / 4})
-    pair = [run(each, tmp_path / str(each.time.step)) for each in (scene, with_step(scene, scene.time.step / 2))]
+    pair = [
+        run(each, tmp_path / str(each.time.step))
+        for each in (scene, scene.with_values({"time.timestep": scene.time.step / 2}))
+    ]
     point = spectrum.point(*spectrum.extrapolated(pair))
     # TR 2e-5, RT 9e-4 (the next order of a pair), L 2e-3 (waves of order a³ that are no column of the fit)
     assert abs(point.deviation) < 3e-3

@@ -1,19 +1,26 @@
 """Crystals from tables: values of single spheres beside a scene, in every lattice, in LAMMPS and in the network."""
 
 import pickle
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from granular_analysis.measure.harmonic import by_theory
+from granular_analysis.measure.runs import begun
+from granular_analysis.measure.snapshot import first_snapshot
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.tools import compare
 from granular_lmp import Scene, Sweep, build, resume, run, sweep
 from granular_lmp.cli import main
 from granular_lmp.crystal.lattices import LATTICE_NAMES
-from granular_lmp.errors import SceneError
+from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.rest.at_rest import crystal_of
+from granular_lmp.rest.held import largest_step
+from granular_lmp.scene import spreadsheets
 from granular_lmp.studies.sweep_points import scene_hash
 from tests.crystal.test_lattices import scene_of
 from tests.scene.test_space import LAYER
@@ -132,6 +139,23 @@ def test_on_a_substrate_a_sphere_has_its_own_factor(tmp_path: Path) -> None:
     assert np.all(errors_of(scene, tmp_path / "run") < 2e-3)  # of the step
 
 
+def test_the_network_of_a_run_has_the_values_of_each_sphere(tmp_path: Path) -> None:
+    scene = with_table(SMALL, **(table := random_values(SMALL)))
+    first = first_snapshot(begun(scene, tmp_path))
+    network, scales = first.network, first.scales
+    # Dumps have 6 digits of a mass and 15 of a radius
+    np.testing.assert_allclose(network.density * scales.metre**-3 * scales.kilogram, table["density"], rtol=1e-5)
+    np.testing.assert_allclose(network.radius * scales.metre, table["radius"], rtol=1e-12)
+    own = np.diagonal(network.factors)[:, network.kind]
+    np.testing.assert_allclose(own, [table["normal_stiffness"], table["shear_stiffness"]], rtol=1e-15)
+
+
+def test_theories_of_a_perfect_lattice_refuse_a_table() -> None:
+    with pytest.raises(TheoryError, match=r"leaves out packing\.table"):
+        by_theory(with_table(SMALL, density=[2500.0] * COUNT), np.arange(3.0))
+    assert by_theory(SMALL, np.arange(3.0)).by == "theory"
+
+
 def test_the_factor_of_a_contact_is_that_of_two_springs_in_series() -> None:
     normal, shear = np.random.default_rng(2).uniform(0.2, 5.0, (2, COUNT)).round(1)
     normal[6:], shear[6:] = 1.0, 1.0  # others keep their contacts
@@ -158,6 +182,33 @@ def test_inclusions_replace_what_they_declare_and_disorder_spreads_what_is_left(
     drawn = crystal_of(scene.with_values({"disorder.density": 0.1})).atoms.arrays["density"]
     alone = crystal_of(SMALL.with_values({"disorder.density": 0.1})).atoms.arrays["density"] / SMALL.sphere.density
     np.testing.assert_allclose(drawn, atoms.arrays["density"] * alone, rtol=1e-15)
+
+
+def test_the_step_follows_the_lightest_sphere(tmp_path: Path) -> None:
+    scene = with_table(SMALL, sphere=[9], density=[2.2])  # a thousandth of the others
+    # Between spheres that are far heavier it turns fastest: with 6 contacts of stiffness g and the inertia 2/5 mR² at
+    # Ω² = 15 g/m. The others move with it by a thousandth, and levers are shorter by half an overlap, 1e-4 of them
+    fastest = np.sqrt(15 * SMALL.sphere.shear_stiffness / (SMALL.sphere.mass / 1000)) * SMALL.sphere.time_scale
+    assert largest_step(scene) == pytest.approx(2 / fastest, rel=2e-3)
+    assert largest_step(SMALL) > 10 * largest_step(scene)
+    with pytest.raises(SceneError, match="beyond the stability limit"):
+        prepare(scene)  # its step, 0.05, is above the limit, 0.048
+    assert np.all(errors_of(scene.with_values({"time.tolerance": 1e-2}), tmp_path / "run") < 1e-2)
+
+
+@pytest.mark.parametrize("lattice", ["chain", "hexagonal", "square"])
+def test_spheres_that_just_touch_have_the_values_of_a_table(lattice: str) -> None:
+    columns = 1 if lattice == "chain" else 5
+    scene = Scene.load("point_impact").with_values(
+        {"packing.lattice": lattice, "packing.rows": 7, "packing.columns": columns, "striker.1.spheres": [[0, 0]]}
+    )
+    own = {"density": 4000.0, "radius": 0.9 * scene.sphere.radius}
+    table = {name: [value] * columns for name, value in own.items()}
+    one = scene.with_values({"packing.table": {"sphere": range(2 * columns, 3 * columns), **table}})
+    other = scene.with_values({"inclusion": [{"rows": [2, 2], **own}]})
+    assert build(one).data.text("") == build(other).data.text("")
+    assert build(one).input_text == build(other).input_text
+    assert build(one).data.text("") != build(scene).data.text("")
 
 
 # --- the identity of a scene -----------------------------------------------------------------------------------------
@@ -197,6 +248,16 @@ def test_the_values_of_a_table_are_part_of_the_scene_and_its_name_is_not(tmp_pat
     assert read.with_values({"packing.table": ""}) == SMALL
 
 
+def test_a_scene_is_written_with_its_table_beside_it(tmp_path: Path) -> None:
+    scene = with_table(SMALL, **random_values(SMALL))
+    (tmp_path / "inner").mkdir()
+    scene.write(tmp_path / "mine.toml")
+    assert main(["init", str(tmp_path / "inner/begun.toml"), "--from", str(tmp_path / "mine.toml")]) == 0
+    (tmp_path / "inner").rename(tmp_path / "other")
+    assert Scene.load(tmp_path / "mine.toml") == scene
+    assert Scene.load(tmp_path / "other/begun.toml").packing == scene.packing
+
+
 def test_a_stopped_run_with_a_table_goes_on(tmp_path: Path, stop: Any) -> None:
     scene = with_table(SMALL, **random_values(SMALL)).with_values({"time.duration": 40.0, "time.allow_echo": True})
     whole = run(scene, tmp_path / "whole")
@@ -212,3 +273,96 @@ def test_a_sweep_keeps_the_table_in_its_folder(tmp_path: Path, monkeypatch: pyte
     again = Sweep.load(tmp_path / "sweep")
     assert again.scene == scene
     assert [row["status"] for row in done.rows] == [row["status"] for row in again.rows] == ["finished"] * 2
+
+
+# --- what is refused -------------------------------------------------------------------------------------------------
+
+HEAD = "sphere,density_kg/m3,radius_m\n"
+FILES = {
+    "sphere,densty_kg/m3\n0,2200\n": "column 'densty_kg/m3' is unknown; did you mean density_kg/m3?",
+    "sphere,density_kg\n0,2200\n": "column 'density_kg': the unit must be one of density_g/cm3, density_kg/m3",
+    f"{HEAD}0,2200,5e-7\n1,heavy,5e-7\n": "line 3: density = 'heavy': must be a number",
+    f"{HEAD}0,2200,5e-7\n\n1,0.5,5e-7\n": "line 4: density_kg/m3 = 0.5: must be a number in [1, 100000], kg/m3",
+    f"{HEAD}0,2200,5\n": "line 2: radius_m = 5: must be a number in [1e-9, 1], m",
+    f"{HEAD}0.5,2200,5e-7\n": "line 2: sphere = 0.5: must be a whole number from 0",
+    f"{HEAD},2200,5e-7\n": "line 2: sphere = nan: must be a whole number from 0",
+    f"{HEAD}3,2200,5e-7\n4,2200,5e-7\n3,2500,5e-7\n": "line 4: sphere = 3: is there twice, in line 2 too",
+    f"{HEAD}3,2200\n": "line 2: 2 cells under 3 heads",
+    HEAD: "must have a row and one of the columns density_kg/m3, radius_m, normal_stiffness, shear_stiffness",
+    "sphere\n3\n": "must have a row and one of the columns density_kg/m3",
+    "normal_stiffness\n1e-9\n": "line 2: normal_stiffness = 1e-09: must be a number in [0.001, 1000]",
+    "": "has no head; must have a line of density_UNIT, normal_stiffness, radius_UNIT, shear_stiffness, sphere",
+}
+
+
+@pytest.mark.parametrize(("text", "message"), FILES.items(), ids=list(FILES.values()))
+def test_a_file_that_is_no_table_is_refused_by_line_column_and_value(
+    text: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(SceneError, match=re.escape(message)) as refused:
+        SMALL.with_values({"packing.table": "mine.csv"})
+    assert str(refused.value).startswith("packing.table = 'mine.csv': ")
+
+
+def test_a_table_of_other_places_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine.csv").write_text("density_kg/m3\n2500\n2600\n", encoding="utf-8")
+    read = SMALL.with_values({"packing.table": str(tmp_path / "mine.csv")})
+    with pytest.raises(CrystalError, match=rf"mine.csv': 2 rows: must be {COUNT}, one for each place"):
+        prepare(read)
+    with pytest.raises(CrystalError, match=rf"sphere = {COUNT}: must be from 0 to {COUNT - 1}, a place of the lattice"):
+        prepare(with_table(SMALL, sphere=[COUNT], density=[2500.0]))
+
+
+def test_too_many_factors_are_refused() -> None:
+    cell = SMALL.with_values({"packing.rows": 64, "disorder.stiffness": 0.1})
+    cell = with_table(cell, normal_stiffness=np.linspace(1.1, 1.2, cell.shape.spheres))
+    with pytest.raises(CrystalError, match=r"257 different .* of 1 material in 8 classes .* make 2056 types"):
+        prepare(cell)
+
+
+def test_a_table_of_too_many_rows_is_refused_before_it_is_parsed(tmp_path: Path) -> None:
+    (tmp_path / "long.csv").write_text("density_kg/m3\n" + "2200\n" * 9, encoding="utf-8")
+    said, kinds = "long.csv", {"density": {"kg/m3": 1.0}}
+    with pytest.raises(SceneError, match="9 rows: must be at most 8"):
+        spreadsheets.numbers(tmp_path / "long.csv", kinds, {}, said, largest=1000, most=8)
+    with pytest.raises(SceneError, match="too large: must be at most 50 bytes"):
+        spreadsheets.numbers(tmp_path / "long.csv", kinds, {}, said, largest=50, most=8)
+    (tmp_path / "long.csv").write_text("density_kg/m3\n" + "x\n" * 300, encoding="utf-8")
+    with pytest.raises(SceneError, match="must have at most 8 rows"):
+        spreadsheets.numbers(tmp_path / "long.csv", kinds, {}, said, largest=1000, most=8)
+
+
+BODIES = [
+    "1,2\n3,4\n",
+    "1,\n,4\n",
+    ",\n1,2\n",
+    "1,2\n\n3,4",
+    "1,2,\n3,4,\n",
+    "+.5,1.e3\n",
+    "1-2,3\n",
+    "e,1\n",
+    "1e,2\n",
+    "1\n2\n",
+]
+BODIES += ["1e999,2\n", "-1,--2\n", "", "\n", "1,2", ".,1\n"]
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_plain_numbers_are_read_as_those_of_any_other_table(
+    body: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kinds = {"density": {"kg/m3": 1.0, "g/cm3": 1e3}, "radius": {"m": 1.0}}
+    (tmp_path / "mine.csv").write_text(f"density_g/cm3, radius [m]\n{body}", encoding="utf-8")
+
+    def read() -> Any:
+        try:
+            lines, columns = spreadsheets.numbers(tmp_path / "mine.csv", kinds, {}, "mine", largest=1000, most=8)
+        except SceneError as error:
+            return str(error)
+        return list(lines), {name: values.tolist() for name, values in columns.items()}
+
+    fast = repr(read())
+    monkeypatch.setattr(spreadsheets, "_plain", lambda *_: None)
+    assert fast == repr(read())

@@ -5,7 +5,7 @@ From those, contacts are found and judged here in numpy, without LAMMPS's comput
 force from B ξ δ^{1/2} with the shear displacement ξ = t·(u_j − u_i) − R (θ_i + θ_j), dashpots from velocities.
 The rules are made to believe that nothing opens and nothing slides, so that guards judge every scene.
 
-    python -m tests.hard.guard_study --write docs/verification.md
+    python -m tests.hard.guard_study --write docs/guards.csv
 """
 
 import argparse
@@ -33,7 +33,7 @@ from granular_lmp.lammps.guards import GUARDS
 from granular_lmp.rest.shape import FASTEST_ROWS_PER_TAU, quiet_rows
 from granular_lmp.runs.record import read_status
 from granular_lmp.units import units_for
-from tests.pages import write
+from tests.pages import write_table
 
 Floats = NDArray[np.float64]
 RUN = "run ${steps}"
@@ -352,13 +352,13 @@ def study(count: int) -> dict[str, list[tuple[Comparison, Comparison]]]:
     return found
 
 
-def table(found: dict[str, list[tuple[Comparison, Comparison]]]) -> str:
-    """The comparisons as a Markdown table, a line a family."""
-    lines = [
-        "| wave | scenes | open | missed | stopped | in the margin | late, τ | overlap too large by, Δ₀ "
-        "| slid | missed | stopped | in the margin | late, τ | bound over truth |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
+HEAD = ["wave", "scenes", "open", "missed", "stopped", "in the margin", "late, τ", "overlap too large by, Δ₀", "slid"]
+HEAD += ["slip missed", "slip stopped", "slip in the margin", "slip late, τ", "bound over truth"]
+
+
+def table(found: dict[str, list[tuple[Comparison, Comparison]]]) -> list[list[str]]:
+    """The comparisons as a table, a row a family."""
+    rows = [HEAD]
     every = [pair for pairs in found.values() for pair in pairs]
     for family, pairs in [*found.items(), ("all", every)]:
         openings, slips = zip(*pairs, strict=True)
@@ -366,8 +366,8 @@ def table(found: dict[str, list[tuple[Comparison, Comparison]]]) -> str:
         words += _counts(slips)
         excess = [1 + slip.over for _, slip in pairs if slip.over]
         words.append(f"{np.median(excess):.2f}, {max(excess):.2f} at most" if excess else "")
-        lines.append(f"| {' | '.join(words)} |")
-    return "\n".join(lines)
+        rows.append(words)
+    return rows
 
 
 def _counts(comparisons: Sequence[Comparison]) -> list[str]:
@@ -376,12 +376,12 @@ def _counts(comparisons: Sequence[Comparison]) -> list[str]:
 
 
 def main() -> None:
-    """Write the table between its marks."""
+    """Write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=261)
     parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
-    write(arguments.write, "guards", table(study(arguments.count)))
+    write_table(arguments.write, table(study(arguments.count)))
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ the tolerance, or the signal does not count. The ladder is that of a run with ``
 estimate and next step are the functions that it calls. Its cost is compared with that of the cheapest ladder of two or
 three runs, n and 2n with 3n or 4n, that truly meets the tolerance, for any n.
 
-    python -m tests.hard.ladder_study --write docs/verification.md
+    python -m tests.hard.ladder_study --write docs/ladders.csv
 """
 
 import argparse
@@ -24,13 +24,13 @@ from granular_lmp import ImpactScene, Scene, run
 from granular_lmp.accuracy import collisions
 from granular_lmp.accuracy.estimates import slip_bounds
 from granular_lmp.accuracy.extrapolation import ALL, EVEN, Judgement, combined, following, judge, l2, weights_of
-from granular_lmp.accuracy.ladder import first_step, plan
+from granular_lmp.accuracy.ladder import plan
 from granular_lmp.accuracy.rounding import judged, noise_floor
 from granular_lmp.effects.selection import order
 from granular_lmp.errors import GranularError
 from granular_lmp.problem import prepare
 from tests.hard.ladder_scenes import FAMILIES, IMPACTS, impact_scene, wave_scene
-from tests.pages import write
+from tests.pages import write_table
 
 Floats = NDArray[np.float64]
 Signals = dict[str, Floats]
@@ -49,16 +49,16 @@ class Case:
         if self.is_impact:
             self.impact = impact_scene(family, seed)
             self.problem = prepare(self.impact)
-            self.order = collisions.order(self.impact)
+            self.order = order(self.impact)
             self.scene: Scene | ImpactScene = self.impact
             self.fewest = max(1, ceil(self.scene.time.sample * 8 / self.problem.rest.shortest_collision))
         else:
             wave = wave_scene(family, seed)
-            problem = prepare(wave.with_values({"time.timestep": wave.time.sample / 1000}))
-            self.wave = problem.scene
+            self.problem = prepare(wave.with_values({"time.timestep": wave.time.sample / 1000}))
+            self.wave = self.problem.scene
             self.order = order(self.wave)
             self.scene = self.wave
-            self.fewest = int(self.scene.time.sample / min(rule.first for rule in problem.rest.step_rules())) + 1
+            self.fewest = int(self.scene.time.sample / min(rule.first for rule in self.problem.rest.step_rules())) + 1
 
     def norm(self, values: Floats) -> float:
         """Return the size that errors have: L2 of waves, the largest of impacts."""
@@ -80,7 +80,7 @@ class Case:
                 record = run(self.wave.with_values(changes), Path(folder) / "run")
             except GranularError:
                 return None
-            return {name: record.signals[name] for name in judged(record.scene, record.signals)}
+            return {name: record.signals[name] for name in judged(record.problem, record.signals)}
 
     @cached_property
     def made(self) -> list[tuple[int, Signals]]:
@@ -137,9 +137,7 @@ class Case:
 
     def first(self, tolerance: float) -> int:
         """Return the steps per sample of the first run."""
-        if self.is_impact:
-            return plan(prepare(self.impact.with_values({"time.tolerance": tolerance})))[0]
-        return round(self.scene.time.sample / first_step(self.wave.with_values({"time.tolerance": tolerance})))
+        return plan(prepare(self.scene.with_values({"time.tolerance": tolerance})))[0]
 
     def judgement(self, runs: Sequence[Signals], counts: Sequence[int], names: Sequence[str]) -> Judgement:
         """Return what a run with a tolerance finds."""
@@ -149,7 +147,7 @@ class Case:
             [{name: each[name] for name in names} for each in runs],
             counts,
             self.order,
-            hidden=slip_bounds(self.wave.with_values({"time.timestep": self.scene.time.sample}), runs[-1]),
+            hidden=slip_bounds(self.problem, runs[-1]),
         )
 
     def cheapest(self, tolerance: float) -> float:
@@ -238,42 +236,40 @@ KINDS = {
 }
 
 
-def table(found: Sequence[tuple[str, float, Outcome | None]]) -> str:
-    """The outcomes as a Markdown table, a line a kind and tolerance."""
-    lines = [
-        "| scenes | tolerance | ladders | above the tolerance | error, largest, of the tolerance | median "
-        "| cost over the cheapest, median | nine in ten, at most | runs, mean |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+HEAD = ["scenes", "tolerance", "ladders", "above the tolerance", "largest error over the tolerance", "median"]
+HEAD += ["median cost over the cheapest", "nine in ten, at most", "runs, mean"]
+
+
+def table(found: Sequence[tuple[str, float, Outcome | None]]) -> list[list[str]]:
+    """The outcomes as a table, a row a kind and tolerance; None is a ladder that went on beyond the study's steps."""
+    rows = [HEAD]
     for kind, families in KINDS.items():
         for tolerance in TOLERANCES:
-            lines += _line(
+            rows += _row(
                 kind, f"{tolerance:g}", [one for name, at, one in found if name in families and at == tolerance]
             )
-    lines += _line("all", "all", [one for *_, one in found])
-    beyond = sum(one is None for *_, one in found)
-    return "\n".join([*lines, "", f"{beyond} ladders more went on beyond the steps of the study."])
+    return rows + _row("all", "all", [one for *_, one in found])
 
 
-def _line(kind: str, tolerance: str, outcomes: Sequence[Outcome | None]) -> list[str]:
+def _row(kind: str, tolerance: str, outcomes: Sequence[Outcome | None]) -> list[list[str]]:
     ended = [one for one in outcomes if one is not None]
     if not ended:
         return []
     errors, costs = [one.error for one in ended], [one.cost for one in ended if one.cost < inf]
     words = [kind, tolerance, str(len(ended)), str(sum(error > 1 for error in errors)), f"{max(errors):.2g}"]
     words += [f"{np.median(errors):.1g}", f"{np.median(costs):.2f}", f"{np.quantile(costs, 0.9):.1f}"]
-    return [f"| {' | '.join([*words, f'{np.mean([one.runs for one in ended]):.1f}'])} |"]
+    return [[*words, f"{np.mean([one.runs for one in ended]):.1f}"]]
 
 
 def main() -> None:
-    """Write the table between its marks."""
+    """Write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=8)
     parser.add_argument("--first", type=int, default=FIRST_SEED)
     parser.add_argument("--write", type=Path)
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.seeds)
-    write(arguments.write, "ladders", table(list(study(seeds, lambda said: print(said, flush=True)))))
+    write_table(arguments.write, table(list(study(seeds, lambda said: print(said, flush=True)))))
 
 
 if __name__ == "__main__":

@@ -1,26 +1,22 @@
 """Measure every case, fast and long, and write the stability table: `python -m tests.hard.report`."""
 
 import argparse
-import csv
 import logging
 import sys
-from io import StringIO
+from collections.abc import Sequence
 from pathlib import Path
 from time import process_time
 
 from tests.hard.case import Case, Cases
 from tests.hard.cases import FAST, LONG
+from tests.pages import write_table
 
 HEAD = ("case", "what is hard", "figure", "bound", "where the bound comes from")
 
 
-def table(cases: Cases) -> str:
-    """The cases as CSV."""
-    text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(HEAD)
-    writer.writerows(map(_row, cases))
-    return text.getvalue()
+def table(cases: Cases) -> list[Sequence[str]]:
+    """The cases as rows of a table, its head first."""
+    return [HEAD, *map(_row, cases)]
 
 
 def _row(case: Case) -> tuple[str, ...]:
@@ -39,7 +35,7 @@ def main(arguments: list[str] | None = None) -> int:
         start = process_time()
         cases += measure()
         logging.info("%-28s %6.1f s of CPU", name, process_time() - start)
-    output.write_text(table(cases), encoding="utf-8")
+    write_table(output, table(cases))
     missed = [case for case in cases if not case.holds]
     for case in missed:
         logging.error("missed: %s", case)

@@ -14,7 +14,6 @@ from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.estimates import richardson
-from granular_lmp.accuracy.ladder import with_step
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import Floats, running
 from tests.hard.ledger import keep
@@ -121,7 +120,7 @@ def opening_time(wave: Scene) -> float:
 def _pair(duration: float) -> Record:
     """Return a Richardson pair at the antiresonance."""
     coarse = scene("TR", 40, 118, 0.2, 0.05, duration)
-    halved = with_step(coarse, coarse.time.step / 2)
+    halved = coarse.with_values({"time.timestep": coarse.time.step / 2})
     with TemporaryDirectory() as folder:
         return richardson(*(run(each, Path(folder) / str(i)) for i, each in enumerate((coarse, halved))))
 

@@ -57,6 +57,16 @@ def test_an_arrow_that_a_chain_implies_is_left_out_and_no_other() -> None:
     assert rooms.reduced({("a", "b"), ("b", "c"), ("a", "c"), ("a", "d")}) == {("a", "b"), ("b", "c"), ("a", "d")}
 
 
+OTHER_HELP = pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="each argparse breaks lines in another way")
+
+
+@pytest.mark.parametrize("name", ["scene.csv", "cases.csv", pytest.param("commands.txt", marks=OTHER_HELP)])
+def test_what_the_reference_takes_of_the_sources_is_current(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "120")  # of the terminal, which may be wider
+    made = loaded("generated").FILES[name]()
+    assert (ROOT / "docs" / name).read_text("utf-8") == made, "make reference writes it"
+
+
 # ---------------------------------------------------------------- the site
 
 
@@ -111,6 +121,43 @@ def test_no_equation_is_left_as_its_source(site: Path) -> None:
         assert "arithmatex" not in html, path
         # What the converter does not know it writes as a letter: an ampersand of a table, or a command
         assert re.findall(r"<m[io]>(?:&|&amp;|\\\\[^<]*)</m[io]>", html) == [], path
+
+
+# The program of the site's search, in Node in place of a browser; it answers a page of results for each question
+SEARCH = """
+const fs = require("fs"), vm = require("vm");
+const [program, index, ...questions] = process.argv.slice(1);
+const answers = [];
+const place = {console, postMessage: (answer) => answers.push(answer)};
+place.self = place;
+place.addEventListener = (_, listener) => { place.ask = listener; };
+vm.runInNewContext(fs.readFileSync(program, "utf8"), place);
+(async () => {
+  await place.ask({data: {type: 0, data: {options: {}, ...JSON.parse(fs.readFileSync(index))}}});
+  for (const data of questions) await place.ask({data: {type: 2, data}});
+  console.log(JSON.stringify(answers.slice(1).map(({data}) => data.items.map((page) => page[0].location))));
+})();
+"""
+NODE = shutil.which("node")
+
+
+def found_first(site: Path, questions: list[str]) -> list[str]:
+    """Return the page, without its section, that a search of the site shows first for each question; "" for none."""
+    if NODE is None:
+        pytest.skip("no Node")
+    (program,) = site.glob("assets/javascripts/workers/search.*.min.js")
+    words = [NODE, "-e", SEARCH, str(program), str(site / "search" / "search_index.json"), *questions]
+    answers = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    return [pages[0].partition("#")[0] if pages else "" for pages in json.loads(answers)]
+
+
+def test_a_search_shows_the_page_that_answers_first(site: Path) -> None:
+    answers = {
+        word: page.replace(".md", "/") for page, words in loaded("site_hooks").sought().items() for word in words
+    }
+    answers |= {"steel": "tutorial/", "wave speed": "crystals/", "zzz": ""}
+    assert dict(zip(answers, found_first(site, [*answers]), strict=True)) == answers
+    assert {"PDMS", "periodic boundary", "group velocity", "friction", "Hertz", "polydisperse"} < answers.keys()
 
 
 # ---------------------------------------------------------------- the site in a browser

@@ -1,6 +1,8 @@
 """The package as a user gets it: built, installed into another environment, and used in an empty folder."""
 
+import ast
 import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -136,6 +138,26 @@ def test_the_reference_has_the_help_of_every_door_of_analysis() -> None:
     assert set(texts) == {"granular-analysis", *(f"granular-analysis {door}" for door in DOORS)}
     for name, text in texts.items():
         assert text.startswith(f"usage: {name} ")
+
+
+LEADS_AWAY = re.compile(r"\b(docs|tests|benchmarks|analysis)/|\w\.md\b")
+
+
+def leading_away(source: str) -> list[str]:
+    """Return the strings of a source, without its docstrings, that name files that no wheel holds."""
+    if not LEADS_AWAY.search(source):  # most sources, which need not be parsed
+        return []
+    nodes = [*ast.walk(ast.parse(source))]
+    documented = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+    strings = (node for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str))
+    return [node.value for node in strings if id(node) not in documented and LEADS_AWAY.search(node.value)]
+
+
+def test_nothing_that_a_command_says_leads_to_a_file_that_a_wheel_lacks() -> None:
+    found = {path: leading_away(path.read_text("utf-8")) for root in FOLDERS.values() for path in root.rglob("*.py")}
+    assert {path.name: strings for path, strings in found.items() if strings} == {}
+    assert len(found) > 300
+    assert leading_away('"""See docs/a.md."""\nraise ValueError(f"{x}: see docs/fit.md")') == [": see docs/fit.md"]
 
 
 def test_every_script_of_analysis_has_its_name_in_the_command() -> None:

@@ -18,7 +18,6 @@ import pytest
 
 from cases.pull_off import jkr
 from granular_lmp import Scene, build, compiled, run
-from granular_lmp.accuracy.ladder import sphere_steps
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.cli import main
 from granular_lmp.crystal.search import overlapping
@@ -381,7 +380,7 @@ def test_a_checkpoint_is_that_of_lammps(name: str, stop: Callable[..., None], tm
     lock = os.open(other, os.O_RDONLY)
     run_input(other, "in.resume", lock)
     os.close(lock)
-    mend(other, scene)
+    mend(other, prepare(scene))
     assert largest_difference(whole, Record.from_dump(other, scene)) < ROUNDING
 
 
@@ -637,7 +636,7 @@ def test_doctor_says_whether_there_is_one(
 
 def test_cost_takes_it_and_keeps_its_runs_apart(small: Scene, tmp_path: Path) -> None:
     made = cost.plan(small, tmp_path / "cost", repeats=1)
-    fastest = min(made.settings, key=lambda setting: sphere_steps(setting.run))
+    fastest = min(made.settings, key=lambda setting: setting.work)
     result = cost.measure(replace(made, settings=[fastest]))
     assert result["kernel"] is True
     runs = list((tmp_path / "cost" / "runs").glob("*/1"))

@@ -182,4 +182,4 @@ def test_the_mean_count_is_that_of_a_run(changes: dict[str, Any], tmp_path: Path
     assert mean_count(deck.problem) == pytest.approx(counts.mean(), rel=0.01)
     assert counts.mean() < 0.8 * len(deck.packing)
     everyone = STRIP.with_values(changes | {"output.particles": 1.0})
-    assert mean_count(deck.problem.stepped(everyone)) == len(deck.packing)
+    assert mean_count(prepare(everyone)) == len(deck.packing)

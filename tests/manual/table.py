@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from tests.manual import ROOT, Case, declared
+from tests.pages import write_table
 
 TABLE = ROOT / "docs" / "verification.csv"
 HEAD = ["feature", "reference", "tolerance", "measured", "with the change", "reason of the tolerance", "change", "test"]
@@ -38,10 +39,7 @@ def number(value: float) -> str:
 
 def write(rows: dict[str, Row]) -> None:
     """Write the rows in the order of their declarations."""
-    with TABLE.open("w", encoding="utf-8", newline="") as file:
-        lines = csv.writer(file, lineterminator="\n")
-        lines.writerow(HEAD)
-        lines.writerows(rows[name].cells() for name in declared() if name in rows)
+    write_table(TABLE, [HEAD, *(rows[name].cells() for name in declared() if name in rows)])
 
 
 @cache

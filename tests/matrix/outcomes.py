@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from granular_lmp.studies.combine import BUILDS, EXCLUSIVE, NOT_BUILT, PHYSICS, outcome
 from granular_lmp.studies.features import Kind
+from tests.pages import write_table
 
 TABLE = Path(__file__).parents[2] / "docs" / "combinations.csv"
 HEAD = ("scene", "feature", "with", "outcome", "message", "departure", "bound")
@@ -52,11 +53,8 @@ def committed(file: Path = TABLE) -> Rows:
 
 def write(rows: Rows, file: Path = TABLE) -> None:
     """Write rows as the table."""
-    with file.open("w", encoding="utf-8", newline="") as stream:
-        lines = csv.writer(stream, lineterminator="\n")
-        lines.writerow(HEAD)
-        for (kind, name, other), row in rows.items():
-            lines.writerow((kind, name, "alone" if other == name else other, *row))
+    lines = ((kind, one, "alone" if other == one else other, *row) for (kind, one, other), row in rows.items())
+    write_table(file, [HEAD, *lines])
 
 
 def alone(kind: Kind) -> list[str]:

@@ -15,6 +15,7 @@ from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError
 from granular_lmp.plot.signals import dispersion_figure
+from granular_lmp.problem import prepare
 from granular_lmp.rest.linear import mode_of
 from granular_lmp.studies.sweep import Sweep, sweep
 
@@ -77,7 +78,7 @@ def test_a_sweep_of_which_nothing_is_finished_has_no_picture(shown: dict[str, An
 @pytest.mark.parametrize("lattice", ["chain", "hexagonal"])
 def test_an_empty_record_without_a_wave_has_no_picture(lattice: str, tmp_path: Path) -> None:
     scene = Scene.load("solitary_chain").with_values({"packing.lattice": lattice, "packing.rows": 6})
-    page = Record.empty(scene, tmp_path)._repr_html_()
+    page = Record.empty(prepare(scene), tmp_path)._repr_html_()
     assert "<img" not in page
     assert "solitary_chain" in page
 

@@ -10,6 +10,7 @@ from cases.fronts.front import front as front_of_theory
 from granular_lmp import Record, Scene, front, run
 from granular_lmp.cli import main
 from granular_lmp.errors import ReadoutError
+from granular_lmp.problem import prepare
 
 CHAIN = Scene.load("solitary_chain").with_values({"packing.rows": 40, "time.duration": 60.0})
 
@@ -86,7 +87,7 @@ def test_a_front_that_is_not_there_is_refused(chain: Record, how: dict[str, obje
 
 
 def test_what_starts_no_front_or_records_one_sphere_is_refused(chain: Record) -> None:
-    wave = Record.empty(Scene.load("tr_periodic"))
+    wave = Record.empty(prepare(Scene.load("tr_periodic")))
     with pytest.raises(ReadoutError, match=r"its trajectory is of one sphere.*take a \[\[monitor\]\]"):
         front(wave)
     with pytest.raises(ReadoutError, match="arrived at 1 spheres"):

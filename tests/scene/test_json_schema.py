@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from granular_lmp.errors import SceneError
 from granular_lmp.rest.scene import Scene
-from granular_lmp.scene.json_schema import Key, json_schema, keys, reference
+from granular_lmp.scene.json_schema import Key, json_schema, keys
 from granular_lmp.scene.schema import ArrayRule
 from granular_lmp.scene.sections import ModeRule
 from granular_lmp.scene.without_wave import NOT_HELD
@@ -163,10 +163,3 @@ def test_each_end_of_an_interval_is_where_the_schema_says(key: Key) -> None:
                     value = [value] if rule.several else value
                     assert is_read(key, value)
                 assert fits(key, value) == is_read(key, value)
-
-
-def test_the_reference_names_every_key() -> None:
-    page = reference()
-    for key in KEYS:
-        section = f"[[{key.section}]]" if key.section in Scene.layout.repeated else f"[{key.section}]"
-        assert f"| `{key.name}` |" in page.partition(f"## `{section}`")[2]

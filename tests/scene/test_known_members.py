@@ -61,9 +61,9 @@ def test_each_shipped_scene_has_a_cell_that_stands_for_it(name: str, small_cells
     ids=str,
 )
 def test_a_large_scene_is_forecast_by_a_cell_that_is_a_valid_scene(name: str, changes: dict[str, Any]) -> None:
-    scene = Scene.load(name).with_values(changes | {"packing.columns": 300})
-    assert forecast._small(scene).shape.spheres == 10_000
-    assert forecast._small(scene).effects == scene.effects
+    problem = prepare(Scene.load(name).with_values(changes | {"packing.columns": 300}))
+    assert forecast._small(problem).shape.spheres == 10_000
+    assert forecast._small(problem).effects == problem.scene.effects
 
 
 # ---------------------------------------------------------------- studies
@@ -109,7 +109,7 @@ def test_a_new_signal_without_a_formula_is_refused_by_name(trill: Source) -> Non
 
 def test_steps_and_looks_resolve_the_top_of_a_new_signal_and_not_its_centre(trill: Source) -> None:
     tone = Source(rows=(20, 20), force="x", signal="tone", frequency=0.5)
-    for highest in (fastest, deciding_frequency):
+    for highest in (fastest, lambda scene: deciding_frequency(prepare(scene))):
         of_trill, of_tone = (highest(with_source(each, **{"wave.wavenumber": 0.1})) for each in (trill, tone))
         assert of_trill == pytest.approx(3 * of_tone)
     with pytest.raises(SceneError, match=r"fewer than 20 steps at its frequency of 1\.5 rad per t0"):

@@ -1,13 +1,11 @@
 """Hints for keys that a scene does not have say where to go, and none of these words is a key that there is."""
 
-from pathlib import Path
-
 import pytest
 
 from granular_lmp import Scene
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.json_schema import keys
-from granular_lmp.scene.unsupported import ELSEWHERE, NOT_SUPPORTED, PAGE, hint
+from granular_lmp.scene.unsupported import ELSEWHERE, NOT_SUPPORTED, hint
 
 WORDS = [word for words in (NOT_SUPPORTED | ELSEWHERE).values() for word in words.split()]
 
@@ -22,10 +20,9 @@ def test_no_word_has_two_hints() -> None:
 
 
 @pytest.mark.parametrize("key", ["packing.Gravity", "packing.kagome", "temperature"])
-def test_what_is_not_supported_is_refused_with_a_hint_and_the_page(key: str) -> None:
-    with pytest.raises(SceneError, match=rf"{key}: not supported; use .+ \({PAGE}\)$"):
+def test_what_is_not_supported_is_refused_with_a_hint(key: str) -> None:
+    with pytest.raises(SceneError, match=rf"{key}: not supported; use [^()]+$"):
         Scene.load("tr_periodic").with_values({key: 1.0})
-    assert (Path(__file__).parents[2] / PAGE).is_file()
 
 
 def test_a_misspelt_key_has_no_hint() -> None:

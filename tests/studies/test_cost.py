@@ -26,6 +26,7 @@ from granular_lmp.errors import (
     RunFolderError,
     RunInterrupted,
 )
+from granular_lmp.problem import prepare
 from granular_lmp.rest.scene import assignment
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies import cost as module
@@ -151,7 +152,7 @@ def test_the_fastest_setting_of_an_accuracy_is_recommended(study: tuple[Path, di
 
 def test_the_options_of_a_setting_give_its_run(small: Scene) -> None:
     there = base(small.with_values({"time.tolerance": 1e-2}))
-    made = settings(there)[0]
+    made = settings(prepare(there))[0]
     for setting in made:
         changes = dict(map(assignment, setting.options.removeprefix("--set ").split(" --set ")))
         declared = small.with_values({"time.tolerance": 1e-2}).with_values(changes)
@@ -164,14 +165,15 @@ def test_the_options_of_a_setting_give_its_run(small: Scene) -> None:
 
 def test_what_a_scene_cannot_have_is_left_out_with_the_reason(small: Scene) -> None:
     long = {"packing.rows": 4_000, "packing.columns": 3, "wave.amplitude": 1e-5, "wave.mode": "L"}
-    made, refused = settings(small.with_values(long))
+    made, refused = settings(prepare(small.with_values(long)))
     assert "must be at least" in refused["tolerance: 1e-06"]  # rounding
     assert "1e-06" not in {setting.name for setting in made}
 
 
 def test_the_reference_is_finer_than_every_step_of_the_settings(small: Scene) -> None:
-    finest = min(each.run.time.step for each in settings(small)[0] if each.varied == "time step")
-    assert [each.run.time.step for each in references(small)] == [finest / 2**k for k in (1, 2, 3)]
+    problem = prepare(small)
+    finest = min(each.run.time.step for each in settings(problem)[0] if each.varied == "time step")
+    assert [each.run.time.step for each in references(problem)] == [finest / 2**k for k in (1, 2, 3)]
 
 
 # --- running ---
@@ -364,7 +366,7 @@ def test_a_study_that_is_stopped_from_outside_goes_on(small_toml: Path, tmp_path
 def test_a_crystal_keeps_its_size_in_every_setting() -> None:
     changes = {"packing.rows": 8, "packing.columns": 6, "packing.ends": "periodic", "disorder.radius": 5e-5}
     scene = base(PAPER.with_values(changes | {"wave.wavenumber": np.pi / 4, "time.duration": 2.0}))
-    made, refused = settings(scene)
+    made, refused = settings(prepare(scene))
     assert refused == {}
     assert {setting.varied for setting in made} == GROUPS
     assert {setting.run.shape for setting in made} == {scene.shape}

@@ -189,6 +189,6 @@ def test_check_says_the_defaults_that_depend_on_a_wave(tried: list[Scene], capsy
 
 def test_the_cell_that_stands_for_a_film_has_its_layers_and_no_more_spheres_than_that_of_a_sheet() -> None:
     film = Scene.load("multilayer").with_values({"packing.layers": 40, "packing.rows": 200, "packing.columns": 12})
-    cell = forecast._small(film).shape
+    cell = forecast._small(prepare(film)).shape
     assert (cell.layers, film.shape.spheres) == (40, 96_000)
     assert cell.spheres <= 10_000

@@ -18,7 +18,6 @@ from granular_analysis.theory.lattice import torus
 from granular_analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.estimates import richardson
-from granular_lmp.accuracy.ladder import with_step
 from granular_lmp.accuracy.rounding import grain, noise_floor
 from tests.conftest import PAPER, members
 
@@ -160,7 +159,7 @@ def test_the_noise_floor_rises_as_the_root_of_the_duration_and_as_one_over_the_a
 
 
 def test_smaller_steps_make_the_grain_coarser_and_the_floor_higher(small: Scene) -> None:
-    finer = with_step(small, small.time.step / 2)
+    finer = small.with_values({"time.timestep": small.time.step / 2})
     assert grain(finer) == pytest.approx(2 * grain(small), rel=1e-12)
     assert noise_floor(finer) == pytest.approx(2**0.5 * noise_floor(small), rel=1e-12)
 

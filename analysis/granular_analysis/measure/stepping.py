@@ -25,7 +25,7 @@ from granular_analysis.theory.network_state import Pairs, State, search
 from granular_analysis.theory.network_tangents import combined
 from granular_analysis.theory.network_verlet import Carried
 from granular_lmp.compiled import place
-from granular_lmp.runs.engine import Look, SceneError, Setting
+from granular_lmp.runs.engine import Look, SceneError, Setting, setting_of
 from granular_lmp.runs.record import Record, Scene
 
 __all__ = ["NetworkEngine"]
@@ -121,31 +121,46 @@ class NetworkEngine:
 
         A process that was handed the engine of another prepares its own device.
         """
-        record = Record(np.empty(0), {}, setting.scene, dict(setting.info))
-        begun, size = setting.spheres, np.linalg.norm(setting.spheres.rotation, axis=1, keepdims=True)
-        turn = begun.rotation
-        if turn.shape[1] == 3:
-            turn = turn * np.divide(2 * np.tan(size / 2), size, out=np.ones_like(size), where=size > 0)
-        spheres = Spheres(
-            begun.types,
-            begun.place,
-            begun.radius,
-            begun.density,
-            begun.displacement,
-            begun.velocity,
-            turn,
-            begun.spin,
-            begun.cell,
-        )
         try:
             self.refuse_larger(setting.scene)
             if (here := NetworkEngine.on(kind_of(self.device)).device) != self.device:
                 raise TheoryError(f"device: the engine was made for {self.device}, and this process has {here}")
-            if lacks := missing(NETWORK, others_of(record)):
-                raise TheoryError(f"the network leaves out {', '.join(lacks)}")
-            return Motion(network_of(record, spheres, setting.recorded), setting, import_module(STEPS[self.by]))
+            return Motion(_first(setting), setting, import_module(STEPS[self.by]))
         except TheoryError as error:
             raise SceneError(str(error), because="not built") from error
+
+
+def first_of(scene: Scene) -> tuple[FirstSnapshot, float]:
+    """Return the network with which the run of a scene begins, and its time step in units of the deck; nothing is run.
+
+    Raises SceneError for a scene with ``time.tolerance``, which has no step, and TheoryError for what the network does
+    not hold.
+    """
+    setting = setting_of(scene)
+    return _first(setting), setting.step
+
+
+def _first(setting: Setting) -> FirstSnapshot:
+    """Return the network of a setting; raises TheoryError for what it does not hold."""
+    record = Record(np.empty(0), {}, setting.scene, dict(setting.info))
+    begun, size = setting.spheres, np.linalg.norm(setting.spheres.rotation, axis=1, keepdims=True)
+    turn = begun.rotation
+    if turn.shape[1] == 3:
+        turn = turn * np.divide(2 * np.tan(size / 2), size, out=np.ones_like(size), where=size > 0)
+    spheres = Spheres(
+        begun.types,
+        begun.place,
+        begun.radius,
+        begun.density,
+        begun.displacement,
+        begun.velocity,
+        turn,
+        begun.spin,
+        begun.cell,
+    )
+    if lacks := missing(NETWORK, others_of(record)):
+        raise TheoryError(f"the network leaves out {', '.join(lacks)}")
+    return network_of(record, spheres, setting.recorded)
 
 
 def kind_of(device: str) -> str:

@@ -13,6 +13,7 @@ A run of `granular_analysis.theory.network_traced` from a state depends on facto
     phase            ()   φ by which a wave is ahead at the start: cos φ of that motion, sin φ of its quadrature
     drives           (D,) of the signal of each drive
     delay            (D,) by which each signal is late, in units of time
+    adhesion         (M,) of the pull of each pair, with the overlap at rest at which its force stays what it is there
 
 A delay traces the signal itself, which has to take arrays of JAX: all of `granular_analysis.theory.signals` do.
 """
@@ -29,6 +30,7 @@ from numpy.typing import NDArray
 
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network import Network, Traits
+from granular_analysis.theory.network_laws import LAWS
 from granular_analysis.theory.network_state import Pairs, State, acting, meetings, resultants
 from granular_analysis.theory.network_tangents import combined, scaled, times
 from granular_analysis.theory.network_traced import Arrays, arrays_of, on_device, pairs_of
@@ -50,6 +52,7 @@ FACTORS = {
     "phase": (0.0, "runs"),
     "drives": (1.0, "drives"),
     "delay": (0.0, "drives"),
+    "adhesion": (1.0, "pairs"),
 }
 
 
@@ -181,6 +184,8 @@ def varied(traits: Traits, given: Given, factors: Factors) -> tuple[Arrays, Bodi
     light = jnp.concatenate([lighter * given.lightness, still])
     both = light[first] + light[second]
     normal, shear = (factors.get(name, 1.0) for name in ("normal_stiffness", "shear_stiffness"))
+    if "adhesion" in factors:
+        arrays = _adhering(traits, arrays, factors["adhesion"])
     arrays = arrays | {
         "radii": larger,
         "overlap": arrays["overlap"] * factors.get("overlap", 1.0) + (larger - radii).sum(axis=0),
@@ -191,6 +196,15 @@ def varied(traits: Traits, given: Given, factors: Factors) -> tuple[Arrays, Bodi
         "damping": arrays["damping"] * factors.get("damping", 1.0),
     }
     return arrays, bodies._replace(mobility=bodies.mobility * jnp.stack([*ways, *turns]))
+
+
+def _adhering(traits: Traits, arrays: Arrays, factor: Any) -> Arrays:
+    """Return the numbers of pairs with a factor of their pull; contacts that touch at rest keep their force there."""
+    before, pull = pairs_of(traits, arrays), arrays["F"] * factor
+    touches = before.overlap > before.normal.end
+    force = before.normal.repulsion(before.overlap, before.normal.radius(before.overlap, touches), touches)
+    ends = [LAWS[traits.adhesion](arrays["A"], each).overlap(force) for each in (arrays["F"], pull)]
+    return arrays | {"F": pull, "overlap": arrays["overlap"] + jnp.where(touches, ends[1] - ends[0], 0.0)}
 
 
 def _curvature(radii: Any) -> Any:

@@ -29,6 +29,7 @@ import jax
 import numpy as np
 from jax import lax
 from jax import numpy as jnp
+from jax.tree_util import Partial
 from numpy.typing import NDArray
 
 from granular_analysis.theory.errors import TheoryError
@@ -61,6 +62,11 @@ class Record(NamedTuple):
 
 
 Objective = Callable[[Record], Any]
+
+
+def _traced(objective: Objective) -> Partial:
+    """Return an objective whose numbers are traced if it is a ``jax.tree_util.Partial``, so that others share it."""
+    return objective if isinstance(objective, Partial) else Partial(objective)
 
 
 class _Looks(NamedTuple):
@@ -186,17 +192,17 @@ def _number(plan: Plan, objective: Objective, given: Given) -> Callable[[Factors
     return number
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@partial(jax.jit, static_argnums=0)
 def _value_and_slope(plan: Plan, objective: Objective, given: Given, factors: Factors) -> Any:
     return jax.value_and_grad(_number(plan, objective, given), has_aux=True)(factors)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@partial(jax.jit, static_argnums=0)
 def _along(plan: Plan, objective: Objective, given: Given, factors: Factors, direction: Factors) -> Any:
     return jax.jvp(_number(plan, objective, given), (factors,), (direction,), has_aux=True)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@partial(jax.jit, static_argnums=0)
 def _slope_along(plan: Plan, objective: Objective, given: Given, factors: Factors, direction: Factors) -> Any:
     return jax.jvp(jax.grad(_number(plan, objective, given), has_aux=True), (factors,), (direction,), has_aux=True)
 
@@ -223,7 +229,8 @@ def gradient(
     ----------
     run : Run
     objective : callable
-        `Record` → a number, by functions of ``jax.numpy``.
+        `Record` → a number, by functions of ``jax.numpy``; as a ``jax.tree_util.Partial`` it is compiled once for all
+        arrays of equal shapes that it holds.
     factors : mapping
         Of `Run.neutral` or near it, by name; those that are not given change nothing, and have no gradient.
     kinks : bool
@@ -234,7 +241,7 @@ def gradient(
     TheoryError
         For such a run without `kinks`, and for spheres that move so far that others may touch.
     """
-    (value, looks), slope = _value_and_slope(run.plan(factors), objective, run.given, on_device(dict(factors)))
+    (value, looks), slope = _value_and_slope(run.plan(factors), _traced(objective), run.given, on_device(dict(factors)))
     _refuse(_events(run, *looks), kinks)
     return float(value), _by_name(slope)
 
@@ -242,7 +249,7 @@ def gradient(
 def bytes_of_gradient(run: Run, objective: Objective, factors: Factors) -> int:
     """Return the memory that `gradient` takes on the device beside what it is given, as its compiled program says."""
     found: Any = (
-        _value_and_slope.lower(run.plan(factors), objective, run.given, on_device(dict(factors)))
+        _value_and_slope.lower(run.plan(factors), _traced(objective), run.given, on_device(dict(factors)))
         .compile()
         .memory_analysis()
     )
@@ -257,7 +264,7 @@ def derivative(
     Other parameters, and what is refused, as of `gradient`.
     """
     value, slope, looks = _along(
-        run.plan(factors), objective, run.given, on_device(dict(factors)), on_device(dict(direction))
+        run.plan(factors), _traced(objective), run.given, on_device(dict(factors)), on_device(dict(direction))
     )
     _refuse(_events(run, *looks), kinks)
     return value, slope
@@ -271,7 +278,7 @@ def hessian_product(
     Other parameters, and what is refused, as of `gradient`.
     """
     slope, change, looks = _slope_along(
-        run.plan(factors), objective, run.given, on_device(dict(factors)), on_device(dict(direction))
+        run.plan(factors), _traced(objective), run.given, on_device(dict(factors)), on_device(dict(direction))
     )
     _refuse(_events(run, *looks), kinks)
     return _by_name(slope), _by_name(change)

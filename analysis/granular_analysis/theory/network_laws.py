@@ -49,6 +49,10 @@ class Dmt:
         """Return P, 0 where open."""
         return self.A * overlap * radius - self.F * closed
 
+    def overlap(self, repulsion: Floats) -> Floats:
+        """Return the overlap δ = ((P + F)/A)^{2/3} of a contact that repels so."""
+        return ((repulsion + self.F) / self.A) ** (2 / 3)
+
     def energy(self, overlap: Floats, radius: Floats) -> Floats:
         """Return ∫P dδ, 0 where open."""
         return 0.4 * self.A * overlap**2 * root_of(overlap) - self.F * overlap
@@ -91,6 +95,12 @@ class Jkr:
         s = self._s(radius)
         y = s * s * s
         return 3 * self.F * (y * y - y)
+
+    def overlap(self, repulsion: Floats) -> Floats:
+        """Return the overlap δ = d (3s⁴ − 2s), s³ = y, of a contact that repels so, if it would hold being pulled."""
+        xp = module_of(repulsion)
+        s = xp.cbrt((1 + xp.sqrt(1 + 4 * repulsion / (3 * self.F))) / 2)
+        return self.depth * (3 * s**4 - 2 * s)
 
     def energy(self, overlap: Floats, radius: Floats) -> Floats:
         """Return ∫P dδ = 3F d [(6/5)s¹⁰ − 2s⁷ + ½s⁴ + (1/5) 2^{−4/3}], 0 where open."""

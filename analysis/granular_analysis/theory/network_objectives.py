@@ -17,10 +17,11 @@ from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_gradient import Record
 from granular_analysis.theory.network_state import Pairs
 
-__all__ = ["amplitude", "across", "energy", "largest", "misfit"]
+__all__ = ["across", "amplitude", "energy", "farthest", "largest", "misfit", "motion", "second_harmonic"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
+_LATE = 4  # `second_harmonic` reads the last one of so many equal parts of a record
 
 
 def amplitude(found: Record, row: int, places: ArrayLike, wavevector: ArrayLike, frequency: float) -> Any:
@@ -42,6 +43,46 @@ def amplitude(found: Record, row: int, places: ArrayLike, wavevector: ArrayLike,
     weights = 1 - jnp.cos(2 * jnp.pi * found.times / found.times[-1])
     mean = jnp.mean(found.motion[:, row] * jnp.exp(-1j * turns), axis=1)
     return 2 * jnp.abs(weights @ mean) / jnp.sum(weights)
+
+
+def second_harmonic(found: Record, places: ArrayLike, wavevector: ArrayLike, unit: Any = 1.0) -> Any:
+    """Return what of the displacements along k has the wave vector 2k, in the last quarter of a run, (T,) complex.
+
+    The length of this vector is the root mean square of |C| over these times, of the part Re[C e^{2ik·r}] of the
+    displacements over a unit.
+
+    places, wavevector : as of `amplitude`; k of the fundamental.
+
+    A crystal that is not its own mirror image turns a part of a transverse wave into a longitudinal one at first order.
+    The mean over two runs that start with opposite signs holds even orders alone.
+    """
+    late = found.motion[len(found.times) - len(found.times) // _LATE :]
+    k = jnp.asarray(wavevector)
+    along = jnp.einsum("d,tdn->tn", k / jnp.linalg.norm(k), late[:, : len(k)])
+    each = 2 * jnp.mean(along * jnp.exp(-2j * (jnp.asarray(places) @ k)), axis=1)
+    return each / (unit * jnp.sqrt(len(along)))
+
+
+def farthest(found: Record, unit: Any = 1.0) -> Any:
+    """Return the largest displacement of the recorded spheres, with the kinks of `largest`."""
+    return jnp.sqrt(jnp.max(jnp.sum(found.motion[:, : _dimension(found)] ** 2, axis=1))) / unit
+
+
+def _dimension(found: Record) -> int:
+    return 2 if found.motion.shape[1] == 6 else 3  # with the turns there are 3 or 6 freedoms
+
+
+def motion(found: Record, near: ArrayLike, far: ArrayLike, unit: Any = 1.0) -> Any:
+    """Return the mean of the squared velocity over the run, twice the energy of motion by mass, of spheres `near`.
+
+    near, far : indices into the recorded spheres; with `far` the mean of `near` is over that of these.
+    """
+    half = found.motion.shape[1] // 2
+    square = jnp.sum(found.motion[:, half : half + _dimension(found)] ** 2, axis=1)
+    here = jnp.trapezoid(jnp.mean(square[:, jnp.asarray(near)], axis=1), found.times)
+    if not jnp.size(jnp.asarray(far)):
+        return here / found.times[-1] / unit**2
+    return here / jnp.trapezoid(jnp.mean(square[:, jnp.asarray(far)], axis=1), found.times)
 
 
 def misfit(found: Record, measured: ArrayLike, errors: ArrayLike = 1.0) -> Any:

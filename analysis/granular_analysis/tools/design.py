@@ -20,7 +20,8 @@ numbers, and the wave number next to the resonance that its rows hold.
 """
 
 import argparse
-from collections.abc import Sequence
+import sys
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_analysis.plotting import in_one_line, scene_of, write
+from granular_analysis.measure.stepping import NetworkEngine
+from granular_analysis.plotting import in_one_line, scene_of, write_scene
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.objectives import (
     POINTS,
@@ -51,14 +53,15 @@ from granular_analysis.theory.rows import Rows, heavy_rows
 from granular_analysis.theory.scenes import CRYSTAL_KEYS, MOTION, VARIED, Setting
 from granular_analysis.theory.variation import Resonance as Resonant
 from granular_analysis.theory.variation import Spot, Value
-from granular_lmp.cli.arguments import changes_argument
-from granular_lmp.runs.record import Scene
+from granular_lmp.cli.arguments import changes_argument, positive
+from granular_lmp.runs.record import STATUS, Scene
 
 Floats = NDArray[np.float64]
 
 UNITS = {  # by the number that describes a sphere
     "radius": "m", "youngs_modulus": "Pa", "poisson_ratio": "NU", "work_of_adhesion": "J/m2", "density": "kg/m3"
 }  # fmt: skip
+OBJECTIVES = "second-harmonic, largest:MONITOR, motion:MONITOR or motion:MONITOR/OTHER"
 GOALS = ("growth", "frequency", "gap", "passing")
 # Keys of crystals that are not of one layer of equal contacts in the plane, which rows for scattering do not hold
 BEYOND_ROWS = {key for key in CRYSTAL_KEYS if key.startswith(("contact.", "substrate."))} | {
@@ -223,6 +226,8 @@ class Answer:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status, 1 if nothing resonates."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    searched = any(word.partition("=")[0] == "--maximize" for word in words)
     command = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     command.add_argument("what", metavar="HERTZ_OR_SCENE", help="of the first wave; or a file or shipped scene")
     pairs = command.add_argument_group("two waves")
@@ -243,7 +248,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
     scene = command.add_argument_group("a scene")
     scene.add_argument(
-        "--vary", nargs=3, action="append", metavar=("KEY", "LOW", "HIGH"), help="a number of the scene, and its bounds"
+        "--vary",
+        nargs=1 if searched else 3,
+        action="append",
+        metavar="KEY" if searched else ("KEY", "LOW", "HIGH"),
+        help="a number of the scene, and its bounds; with --maximize the word density",
     )
     scene.add_argument("--best", choices=GOALS, default="growth", help="what is to be largest (default: growth)")
     scene.add_argument("--least", action="store_true", help="make it smallest, in place of largest")
@@ -252,7 +261,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     scene.add_argument("--points", type=int, default=POINTS, metavar="N", help=f"of each key (default: {POINTS})")
     scene.add_argument("-o", "--output", metavar="FILE", help="write the scene with the best numbers")
     changes_argument(scene, "sphere.poisson_ratio=0.3")
-    chosen = command.parse_args(arguments)
+    runs = _options_of_runs(command)
+    chosen = command.parse_args(words)
+    if searched:
+        _refuse(command, chosen, pairs, "two frequencies, not for whole runs")
+        _refuse(command, chosen, scene, "a goal of second order, not for --maximize", {"vary", "output", "changes"})
+        return _of_runs(command, chosen)
+    _refuse(command, chosen, runs, "a search in whole runs, with --maximize")
     try:
         frequency = float(chosen.what)
     except ValueError:
@@ -265,12 +280,60 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return _of_frequency(command, chosen, frequency)
 
 
+def _options_of_runs(command: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """Add the options of a search in whole runs."""
+    runs = command.add_argument_group("whole runs")
+    runs.add_argument("--maximize", metavar="OBJECTIVE", help=f"what is to be largest in a run: {OBJECTIVES}")
+    runs.add_argument(
+        "--within", nargs=2, type=float, metavar=("LOW", "HIGH"), help="bounds of the densities, in that of the scene"
+    )
+    runs.add_argument(
+        "--per", default="sphere", metavar="sphere|row|RxC",
+        help="one density for each sphere, row, or place of a cell of R rows and C columns (default: sphere)",
+    )  # fmt: skip
+    runs.add_argument("--same-mass", action="store_true", help="keep the mean density")
+    runs.add_argument(
+        "--robust", type=float, default=0.0, metavar="SHARE",
+        help="take the mean over crystals whose densities are off by this share",
+    )  # fmt: skip
+    runs.add_argument("--seeds", type=positive, default=1, metavar="N", help="how many such crystals")
+    runs.add_argument("--start", type=int, default=1, metavar="SEED", help="of the densities that begin (default: 1)")
+    runs.add_argument(
+        "--evaluations", type=positive, default=100, metavar="N", help="runs with gradients at most (default: 100)"
+    )
+    runs.add_argument("--device", choices=["jax", "gpu"], default="jax", help="all cores, or a card (default: jax)")
+    runs.add_argument("--opposite", metavar="RUN", help="of a run, the one that starts with the opposite sign")
+    return runs
+
+
+def _of_runs(command: argparse.ArgumentParser, chosen: argparse.Namespace) -> int:
+    """Search in whole runs, or read the objective off runs."""
+    ran = (Path(chosen.what) / STATUS).is_file()
+    if ran and (chosen.vary or chosen.within or chosen.output):
+        command.error(f"{chosen.what}: is a run, of which the objective is read; give a scene to search its densities")
+    if not ran and chosen.opposite:
+        command.error("--opposite is for a run")
+    if not ran and [name for (name,) in chosen.vary or []] != ["density"]:
+        command.error("--maximize: needs --vary density, which is all that varies in whole runs")
+    if not ran and not (chosen.within and chosen.output):
+        command.error("--maximize: needs --within LOW HIGH, and -o DIR for what it finds")
+    with in_one_line():
+        NetworkEngine.on(chosen.device)  # or JAX is missing
+    from granular_analysis.tools.design_runs import read, search  # needs JAX
+
+    return read(chosen) if ran else search(chosen)
+
+
 def _refuse(
-    command: argparse.ArgumentParser, chosen: argparse.Namespace, group: argparse._ArgumentGroup, whose: str
+    command: argparse.ArgumentParser,
+    chosen: argparse.Namespace,
+    group: argparse._ArgumentGroup,
+    whose: str,
+    but: Collection[str] = (),
 ) -> None:
-    """Exit if an option of a group was given."""
+    """Exit if an option of a group was given, unless its name is in `but`."""
     for action in group._group_actions:
-        if getattr(chosen, action.dest) != action.default:
+        if action.dest not in but and getattr(chosen, action.dest) != action.default:
             command.error(f"{action.option_strings[0]} is for {whose}")
 
 
@@ -301,5 +364,5 @@ def _of_scene(command: argparse.ArgumentParser, chosen: argparse.Namespace) -> i
         answer = question.answer()
         print(answer.text())
         if chosen.output:
-            write(Path(chosen.output), answer.scene.to_toml())
+            write_scene(Path(chosen.output), answer.scene)
     return 0

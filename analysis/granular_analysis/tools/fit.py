@@ -20,7 +20,7 @@ import numpy as np
 from granular_analysis.measure.fitting import Fit, summary
 from granular_analysis.measure.points import KINDS, UNITS, read
 from granular_analysis.measure.surface import Film, is_surface_wave
-from granular_analysis.plotting import in_one_line, letter, save, scene_of, write
+from granular_analysis.plotting import in_one_line, letter, save, scene_of, write, write_scene
 from granular_analysis.theory.estimation import LOSSES, Estimate
 from granular_analysis.theory.scenes import Setting
 from granular_lmp.cli.arguments import changes_argument
@@ -207,7 +207,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=(__doc__ or "").partition("\n")[0],
         epilog="A column of DATA.csv is a quantity and its unit: "
         + "; ".join(f"{name} in {', '.join(filter(None, units))}" for name, units in UNITS.items() if name in KINDS)
-        + ". docs/fit.md has the others.",
+        + ". Others say where it belongs: branch, wavenumber or wavelength, direction, amplitude, time, row, column; "
+        "and its error: error_UNIT or error_%.",
     )
     parser.add_argument("data", metavar="DATA.csv", help="measured points, a row each")
     parser.add_argument("scene", metavar="SCENE", help="a file or a shipped scene: the model, and where the fit starts")
@@ -232,5 +233,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.json:
         write(Path(options.json), json.dumps(summary(fit, fitted.found), indent=2) + "\n")
     if options.fitted:
-        write(Path(options.fitted), fitted.scene.to_toml())
+        write_scene(Path(options.fitted), fitted.scene)
     return 0

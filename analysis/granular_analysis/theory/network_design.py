@@ -1,0 +1,315 @@
+"""Densities of spheres at which a number that is read off a whole run is largest, by its gradient.
+
+A `Design` has one density for each group of spheres, in the mean density of the uniform crystal: of each sphere, or of
+rows or cells that repeat. L-BFGS-B of SciPy changes them between two bounds, from the gradient of the logarithm of
+
+    V = |mean of s over signs|
+
+with the real or complex vector s that a `Goal` reads off each run. Signs are those with which the run starts: the mean
+over +1 and −1 holds even orders of the amplitude alone. A robust design has the largest mean of V over
+crystals of some seeds, in which each density is off by a normal share.
+
+With the same mass, density j of the group's size w_j is
+
+    f_j = low + (high − low)/(1 + e^{−(y_j + λ)}),    Σ w_j f_j = Σ w_j
+
+of free numbers y_j, with the one λ that keeps the mass, so that bounds and mass hold exactly in all runs.
+
+The gradient refuses a run in which a contact opens, closes or slides, as the record has a kink there. The optimizer
+then steps back toward the last run.
+
+When it breaks: maxima are local; take several starts. Where contacts are about to open the best design lies at a kink,
+and the search ends there.
+
+Source: R. H. Byrd, P. Lu, J. Nocedal and C. Zhu, SIAM J. Sci. Comput. 16, 1190 (1995).
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from jax import numpy as jnp
+from jax.tree_util import Partial
+from numpy.typing import NDArray
+from scipy.optimize import brentq, minimize
+from scipy.special import expit, logit
+
+from granular_analysis.theory.errors import TheoryError
+from granular_analysis.theory.network_factors import Run
+from granular_analysis.theory.network_gradient import Record, gradient, record
+
+__all__ = ["Design", "Goal", "improved"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.intp]
+_SPREAD = 0.1  # Densities of a start differ from 1 by at most this share
+_WORSE = 1.0  # Logarithm of V of a refused run below the least that was found
+_FAR = 700.0  # e^x is finite
+
+
+class Goal(NamedTuple):
+    """What is to be largest.
+
+    Attributes
+    ----------
+    read : `Record` → s, a number or a vector, as a ``jax.tree_util.Partial`` of arrays.
+    signs : with which the runs start.
+    """
+
+    read: Partial
+    signs: tuple[float, ...] = (1.0,)
+
+    def of(self, records: Sequence[Record]) -> tuple[float, Any]:
+        """Return V of records, one for each sign, and the vector e, V = Re(e·s) of the mean s and |e| = 1."""
+        mean = np.mean([np.asarray(self.read(each)) for each in records], axis=0)
+        length = float(np.linalg.norm(mean))
+        return length, np.conj(mean) / length if length else np.zeros_like(mean)
+
+
+class Evaluation(NamedTuple):
+    """V and its slope by the numbers of the optimizer; V is nan of a run that is refused, with the reason if known."""
+
+    value: float
+    slope: Floats
+    why: str = ""
+
+
+class Scaling(Protocol):
+    """Densities (P,) as a function of the numbers (P,) that the optimizer changes."""
+
+    bounds: list[tuple[float, float]] | None
+
+    def of(self, numbers: Floats) -> Floats:
+        """Return the densities."""
+
+    def back(self, numbers: Floats, slope: Floats) -> Floats:
+        """Return the slope by the numbers, of the slope by the densities."""
+
+    def to(self, densities: Floats) -> Floats:
+        """Return numbers near densities."""
+
+
+class Bounded:
+    """Densities themselves, between bounds."""
+
+    def __init__(self, low: float, high: float, sizes: Floats) -> None:
+        self.low, self.high = low, high
+        self.bounds: list[tuple[float, float]] | None = [(low, high)] * len(sizes)
+
+    def of(self, numbers: Floats) -> Floats:
+        """Return the numbers."""
+        return numbers
+
+    def back(self, numbers: Floats, slope: Floats) -> Floats:  # noqa: ARG002  # as of `Scaling`
+        """Return the slope."""
+        return slope
+
+    def to(self, densities: Floats) -> Floats:
+        """Return the densities inside the bounds."""
+        return np.clip(densities, self.low, self.high)
+
+
+class SameMass:
+    """Densities between bounds whose mean over all spheres is 1: the equation at the top of this module."""
+
+    bounds: list[tuple[float, float]] | None = None
+
+    def __init__(self, low: float, high: float, sizes: Floats) -> None:
+        if not low < 1 < high:
+            raise TheoryError(f"within {low:g} {high:g}: the same mass needs bounds on both sides of 1")
+        self.low, self.width, self.sizes = low, high - low, sizes / sizes.sum()
+
+    def _shares(self, numbers: Floats) -> Floats:
+        wanted = (1 - self.low) / self.width
+
+        def off(shift: float) -> float:
+            return float(self.sizes @ expit(numbers + shift)) - wanted
+
+        return np.asarray(expit(numbers + brentq(off, -_FAR - numbers.max(), _FAR - numbers.min(), xtol=1e-13)))
+
+    def of(self, numbers: Floats) -> Floats:
+        """Return the densities."""
+        return self.low + self.width * self._shares(numbers)
+
+    def back(self, numbers: Floats, slope: Floats) -> Floats:
+        """Return the slope by the numbers."""
+        shares = self._shares(numbers)
+        steep = self.width * shares * (1 - shares)
+        return np.asarray(steep * (slope - self.sizes * (slope @ steep) / (self.sizes @ steep)))
+
+    def to(self, densities: Floats) -> Floats:
+        """Return the numbers."""
+        return np.asarray(logit(np.clip((densities - self.low) / self.width, 0.02, 0.98)))
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Densities that are varied, and what they are to make largest.
+
+    Attributes
+    ----------
+    run, goal : of the uniform crystal.
+    group : (N,) from 0 to P − 1, of each sphere.
+    low, high : bounds of the densities, in that of the uniform crystal.
+    same_mass : whether the mean density is kept.
+    spread, seeds : standard deviation of the densities in each of some crystals, over which V is the mean; 0: exact.
+    """
+
+    run: Run
+    goal: Goal
+    group: Integers
+    low: float
+    high: float
+    same_mass: bool = False
+    spread: float = 0.0
+    seeds: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0 < self.low < self.high < np.inf:
+            raise TheoryError(f"within {self.low:g} {self.high:g}: must be two numbers above 0, the lower one first")
+        if not 0 <= self.spread <= 0.1 or (self.spread == 0) != (self.seeds == 1) or self.seeds < 1:
+            raise TheoryError(
+                f"robust {self.spread:g} with {self.seeds} seeds: must be a spread up to 0.1 with two or more seeds"
+            )
+
+    @property
+    def sizes(self) -> Floats:
+        """Return the number of spheres of each group, (P,)."""
+        return np.bincount(self.group).astype(float)
+
+    @property
+    def scaling(self) -> Scaling:
+        """Return the densities as a function of the numbers of the optimizer."""
+        return (SameMass if self.same_mass else Bounded)(self.low, self.high, self.sizes)
+
+    def begin(self, seed: int) -> Floats:
+        """Return densities (P,) to start from, off the uniform crystal by chance: its symmetry may hide what helps."""
+        noise = np.random.default_rng(seed).uniform(-_SPREAD, _SPREAD, len(self.sizes))
+        return np.clip(np.clip(1.0, self.low, self.high) + noise, self.low, self.high)
+
+    def crystals(self, densities: Floats) -> Iterator[tuple[Floats, Floats]]:
+        """Yield the densities (N,) of each crystal, and their slopes by those of the groups."""
+        for seed in range(self.seeds):
+            off = 1 + self.spread * np.random.default_rng(seed).normal(size=len(self.group)) if self.spread else 1.0
+            yield densities[self.group] * off, np.broadcast_to(off, self.group.shape)
+
+    def value(self, densities: Floats) -> float:
+        """Return V of densities (P,)."""
+        return float(np.mean([self._read(own)[0] for own, _ in self.crystals(densities)]))
+
+    def evaluated(self, densities: Floats) -> tuple[float, Floats]:
+        """Return V of densities (P,), and its slope by them.
+
+        Raises TheoryError for a run in which a contact opens, closes or slides.
+        """
+        value, slope = 0.0, np.zeros(len(self.sizes))
+        for own, by in self.crystals(densities):
+            size, way = self._read(own)
+            for sign in self.goal.signs:
+                _, slopes = gradient(self.run, Partial(_along, self.goal.read, way), self._factors(own, sign))
+                slope += np.bincount(self.group, by * slopes["density"], len(slope)) / len(self.goal.signs)
+            value += size
+        return value / self.seeds, slope / self.seeds
+
+    def _read(self, own: Floats) -> tuple[float, Any]:
+        """Return V of one crystal, and the vector e of `Goal.of`."""
+        return self.goal.of([record(self.run, self._factors(own, sign)) for sign in self.goal.signs])
+
+    def _factors(self, own: Floats, sign: float) -> dict[str, Any]:
+        drives = self.run.network.drives
+        factors = {"density": own, "amplitude": np.array(sign)}
+        return factors | ({"drives": sign * np.ones(len(drives))} if drives else {})
+
+
+def _along(read: Callable[[Record], Any], way: Any, found: Record) -> Any:
+    return jnp.real(jnp.sum(way * read(found)))
+
+
+class Best(NamedTuple):
+    """What a search found.
+
+    Attributes
+    ----------
+    densities, value : (P,) at which V was largest, and V there.
+    evaluations, refused : how many there were, and how many of them were stepped back from.
+    why : the last one was refused, "" if none was.
+    ended : why the search ended.
+    interrupted : whether by Ctrl-C.
+    """
+
+    densities: Floats
+    value: float
+    evaluations: int
+    refused: int
+    why: str
+    ended: str
+    interrupted: bool = False
+
+
+class _EnoughError(Exception):
+    """All evaluations that were asked for are made."""
+
+
+def improved(
+    design: Design,
+    start: Floats,
+    most: int,
+    kept: Sequence[Evaluation] = (),
+    noted: Callable[[Evaluation], None] = lambda _: None,
+) -> Best:
+    """Return the best densities that some evaluations of V find.
+
+    Parameters
+    ----------
+    start : (P,)
+    most : evaluations, a gradient each.
+    kept : evaluations of the same search that were made before. As each follows from those before, the search continues
+        as if it had not been stopped.
+    noted : called with each evaluation that is made.
+
+    Raises TheoryError if the start is refused.
+    """
+    scaling, made = design.scaling, list[Evaluation]()
+    best: tuple[float, Floats] = -np.inf, start
+    interrupted = False
+
+    def descending(numbers: Floats) -> tuple[float, Floats]:
+        nonlocal best
+        if len(made) == most:
+            raise _EnoughError
+        densities = scaling.of(numbers)
+        found = kept[len(made)] if len(made) < len(kept) else _tried(design, scaling, numbers, densities)
+        if len(made) >= len(kept):
+            noted(found)
+        made.append(found)
+        if not made[0].value > 0:
+            raise TheoryError(made[0].why or "the objective is 0 at the start")
+        if found.value > best[0]:
+            best = found.value, densities
+        if not found.value > 0:
+            least = min(each.value for each in made if each.value > 0)
+            return _WORSE - np.log(least), np.zeros_like(numbers)
+        return -np.log(found.value), -found.slope / found.value
+
+    try:
+        ended = minimize(
+            descending, scaling.to(start), jac=True, method="L-BFGS-B", bounds=scaling.bounds,
+            options={"maxfun": most + 1, "maxiter": most + 1},
+        ).message  # fmt: skip
+    except _EnoughError:
+        ended = "all that were asked for"
+    except KeyboardInterrupt:
+        if not made:
+            raise
+        interrupted, ended = True, "interrupted; the same command again continues"
+    refused = [each.why or "before" for each in made if not each.value > 0]
+    return Best(best[1], best[0], len(made), len(refused), refused[-1] if refused else "", str(ended), interrupted)
+
+
+def _tried(design: Design, scaling: Scaling, numbers: Floats, densities: Floats) -> Evaluation:
+    try:
+        value, slope = design.evaluated(densities)
+    except TheoryError as error:
+        return Evaluation(np.nan, np.zeros_like(numbers), str(error))
+    return Evaluation(value, scaling.back(numbers, slope))

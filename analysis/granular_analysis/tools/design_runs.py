@@ -1,0 +1,121 @@
+"""Search densities in whole runs: what ``granular-analysis design`` does with ``--maximize``.
+
+A folder holds the search: what was asked, all evaluations, the log of the objective, and the designed scene with its
+table of densities. The same command again continues a search that was stopped. JAX is imported here alone.
+"""
+
+import argparse
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granular_analysis.measure.designs import Subject, designed, goal_of, read_off
+from granular_analysis.measure.runs import load
+from granular_analysis.plotting import in_one_line, scene_of, write, write_csv
+from granular_analysis.theory.errors import TheoryError
+from granular_analysis.theory.network_design import Best, Design, Evaluation, improved
+from granular_lmp.cli.output import interruptible
+
+SCENE, TABLE, LOG, ASKED, EVALUATIONS = "scene.toml", "spheres.csv", "log.csv", "design.json", "evaluations.bin"
+INTERRUPTED = 130
+
+
+class Kept:
+    """The folder of a search: what was asked, and all evaluations so far."""
+
+    def __init__(self, folder: Path, asked: Mapping[str, Any]) -> None:
+        """Begin a folder, or continue that of the same search.
+
+        Raises TheoryError for a folder that holds another search, or files that are none of it.
+        """
+        self.folder, size = folder, int(asked["numbers"]) + 1
+        path, said = folder / ASKED, json.dumps(asked, indent=2) + "\n"
+        if path.is_file():
+            if path.read_text(encoding="utf-8") != said:
+                raise TheoryError(
+                    f"{folder}: holds another search; give its scene and options again, or another folder"
+                )
+        elif there := [name for name in (SCENE, TABLE, LOG, EVALUATIONS) if (folder / name).exists()]:
+            raise TheoryError(f"{folder}: holds {there[0]}, which is of no search; give another folder")
+        else:
+            write(path, said)
+        self.path = folder / EVALUATIONS
+        numbers = np.fromfile(self.path, dtype="<f8") if self.path.is_file() else np.empty(0)
+        rows = numbers[: len(numbers) // size * size].reshape(-1, size)
+        self.evaluations = [Evaluation(float(row[0]), row[1:]) for row in rows]
+        with self.path.open("wb") as stream:  # without the rest of one that was not written to its end
+            rows.astype("<f8").tofile(stream)
+
+    def add(self, found: Evaluation) -> None:
+        """Keep one evaluation more."""
+        with self.path.open("ab") as stream:
+            np.concatenate([[found.value], found.slope]).astype("<f8").tofile(stream)
+        self.evaluations.append(found)
+
+    def write_log(self, uniform: float) -> None:
+        """Write the log: number, objective, the best so far, and that over the objective of the uniform crystal."""
+        values = np.array([each.value for each in self.evaluations])
+        best = np.fmax.accumulate(values)
+        head = ["evaluation", "objective", "best", "best_over_uniform"]
+        write_csv(self.folder / LOG, head, zip(range(1, len(values) + 1), values, best, best / uniform, strict=True))
+
+
+def read(chosen: argparse.Namespace) -> int:
+    """Print an objective of a run, and of one that starts with the opposite sign."""
+    folders = [chosen.what, *([chosen.opposite] if chosen.opposite else [])]
+    with in_one_line(chosen.what):
+        print(f"{chosen.maximize}: {read_off([load(each) for each in folders], chosen.maximize):.6g}")
+    return 0
+
+
+def search(chosen: argparse.Namespace) -> int:
+    """Search the densities of a scene, print how good they are, and write the folder."""
+    folder = Path(chosen.output)
+    with in_one_line(chosen.what):
+        scene = scene_of(chosen.what, chosen)
+        subject = Subject.of(scene)
+        if not scene.perfect:
+            raise TheoryError("packing, disorder, inclusion: a search begins with a crystal of equal spheres")
+        goal, spheres = goal_of(subject, chosen.maximize)
+        low, high = chosen.within
+        groups = subject.groups(chosen.per)
+        robust = {"same_mass": chosen.same_mass, "spread": chosen.robust, "seeds": chosen.seeds}
+        design = Design(subject.run(spheres), goal, groups, low, high, **robust)
+        begin = design.begin(chosen.start)
+        digest = hashlib.sha256(scene.to_toml().encode()).hexdigest()
+        asked = {"scene_sha256": digest, "maximize": chosen.maximize, "within": [low, high], "per": chosen.per}
+        kept = Kept(folder, asked | robust | {"start": chosen.start, "numbers": len(begin)})
+        uniform = design.value(np.ones(len(begin)))
+        known = list(kept.evaluations)
+        with interruptible() as progress:
+
+            def noted(found: Evaluation) -> None:
+                kept.add(found)
+                if progress is not None:
+                    progress(len(kept.evaluations), chosen.evaluations)
+
+            best = improved(design, begin, chosen.evaluations, known, noted)
+        kept.write_log(uniform)
+        made = designed(scene, best.densities[groups])
+        table = made.packing.table
+        write(folder / TABLE, "".join(table.pieces()))
+        write(folder / SCENE, made.to_toml().replace(f'"{table}"', f'"{TABLE}"'))
+    print(said(chosen, best, design, uniform))
+    return INTERRUPTED if best.interrupted else 0
+
+
+def said(chosen: argparse.Namespace, best: Best, design: Design, uniform: float) -> str:
+    """Return what was found, in words."""
+    mass = float(design.sizes @ best.densities / design.sizes.sum())
+    lines = [
+        f"{chosen.maximize}: {best.value:.5g}, {best.value / uniform:.4g} times {uniform:.4g} of the uniform crystal",
+        f"{len(best.densities)} densities, {best.densities.min():.3g} to {best.densities.max():.3g}, mean {mass:.4g}",
+        f"{best.evaluations} evaluations: {best.ended}",
+    ]
+    if best.refused:
+        lines.append(f"{best.refused} of them were stepped back from, the last as {best.why}")
+    return "\n".join([*lines, f"granular-lmp run {chosen.output} runs what was designed"])

@@ -1,0 +1,82 @@
+"""Commands on decks that people bring themselves: lint."""
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from granular_lmp.cli.arguments import Commands, Options, add, json_argument
+from granular_lmp.cli.output import remark, say, say_json
+from granular_lmp.errors import DeckError
+
+if TYPE_CHECKING:
+    from granular_lmp.foreign.finding import Check, Finding
+    from granular_lmp.foreign.reading import Reading
+
+
+def add_to(commands: Commands) -> None:
+    """Add these commands to the parser."""
+    lint = add(commands, "lint", _lint, "warn of what can be wrong with a granular deck of any origin; it is not run")
+    lint.add_argument("deck", metavar="DECK", help="the file that 'lmp -in' takes")
+    lint.add_argument(
+        "--var",
+        action="append",
+        default=[],
+        type=_variable,
+        metavar="NAME=VALUE",
+        dest="variables",
+        help="value of a variable of the deck, as 'lmp -var NAME VALUE' gives it; may be given more than once",
+    )
+    lint.add_argument("--strict", action="store_true", help="end with status 1 if there is a warning")
+    json_argument(lint)
+
+
+def _variable(text: str) -> tuple[str, str]:
+    name, equal, value = text.partition("=")
+    if not (name and equal and value):
+        raise argparse.ArgumentTypeError(f"{text!r} must be NAME=VALUE")
+    return name, value
+
+
+def _lint(options: Options) -> int:
+    from granular_lmp.foreign.apart import read_apart
+    from granular_lmp.foreign.lint import lint
+
+    reading = read_apart(options.deck, dict(options.variables))
+    found = lint(reading)
+    if reading.stopped and not (found or reading.stages):
+        raise DeckError(reading.stopped)
+    if reading.stopped:
+        remark(f"note: {reading.stopped}; what follows was not read")
+    if not reading.stages:
+        remark(f"note: {options.deck}: LAMMPS met no run, so that contacts and steps could not be judged")
+    if options.json:
+        say_json([_row(*each) for each in found])
+    else:
+        for check, finding in found:
+            say(f"{_place(finding)}warning: {finding.what} [{check.name}]\n    {check.why}\n    mend: {finding.mend}")
+        say(f"{options.deck}: {_read(reading)}; warnings: {len(found)}")
+    return int(options.strict and bool(found))
+
+
+def _place(finding: "Finding") -> str:
+    return f"{finding.command.file}:{finding.command.line}: " if finding.command else ""
+
+
+def _row(check: "Check", finding: "Finding") -> dict[str, Any]:
+    command = finding.command
+    return {
+        "check": check.name,
+        "file": command and command.file,
+        "line": command and command.line,
+        "command": command and str(command),
+        "what": finding.what,
+        "why": check.why,
+        "size": finding.size,
+        "mend": finding.mend,
+    }
+
+
+def _read(reading: "Reading") -> str:
+    if reading.spheres is None or reading.pairs is None:
+        return f"{len(reading.commands)} commands"
+    touching = int((reading.pairs.overlap > 0).sum())
+    return f"{len(reading.spheres.id)} spheres, {touching} contacts, units {reading.units}"

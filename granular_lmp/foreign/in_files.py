@@ -1,0 +1,164 @@
+"""Checks of what a deck writes and reads, and of the settings that LAMMPS needs for it."""
+
+import re
+from collections.abc import Iterator
+from math import floor, log10
+
+import numpy as np
+
+from granular_lmp.foreign.finding import Check, Finding
+from granular_lmp.foreign.interpreter import Command
+from granular_lmp.foreign.reading import Reading
+from granular_lmp.foreign.vibrations import contacts_of, expected_displacement
+
+_DIGITS = 3  # of the overlap that a dump should leave
+_POSITIONS = ("x", "y", "z", "xs", "ys", "zs", "xu", "yu", "zu", "xsu", "ysu", "zsu")
+_SINGLE = {"dcd": 7, "xtc": 6, "xyz": 6, "atom": 6}  # digits of the styles of dumps without columns
+_ON_FACE = 1e-9  # distance from a periodic face, in radii
+_WRITTEN = re.compile(r"write_data.*timestep = ([1-9]\d*)")
+
+
+def _coarse_dumps(reading: Reading) -> Iterator[Finding]:
+    spheres, expected = reading.spheres, expected_displacement(reading)
+    if spheres is None or expected is None:
+        return
+    gone = {command.words[1] for command in reading.named("undump")}
+    for dump in reading.named("dump"):
+        if dump.words[1] in gone:
+            continue
+        style, columns = dump.words[3], dump.words[6:]
+        digits = _digits(reading, dump, columns)
+        axes = {name[0] for name, number in digits.items() if number is not None} if columns else {"x", "y", "z"}
+        moved = any(name.startswith(("c_", "v_", "f_")) for name in columns)  # displacements stand beside
+        if style.startswith("custom") and (not digits or moved or dump.words[5].endswith(".bin")):
+            continue
+        number = min((n for n in digits.values() if n is not None), default=_SINGLE.get(style.split("/")[0], 17))
+        largest = max((float(np.abs(spheres.position[:, "xyz".index(axis)]).max()) for axis in axes), default=0.0)
+        unit = 10.0 ** (floor(log10(largest or 1.0)) + 1 - number)
+        left = log10(expected / unit)
+        if left < _DIGITS:
+            yield Finding(
+                dump,
+                f"positions up to {largest:.4g} are written with {number} digits, to {unit:.1g}; of displacements as "
+                f"large as the overlap (or the depth of a collision), {expected:.3g}, this leaves "
+                f"{max(0, floor(left))} digits",
+                min(1.0, unit / expected),
+                f"dump_modify {dump.words[1]} format float %.17g",
+            )
+
+
+def _digits(reading: Reading, dump: Command, columns: tuple[str, ...]) -> dict[str, int | None]:
+    """Return the significant digits of the columns with positions; None where they are enough."""
+    formats = dict.fromkeys(columns, "%g")
+    for command in reading.named("dump_modify"):
+        if command.words[1] != dump.words[1]:
+            continue
+        for keyword, kind, text in zip(command.words, command.words[1:], command.words[2:], strict=False):
+            if keyword == "format" and kind == "float":
+                formats = dict.fromkeys(columns, text)
+            elif keyword == "format" and kind == "line":
+                formats |= dict(zip(columns, text.split(), strict=False))
+            elif keyword == "format" and kind.isdecimal() and int(kind) <= len(columns):
+                formats[columns[int(kind) - 1]] = text
+    return {name: _significant(formats[name]) for name in columns if name in _POSITIONS}
+
+
+def _significant(text: str) -> int | None:
+    match = re.search(r"%[-+ #0]*\d*(?:\.(\d+))?([eg])", text)
+    if match is None:  # %f of any precision is absolute, and of a large box
+        return None
+    return int(match[1] or 6) + (match[2] == "e")
+
+
+def _velocities_of_ghosts(reading: Reading) -> Iterator[Finding]:
+    styles = [command for command in reading.named("pair_style") if command.words[1].startswith("gran")]
+    given = [command for command in reading.named("comm_modify") if "vel" in command.words]
+    if styles and not (given and given[-1].words[given[-1].words.index("vel") + 1] == "yes"):
+        yield Finding(
+            given[-1] if given else styles[-1],
+            "there is no comm_modify vel yes",
+            None,
+            "comm_modify vel yes, before pair_style",
+        )
+
+
+def _forgotten_slip(reading: Reading) -> Iterator[Finding]:
+    contacts = contacts_of(reading)
+    if contacts is None or not contacts.shear.any():
+        return
+    for command, head in reading.data_heads.items():
+        if match := _WRITTEN.search(head):
+            yield Finding(
+                command,
+                f"the file holds step {match[1]} of a run, and {int((contacts.shear > 0).sum())} contacts start "
+                "without slip",
+                None,
+                "write_restart and read_restart, with pair_style and pair_coeff repeated",
+            )
+
+
+def _restart_without_law(reading: Reading) -> Iterator[Finding]:
+    restarts = reading.named("read_restart")
+    if restarts and not [command for command in reading.named("pair_style") if command.words[1] != "none"]:
+        yield Finding(
+            restarts[-1],
+            "no pair_style and pair_coeff follow",
+            None,
+            "pair_style and pair_coeff, as in the first run, behind this line",
+        )
+
+
+def _on_faces(reading: Reading) -> Iterator[Finding]:
+    spheres, writing = reading.spheres, reading.named("restart", "write_restart")
+    if spheres is None or not writing:
+        return
+    for axis, periodic in enumerate(reading.periodic[: reading.dimension]):
+        place = spheres.position[:, axis]
+        low, high = (np.abs(place - face[axis]) < _ON_FACE * spheres.radius for face in (reading.low, reading.high))
+        if periodic and (low | high).any():
+            yield Finding(
+                writing[-1],
+                f"{int((low | high).sum())} spheres lie on the periodic face {'xyz'[axis]}",
+                None,
+                f"shift the lattice along {'xyz'[axis]} by a quarter of its constant",
+            )
+
+
+def _ignored_loss(reading: Reading) -> Iterator[Finding]:
+    for command in reading.named("thermo_modify"):
+        if dict(zip(command.words[1:], command.words[2:], strict=False)).get("lost") in ("ignore", "warn"):
+            yield Finding(command, f"'{command}'", None, "thermo_modify lost error")
+
+
+CHECKS = (
+    Check(
+        "coarse-dump",
+        "A wave moves spheres by less than their overlap, and %g keeps six digits of the position.",
+        _coarse_dumps,
+    ),
+    Check(
+        "ghost-velocities",
+        "Dashpots and slip need the velocities of spheres beyond periodic faces and on other processors.",
+        _velocities_of_ghosts,
+    ),
+    Check(
+        "forgotten-slip",
+        "A data file holds no history of contacts, so that shear forces drop to 0.",
+        _forgotten_slip,
+    ),
+    Check(
+        "restart-without-law",
+        "A restart file continues a run exactly only if the contact law is given again.",
+        _restart_without_law,
+    ),
+    Check(
+        "on-periodic-face",
+        "A sphere that crosses the face by rounding can corrupt a restart file.",
+        _on_faces,
+    ),
+    Check(
+        "lost-spheres",
+        "Spheres that a step too long or an open face loses vanish without an error.",
+        _ignored_loss,
+    ),
+)

@@ -1,0 +1,225 @@
+"""A deck of any origin, executed by LAMMPS command by command, without its output and without its long runs.
+
+LAMMPS resolves variables, formulas and files. What steers the order of commands (``include``, ``jump``, ``label``,
+``next``, ``if``) is done here, so that each command is known with its file, its line and its resolved words. Commands
+that write files are kept and not executed; a fix writes into the working directory of the process. Commands that run
+other programs are refused. Of a run of more than one step only the forces of its first step are computed.
+"""
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from granular_lmp.errors import DeckError
+from granular_lmp.frozen import dataclass
+
+MOST_COMMANDS = 100_000  # a loop that never ends is stopped after a second or two
+_WORD = re.compile(r'"""(.*?)"""|"([^"]*)"|\'([^\']*)\'|(\S+)', re.DOTALL)
+_COMMENT = re.compile(r'("""(?:.|\n)*?"""|"[^"]*"|\'[^\']*\')|#[^\n]*')
+_WRITING = (
+    *("print", "log", "echo", "info", "restart", "timer", "dump", "dump_modify", "undump", "rerun"),
+    *("write_coeff", "write_data", "write_dump", "write_restart"),
+)
+_RUNNING_PROGRAMS = ("shell", "python", "plugin", "mdi", "message", "server", "geturl", "kim")
+_STYLES_RUNNING_PROGRAMS = ("python", "python/invoke", "imd", "mdi/qm", "mdi/qmmm", "client/md", "getenv")
+_READING = ("read_data", "read_restart", "molecule", "pair_coeff", "create_atoms", "region", "fix")
+_BEFORE_OUTPUT = ("file", "append", "overwrite", "out")
+_RUNS = ("run", "minimize")
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command of a deck, after LAMMPS has resolved its variables.
+
+    Attributes
+    ----------
+    file : name of the file in which it stands.
+    line : number of its first line.
+    words : its words, without quotes.
+    """
+
+    file: str
+    line: int
+    words: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the command."""
+        return self.words[0]
+
+    def __str__(self) -> str:
+        """Return the command on one line."""
+        return " ".join(self.words)
+
+
+def split(text: str) -> tuple[str, ...]:
+    """Return the words of a command without their quotes."""
+    return tuple(next((group for group in match.groups() if group is not None), "") for match in _WORD.finditer(text))
+
+
+def lines_of(text: str) -> list[tuple[int, str]]:
+    """Return the commands of a file as they are written, each with the number of its first line, without comments."""
+    found: list[tuple[int, str]] = []
+    first, joined = 0, ""
+    for number, line in enumerate(text.splitlines(), start=1):
+        first = first if joined else number
+        joined += line
+        if joined.count('"""') % 2:
+            joined += "\n"
+        elif (bare := _COMMENT.sub(lambda match: match[1] or "", joined).rstrip()).endswith("&"):
+            joined = f"{bare[:-1]} "
+        else:
+            if bare.strip():
+                found.append((first, bare.strip()))
+            joined = ""
+    return found
+
+
+class Interpreter:
+    """The commands of a deck, executed by an instance of LAMMPS.
+
+    Parameters
+    ----------
+    lmp : lammps.lammps
+        The instance.
+    deck : Path
+        The deck; files that it names are looked for in its folder.
+    at_run : callable
+        Called before a command that moves spheres, with the command and its number of steps (None of a minimization);
+        it lets LAMMPS compute the forces.
+
+    Attributes
+    ----------
+    commands : those met so far, in the order of their execution.
+    """
+
+    def __init__(self, lmp: Any, deck: Path, at_run: Callable[[Command, int | None], None]):
+        self.lmp = lmp
+        self.folder = deck.parent
+        self.commands: list[Command] = []
+        self._at_run = at_run
+        self._exhausted = False
+        self._files: list[tuple[Path, Iterator[tuple[int, str]]]] = []
+        self._open(deck)
+
+    def read(self) -> None:
+        """Execute the deck to its end, or to ``quit``.
+
+        Raises
+        ------
+        DeckError
+            If it runs other programs, loops for ever, or LAMMPS refuses a command.
+        """
+        while self._files:
+            path, lines = self._files[-1]
+            line = next(lines, None)
+            if line is None:
+                self._files.pop()
+                continue
+            self._execute(path.name, *line)
+
+    def _open(self, path: Path, label: str | None = None) -> None:
+        try:
+            lines = iter(lines_of(path.read_text(encoding="utf-8", errors="replace")))
+        except OSError as error:
+            raise DeckError(f"{path}: cannot be read: {error.strerror}") from error
+        if label is not None and not any(split(text)[:2] == ("label", label) for _, text in lines):
+            raise DeckError(f"{path.name}: there is no label {label!r} to jump to")
+        self._files.append((path, lines))
+
+    def _execute(self, file: str, line: int, text: str) -> None:
+        where = f"{file}, line {line}"
+        if len(self.commands) > MOST_COMMANDS:
+            raise DeckError(f"{where}: stopped after {MOST_COMMANDS} commands; is this a loop without an end?")
+        words = split(self._asked(where, text, lambda: self.lmp.expand(text)))
+        if not words:
+            return
+        command = Command(file, line, words)
+        self.commands.append(command)
+        programs = words[0] in _RUNNING_PROGRAMS or set(words[1:4]) & set(_STYLES_RUNNING_PROGRAMS)
+        if programs and words[0] in (*_RUNNING_PROGRAMS, "fix", "variable", "pair_style"):
+            raise DeckError(
+                f"{where}: '{command}' may run other programs, which is not done here; take the line out of a copy"
+            )
+        steering = getattr(self, f"_do_{words[0]}", None)
+        if steering is not None:
+            steering(command)
+        elif words[0] in _RUNS:
+            self._asked(where, text, lambda: self._at_run(command, _steps(words)))
+        elif words[0] not in _WRITING:
+            self._asked(where, text, lambda: self.lmp.command(self._with_paths(text)))
+
+    def _asked(self, where: str, text: str, ask: Callable[[], Any]) -> Any:
+        try:
+            return ask()
+        except Exception as error:
+            if type(error) is not Exception and type(error).__name__ != "MPIAbortException":
+                raise
+            said = re.sub(r"^ERROR[^:]*: ", "", str(error).strip()).splitlines()[0]
+            raise DeckError(f"{where}: LAMMPS refuses '{' '.join(text.split())}': {said}") from error
+
+    def _with_paths(self, text: str) -> str:
+        """Return a command that reads files of the deck's folder and writes into the working directory."""
+        name, *words = split(text)
+        if name not in _READING and not (name == "variable" and words[1:2] in (["file"], ["atomfile"])):
+            return text
+        pieces: list[str] = []
+        for match in _WORD.finditer(text):
+            bare, written = match[4], match[0]
+            word = self.lmp.expand(f"x {bare}")[2:] if bare and "$" in bare else bare or ""
+            path = self.folder / word
+            if name == "fix" and pieces[-1:] and pieces[-1] in _BEFORE_OUTPUT:
+                written = path.name
+            elif word and (path.is_file() or (name == "read_restart" and "*" in word)):
+                written = f'"{path}"'
+            pieces.append(written)
+        return " ".join(pieces)
+
+    def _do_include(self, command: Command) -> None:
+        self._open(self.folder / command.words[1])
+
+    def _do_label(self, _: Command) -> None:
+        """Pass a label by."""
+
+    def _do_next(self, command: Command) -> None:
+        self.lmp.command(str(command))
+        self._exhausted = not self.lmp.has_id("variable", command.words[1])
+
+    def _do_jump(self, command: Command) -> None:
+        if self._exhausted:
+            self._exhausted = False
+            return
+        path, _ = self._files.pop()
+        name, *label = command.words[1:]
+        self._open(path if name == "SELF" else self.folder / name, *label[:1])
+
+    def _do_quit(self, _: Command) -> None:
+        self._files.clear()
+
+    def _do_if(self, command: Command) -> None:
+        words = list(command.words)
+        while words:
+            kind = words.pop(0)
+            holds = kind == "else" or self._holds(command, words.pop(0))
+            if words[:1] == ["then"]:
+                words.pop(0)
+            end = next((n for n, word in enumerate(words) if word in ("elif", "else")), len(words))
+            if holds:
+                for text in words[:end]:
+                    self._execute(command.file, command.line, text)
+                return
+            words = words[end:]
+
+    def _holds(self, command: Command, condition: str) -> bool:
+        name = "granular_lmp_holds"
+        text = f'if """{condition}""" then "variable {name} index 1"'
+        self._asked(f"{command.file}, line {command.line}", str(command), lambda: self.lmp.command(text))
+        holds = bool(self.lmp.has_id("variable", name))
+        if holds:
+            self.lmp.command(f"variable {name} delete")
+        return holds
+
+
+def _steps(words: tuple[str, ...]) -> int | None:
+    return int(float(words[1])) if words[0] == "run" else None

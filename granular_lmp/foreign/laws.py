@@ -1,0 +1,229 @@
+"""The contact laws of a deck, as its ``pair_style``, ``pair_coeff`` and ``fix wall/gran`` give them.
+
+``pair_style granular`` has a normal law, a tangential law and a damping law for each pair of types; the older styles
+``gran/hooke``, ``gran/hooke/history`` and ``gran/hertz/history`` have one law for all spheres. Stiffnesses are in units
+of the deck.
+
+https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/pair_gran.html
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.adhesion_laws import AdhesionLaw, Dmt, Jkr
+from granular_lmp.foreign.interpreter import Command
+from granular_lmp.frozen import dataclass
+
+Floats = NDArray[np.float64]
+
+_NORMAL = {  # the names of their coefficients, in LAMMPS's order
+    "hooke": ("stiffness", "damping"),
+    "hertz": ("stiffness", "damping"),
+    "hertz/material": ("young", "damping", "poisson"),
+    "dmt": ("young", "damping", "poisson", "gamma"),
+    "jkr": ("young", "damping", "poisson", "gamma"),
+}
+_TANGENTIAL = {
+    "linear_nohistory": ("shear_damping", "friction"),
+    **dict.fromkeys(
+        ("linear_history", "linear_history_classic", "mindlin_classic")
+        + ("mindlin", "mindlin/force", "mindlin_rescale", "mindlin_rescale/force"),
+        ("shear_stiffness", "shear_damping", "friction"),
+    ),
+}
+CLASSIC = ("gran/hooke", "gran/hooke/history", "gran/hertz/history")
+_MATERIAL = ("hertz/material", "dmt", "jkr")
+
+
+@dataclass(frozen=True)
+class Law:
+    """The law of the contacts of two types.
+
+    Attributes
+    ----------
+    command : where it stands.
+    normal, tangential, damping_law : names of its parts.
+    young, poisson, gamma : material of the normal law, where it has one.
+    stiffness : that of "hooke" and "hertz".
+    damping : coefficient of the damping law.
+    shear_stiffness : as it stands; None if it is NULL.
+    shear_damping, friction : of the tangential law.
+    mixed : whether LAMMPS mixes it from the laws of the two types.
+    shear_share : shear stiffness over that of contact mechanics, for a mixed law.
+    """
+
+    command: Command
+    normal: str
+    tangential: str = "none"
+    damping_law: str = "viscoelastic"
+    young: float = 0.0
+    poisson: float = 0.0
+    gamma: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    shear_stiffness: float | None = None
+    shear_damping: float = 0.0
+    friction: float = 0.0
+    mixed: bool = False
+    shear_share: float = 1.0
+    modulus: float = 0.0  # E*, where the law is mixed
+    shear_modulus: float = 0.0  # G*, where the law is mixed
+
+    @property
+    def has_history(self) -> bool:
+        """Whether the shear force depends on the slip since the contact began."""
+        return self.tangential not in ("none", "linear_nohistory")
+
+    @property
+    def adhesive(self) -> bool:
+        """Whether the contact pulls."""
+        return self.normal in ("dmt", "jkr") and self.gamma > 0
+
+    def effective(self) -> tuple[float, float]:
+        """Return E* and G* of a contact of two spheres."""
+        if self.mixed:
+            return self.modulus, self.shear_modulus
+        one = self.young / (1 - self.poisson**2), self.young / (2 * (1 + self.poisson) * (2 - self.poisson))
+        return one[0] / 2, one[1] / 2
+
+    def elastic(self, radius: Any) -> AdhesionLaw | None:
+        """Return the law of contacts with effective radii; None where the normal law has no material."""
+        if self.normal not in _MATERIAL:
+            return None
+        modulus, shear = self.effective()
+        if self.shear_stiffness is not None and self.has_history:
+            shear = self.shear_stiffness / 8
+        kind = Jkr if self.normal == "jkr" else Dmt
+        return kind.between(modulus, shear * self.shear_share, radius, 2 * self.gamma)
+
+    def stiffnesses(self, radius: Floats, overlap: Floats) -> tuple[Floats, Floats]:
+        """Return ∂f_N/∂δ and ∂f_S/∂ξ of contacts with effective radii and overlaps."""
+        elastic = self.elastic(radius)
+        if elastic is not None:
+            inside = np.maximum(elastic.nearest(overlap), 0.0 if self.normal != "jkr" else -np.inf)
+            shear = elastic.shear_stiffness(inside)
+            normal = elastic.normal_stiffness(inside)
+        else:
+            root = np.sqrt(radius * np.maximum(overlap, 0.0)) if "hertz" in self.normal else np.ones_like(overlap)
+            normal = (1.5 if "hertz" in self.normal else 1.0) * self.stiffness * root
+            shear = (self.shear_stiffness or 0.0) * (root if "mindlin" in self.tangential else np.ones_like(overlap))
+            if self.normal in CLASSIC:
+                shear = (self.shear_stiffness or 0.0) * root
+        return normal, shear if self.has_history else np.zeros_like(shear)
+
+    def collision(self, radius: float, mass: float, speed: float) -> float | None:
+        """Return how long two spheres touch that meet head-on without adhesion and damping, or None if it is unknown.
+
+        With a law f = k δ^{3/2} and the effective mass m they touch for 2.943 δmax/v, δmax = (5mv²/4k)^{2/5}; with
+        f = k δ for π √(m/k).
+        """
+        normal, _ = self.stiffnesses(np.array([radius]), np.array([1.0]))
+        if self.normal == "jkr" or not normal[0]:
+            return None
+        if "hooke" in self.normal:
+            return float(np.pi * np.sqrt(mass / normal[0]))
+        return float(2.943 * (5 * mass * speed**2 / (4 * normal[0] / 1.5)) ** 0.4 / speed)
+
+    def dashpot(self, radius: Floats, overlap: Floats, mass: Floats) -> Floats:
+        """Return the coefficient of the normal force over the approaching velocity, with the effective mass."""
+        if self.damping_law == "velocity":
+            return np.full_like(overlap, self.damping)
+        if self.damping_law == "mass_velocity" or (self.normal in CLASSIC and "hertz" not in self.normal):
+            return self.damping * mass
+        if self.damping_law == "viscoelastic":
+            return self.damping * mass * np.sqrt(radius * np.maximum(overlap, 0.0))
+        normal, _ = self.stiffnesses(radius, overlap)
+        share = abs(np.log(max(self.damping, 1e-12)))
+        zeta = share / sqrt(np.pi**2 + share**2)  # of a linear contact with this coefficient of restitution
+        return 2 * zeta * np.sqrt(mass * normal) * (sqrt(5) / 2 / sqrt(1.5) if self.normal != "hooke" else 1.0)
+
+
+def laws_of(commands: Sequence[Command], types: int) -> dict[tuple[int, int], Law]:
+    """Return the law of each pair of types, the lower one first; empty where the pair style is not known."""
+    styles = [command for command in commands if command.name == "pair_style"]
+    if not styles:
+        return {}
+    style = styles[-1]
+    pairs = [(i, j) for j in range(1, types + 1) for i in range(1, j + 1)]
+    if style.words[1] in CLASSIC:
+        return dict.fromkeys(pairs, _classic(style))
+    found: dict[tuple[int, int], Law] = {}
+    for command in commands[commands.index(style) :] if style.words[1] == "granular" else ():
+        if command.name == "pair_coeff" and (law := granular(command, command.words[3:])):
+            one, other = (_types(word, types) for word in command.words[1:3])
+            found |= {(i, j): law for i, j in pairs if (i in one and j in other) or (j in one and i in other)}
+    for i, j in pairs:
+        if (i, j) not in found and {(i, i), (j, j)} <= found.keys():
+            found[i, j] = _mixed(found[i, i], found[j, j])
+    return found
+
+
+def granular(command: Command, words: Sequence[str]) -> Law | None:
+    """Return the law that the words of ``pair_coeff`` or ``fix wall/gran granular`` give, or None if it is unknown."""
+    if words[0] not in _NORMAL:
+        return None
+    values: dict[str, Any] = _numbers(_NORMAL[words[0]], words[1:])
+    for keyword, style, *rest in zip(words, words[1:], *(words[n:] for n in (2, 3, 4)), strict=False):
+        if keyword == "tangential" and style in _TANGENTIAL:
+            values |= {"tangential": style} | _numbers(_TANGENTIAL[style], rest)
+    if "tangential" in words and "tangential" not in values:  # at the end of the line, with fewer than three numbers
+        place = list(words).index("tangential")
+        style = words[place + 1]
+        values |= {"tangential": style} | _numbers(_TANGENTIAL.get(style, ()), words[place + 2 :])
+    if "damping" in words:
+        values["damping_law"] = words[list(words).index("damping") + 1]
+    return Law(command, words[0], **values)
+
+
+def _numbers(names: Iterable[str], words: Sequence[str]) -> dict[str, float | None]:
+    return {name: None if word == "NULL" else float(word) for name, word in zip(names, words, strict=False)}
+
+
+def _classic(style: Command) -> Law:
+    stiffness, shear, damping, shear_damping, friction, flag = style.words[2:8]
+    normal = float(stiffness)
+    return Law(
+        style,
+        style.words[1],
+        tangential="linear_history" if style.words[1].endswith("history") else "linear_nohistory",
+        stiffness=normal,
+        damping=float(damping),
+        damping_law="viscoelastic" if "hertz" in style.words[1] else "mass_velocity",
+        shear_stiffness=2 / 7 * normal if shear == "NULL" else float(shear),
+        shear_damping=(float(damping) / 2 if shear_damping == "NULL" else float(shear_damping)) * (flag != "0"),
+        friction=float(friction),
+    )
+
+
+def _types(word: str, types: int) -> range:
+    low, star, high = word.partition("*")
+    first = int(low or 1)
+    return range(first, int(high or types) + 1) if star else range(first, first + 1)
+
+
+def _mixed(one: Law, other: Law) -> Law:
+    """Return the law that LAMMPS mixes, with E*, G* of contact mechanics and the share of G* that LAMMPS takes.
+
+    With the stiffness NULL LAMMPS puts the mixed E* and √(ν1 ν2) in place of the material of either sphere.
+    """
+    if one.normal not in _MATERIAL:
+        return replace(one, stiffness=sqrt(one.stiffness * other.stiffness), mixed=True)
+    (e, g), (e2, g2) = one.effective(), other.effective()
+    modulus, shear = 2 * e * e2 / (e + e2), 2 * g * g2 / (g + g2)
+    poisson = sqrt(max(one.poisson * other.poisson, 0.0))
+    taken = modulus / (4 * (1 + poisson) * (2 - poisson))
+    null = one.shear_stiffness is None and other.shear_stiffness is None
+    return replace(
+        one,
+        mixed=True,
+        gamma=sqrt(max(one.gamma * other.gamma, 0.0)),
+        poisson=poisson,
+        modulus=modulus,
+        shear_modulus=shear,
+        shear_share=taken / shear if null else 1.0,
+    )

@@ -1,0 +1,301 @@
+"""What LAMMPS knows of a deck of any origin before its first long run: spheres, contacts, laws, time step, integrators.
+
+`read` executes the deck in this process and in a temporary folder: nothing is written beside the deck. A deck can
+bring down the process, so that commands read it by `granular_lmp.foreign.apart`.
+"""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from contextlib import chdir
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import DeckError
+from granular_lmp.foreign.interpreter import Command, Interpreter
+from granular_lmp.foreign.laws import Law, laws_of
+from granular_lmp.frozen import cached_property, dataclass
+from granular_lmp.lammps.installation import lammps_module
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_PAIRS = "compute granular_lmp_{} all {} cutoff type"
+_LOCAL, _ARRAY, _ATOM = 2, 2, 1  # LMP_STYLE_LOCAL, LMP_TYPE_ARRAY, LMP_VAR_ATOM
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A run or a minimization.
+
+    Attributes
+    ----------
+    command : where it stands.
+    steps : number of steps; None of a minimization.
+    timestep : in units of the deck.
+    fixes : those at work.
+    exact : whether the spheres are where they would be: no run of several steps came before.
+    """
+
+    command: Command
+    steps: int | None
+    timestep: float
+    fixes: tuple[Command, ...]
+    exact: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Spheres:
+    """The spheres at the beginning of the first long run, in units of the deck.
+
+    Attributes
+    ----------
+    id, type : (N,) arrays.
+    radius, mass : (N,) arrays.
+    position, velocity, force, torque : (N, 3) arrays; forces and torques hold those of all fixes too.
+    moves : (N,) array; whether an integrator moves the sphere.
+    turns : (N,) array; whether it turns the sphere.
+    """
+
+    id: Integers
+    type: Integers
+    radius: Floats
+    mass: Floats
+    position: Floats
+    velocity: Floats
+    force: Floats
+    torque: Floats
+    moves: NDArray[np.bool_]
+    turns: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Neighbours within the reach of their law, each pair once: P pairs.
+
+    Attributes
+    ----------
+    i, j : (P,) arrays; indices of `Spheres`.
+    vector : (P, 3) array; from the centre of j to that of i.
+    overlap : (P,) array; below 0 across a gap.
+    force : (P, 3) array; on i.
+    """
+
+    i: Integers
+    j: Integers
+    vector: Floats
+    overlap: Floats
+    force: Floats
+
+    def of(self, which: Any) -> "Pairs":
+        """Return some of the pairs."""
+        return Pairs(self.i[which], self.j[which], self.vector[which], self.overlap[which], self.force[which])
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What LAMMPS says of a deck.
+
+    Attributes
+    ----------
+    deck : path of the deck.
+    commands : in the order of their execution, with resolved words.
+    stages : runs and minimizations.
+    stopped : why LAMMPS did not read on; "" if it came to the end.
+    data_heads : first line of each data file, by the command that reads it.
+    units, dimension, periodic, low, high : units, dimensions, and the box.
+    laws : law of each pair of types, the lower one first; empty where it is not known.
+    spheres, pairs : at the beginning of the first long run; None if the deck did not come so far.
+    """
+
+    deck: str
+    commands: tuple[Command, ...]
+    stages: tuple[Stage, ...]
+    stopped: str
+    data_heads: Mapping[Command, str]
+    units: str
+    dimension: int
+    periodic: tuple[bool, bool, bool]
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    laws: Mapping[tuple[int, int], Law]
+    spheres: Spheres | None
+    pairs: Pairs | None
+
+    def named(self, *names: str) -> list[Command]:
+        """Return the commands with one of these names."""
+        return [command for command in self.commands if command.name in names]
+
+    @cached_property
+    def start(self) -> Stage | None:
+        """The first run of several steps; else the last of all."""
+        return start_of(self.stages)
+
+    def law_of(self, pairs: Pairs) -> list[tuple[Law, NDArray[np.bool_]]]:
+        """Return the laws of pairs, each with the pairs that have it."""
+        if self.spheres is None:
+            return []
+        types = np.sort(np.stack((self.spheres.type[pairs.i], self.spheres.type[pairs.j])), axis=0)
+        return [
+            (law, which)
+            for (one, other), law in self.laws.items()
+            if (which := (types[0] == one) & (types[1] == other)).any()
+        ]
+
+
+def start_of(stages: Sequence[Stage]) -> Stage | None:
+    """Return the first run of several steps; else the last of all, or None."""
+    long = (stage for stage in stages if stage.steps is not None and stage.steps > 1)
+    return next(long, stages[-1] if stages else None)
+
+
+def read(deck: str | Path, variables: Mapping[str, str] | None = None) -> Reading:
+    """Return what LAMMPS says of a deck, up to the forces at the beginning of each of its runs.
+
+    Parameters
+    ----------
+    deck : str or Path
+        The deck, as ``lmp -in`` takes it.
+    variables : mapping of str to str, optional
+        Values of its index variables, as ``lmp -var`` takes them.
+
+    Raises
+    ------
+    DeckError
+        If the deck cannot be read, runs other programs, or LAMMPS refuses a command before the first run.
+    LammpsMissingError
+        As `granular_lmp.lammps.installation.lammps_module`.
+    """
+    path = Path(deck).absolute()
+    if not path.is_file():
+        raise DeckError(f"{deck}: no such deck; give the file that 'lmp -in' takes")
+    given = [word for name, value in (variables or {}).items() for word in ("-var", name, *value.split())]
+    with tempfile.TemporaryDirectory(prefix="granular-lmp-") as folder, chdir(folder):
+        lmp = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite", *given])
+        try:
+            return _read(lmp, path)
+        finally:
+            lmp.close()
+
+
+def _read(lmp: Any, path: Path) -> Reading:
+    stages: list[Stage] = []
+    found: dict[str, Any] = {"spheres": None, "pairs": None}
+    deck = Interpreter(lmp, path, lambda command, steps: _run(deck, command, steps, stages, found))
+    stopped = ""
+    try:
+        deck.read()
+    except DeckError as error:
+        stopped = str(error)
+        if not deck.commands:
+            raise
+    box = lmp.extract_box() if lmp.extract_setting("box_exist") else ((0.0,) * 3, (0.0,) * 3, 0, 0, 0, (0,) * 3, 0)
+    return Reading(
+        deck=str(path),
+        commands=tuple(deck.commands),
+        stages=tuple(stages),
+        stopped=stopped,
+        data_heads={
+            command: _head(path.parent / command.words[1]) for command in deck.commands if _reads_data(command)
+        },
+        units=str(lmp.extract_global("units")),
+        dimension=int(lmp.extract_setting("dimension")),
+        periodic=(bool(box[5][0]), bool(box[5][1]), bool(box[5][2])),
+        low=tuple(box[0]),
+        high=tuple(box[1]),
+        laws=laws_of(deck.commands, int(lmp.extract_setting("ntypes"))),
+        **found,
+    )
+
+
+def _reads_data(command: Command) -> bool:
+    return command.name == "read_data"
+
+
+def _head(path: Path) -> str:
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            return file.readline(1000).strip()
+    except OSError:
+        return ""
+
+
+def _run(deck: Interpreter, command: Command, steps: int | None, stages: list[Stage], found: dict[str, Any]) -> None:
+    """Note a stage, and let LAMMPS do a run of one step, or the forces of the first step of a longer one."""
+    lmp = deck.lmp
+    fixes: dict[str, Command] = {}
+    for each in deck.commands:
+        if each.name == "fix":
+            fixes[each.words[1]] = each
+        elif each.name == "unfix":
+            fixes.pop(each.words[1], None)
+        elif each.name == "clear":
+            fixes.clear()
+    exact = all(stage.steps is not None and stage.steps <= 1 for stage in stages)
+    stages.append(Stage(command, steps, float(lmp.extract_global("dt")), tuple(fixes.values()), exact))
+    short = steps is not None and steps <= 1
+    if start_of(stages) is not stages[-1]:
+        lmp.command(f"run {steps if short else 0} post no")
+        return
+    local = ("property/local patom1 patom2", "pair/local dist dx dy dz fx fy fz")
+    names = [f"granular_lmp_{n}" for n in range(len(local))]
+    for n, words in enumerate(local):
+        lmp.command(_PAIRS.format(n, words))
+    lmp.command("run 0 post no")
+    found["spheres"] = spheres = _spheres(lmp, tuple(fixes.values()))
+    ends, between = (np.array(_local(lmp, name)) for name in names)
+    found["pairs"] = _pairs(spheres, ends, between)
+    for name in names:
+        lmp.command(f"uncompute {name}")
+    if short and steps:
+        lmp.command(f"run {steps} post no")
+
+
+def _local(lmp: Any, name: str) -> Any:
+    rows = lmp.extract_compute(name, _LOCAL, 4)  # LMP_SIZE_ROWS
+    columns = lmp.extract_compute(name, _LOCAL, 5)  # LMP_SIZE_COLS
+    return lmp.numpy.extract_compute(name, _LOCAL, _ARRAY) if rows else np.zeros((0, columns))
+
+
+def _spheres(lmp: Any, fixes: tuple[Command, ...]) -> Spheres:
+    def each(name: str) -> Any:
+        array = lmp.numpy.extract_atom(name)
+        return None if array is None else np.array(array)[: int(lmp.extract_setting("nlocal"))]
+
+    types, mass, radius = each("type"), each("rmass"), each("radius")
+    if mass is None:
+        mass = np.array(lmp.numpy.extract_atom("mass"))[types]
+    moves, turns = np.zeros(len(types), dtype=bool), np.zeros(len(types), dtype=bool)
+    for fix in fixes:
+        if fix.words[3].startswith(("nve", "nvt", "npt", "nph", "rigid", "move")):
+            members = _members(lmp, fix.words[2])
+            moves |= members & (fix.words[3] != "nve/noforce")
+            turns |= members & ("sphere" in fix.words[3])
+    return Spheres(
+        id=each("id").astype(np.int64),
+        type=types.astype(np.int64),
+        radius=np.zeros(len(types)) if radius is None else radius,
+        mass=mass,
+        position=each("x"),
+        velocity=each("v"),
+        force=each("f"),
+        torque=np.zeros((len(types), 3)) if (torque := each("torque")) is None else torque,
+        moves=moves,
+        turns=turns,
+    )
+
+
+def _members(lmp: Any, group: str) -> NDArray[np.bool_]:
+    lmp.command(f"variable granular_lmp_member atom gmask({group})")
+    members = np.array(lmp.numpy.extract_variable("granular_lmp_member", "all", _ATOM)) > 0
+    lmp.command("variable granular_lmp_member delete")
+    return members
+
+
+def _pairs(spheres: Spheres, ends: Floats, between: Floats) -> Pairs:
+    order = np.argsort(spheres.id)
+    i, j = (order[np.searchsorted(spheres.id[order], tags)] for tags in ends.T.astype(np.int64))
+    overlap = spheres.radius[i] + spheres.radius[j] - between[:, 0]
+    return Pairs(i, j, between[:, 1:4], overlap, between[:, 4:7])

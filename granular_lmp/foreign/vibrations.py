@@ -1,0 +1,170 @@
+"""The fastest vibration of the spheres of a deck, by the stiffnesses of their own contacts, and its fastest decay.
+
+The stretch of a contact with the normal n and its slip along the tangent t are
+
+    n·(u_i − u_j),    t·(u_i − u_j) + (R_i φ_i + R_j φ_j)·(n × t)
+
+The square of the largest frequency is the largest eigenvalue of M^(−1/2) Bᵀ K B M^(−1/2), where B holds these rows and
+K the stiffnesses. Held spheres have no mobility. Contacts with walls are left out: with them the frequency is higher.
+"""
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from granular_lmp.crystal.lanczos import top_bound
+from granular_lmp.foreign.reading import Pairs, Reading, Spheres
+from granular_lmp.frozen import dataclass
+
+Floats = NDArray[np.float64]
+_INERTIA = 2 / 5
+_ZERO = np.finfo(float).tiny
+_TOUCHING = 1e-10  # overlap over the radius, up to which spheres just touch, but for rounding
+
+
+@dataclass(frozen=True, eq=False)
+class ContactsAtStart:
+    """Contacts at the beginning, C of them, with what their laws say.
+
+    Attributes
+    ----------
+    pairs : the contacts among all pairs.
+    normal, shear : (C,) stiffnesses.
+    dashpot : (C,) coefficients of the damping of the normal motion.
+    """
+
+    pairs: Pairs
+    normal: Floats
+    shear: Floats
+    dashpot: Floats
+
+
+def contacts_of(reading: Reading) -> ContactsAtStart | None:
+    """Return the contacts of a deck whose laws are known, or None if there is none."""
+    spheres, pairs = reading.spheres, reading.pairs
+    if spheres is None or pairs is None or not reading.laws:
+        return None
+    closed = pairs.of(pairs.overlap > _TOUCHING * spheres.radius[pairs.i])
+    if not len(closed.i):
+        return None
+    normal, shear, dashpot = np.zeros((3, len(closed.i)))
+    radius = effective_radius(spheres, closed)
+    mass = 1 / (1 / spheres.mass[closed.i] + 1 / spheres.mass[closed.j])
+    for law, which in reading.law_of(closed):
+        normal[which], shear[which] = law.stiffnesses(radius[which], closed.overlap[which])
+        dashpot[which] = law.dashpot(radius[which], closed.overlap[which], mass[which])
+    return ContactsAtStart(closed, normal, shear, dashpot)
+
+
+def effective_radius(spheres: Spheres, pairs: Pairs) -> Floats:
+    """Return Rc of each pair."""
+    one, other = spheres.radius[pairs.i], spheres.radius[pairs.j]
+    return one * other / (one + other)
+
+
+def expected_displacement(reading: Reading) -> float | None:
+    """Return the overlap at rest, or where spheres only touch the depth of a collision of the fastest; None if neither.
+
+    Waves and impacts move spheres by about as much.
+    """
+    contacts = contacts_of(reading)
+    if contacts is not None:
+        return float(np.median(contacts.pairs.overlap))
+    collision = first_collision(reading)
+    return None if collision is None else collision[0] * collision[1] / 3  # from 2.943 and π
+
+
+def first_collision(reading: Reading) -> tuple[float, float] | None:
+    """Return the speed of the fastest sphere, and how long it touches an equal one at rest; None if that is unknown."""
+    spheres = reading.spheres
+    if spheres is None or not spheres.moves.any():
+        return None
+    speeds = np.linalg.norm(spheres.velocity, axis=1)
+    who = int(np.argmax(speeds))
+    law, speed = reading.laws.get((int(spheres.type[who]),) * 2), float(speeds[who])
+    if law is None or not speed:
+        return None
+    duration = law.collision(float(spheres.radius[who]) / 2, float(spheres.mass[who]) / 2, speed)
+    return None if duration is None else (speed, duration)
+
+
+def fastest(reading: Reading) -> float | None:
+    """Return the largest frequency of the spheres at the start (rad per unit of time), or None without contacts."""
+    contacts = contacts_of(reading)
+    if contacts is None:
+        return None
+    return sqrt(_top(reading, contacts.pairs, contacts.normal, contacts.shear))
+
+
+def fastest_decay(reading: Reading) -> float | None:
+    """Return the largest rate of the contacts' dashpots over masses, in 1 over the unit of time, or None."""
+    contacts = contacts_of(reading)
+    if contacts is None or not contacts.dashpot.any():
+        return None
+    return _top(reading, contacts.pairs, contacts.dashpot, np.zeros_like(contacts.dashpot))
+
+
+def turning(reading: Reading) -> float:
+    """Return how much contacts turn spheres at the start: the largest torque, or rate of it, over that without balance.
+
+    It is 0 where symmetry forbids rotation, and where nothing moves yet 1.
+    """
+    contacts, spheres = contacts_of(reading), reading.spheres
+    if contacts is None or spheres is None:
+        return 0.0
+    pairs = contacts.pairs
+    axis = pairs.vector / np.linalg.norm(pairs.vector, axis=1, keepdims=True)
+    slip = spheres.velocity[pairs.i] - spheres.velocity[pairs.j]
+    rate = contacts.shear[:, None] * np.cross(axis, slip)
+    whole, sizes = np.zeros_like(spheres.velocity), np.linalg.norm(rate, axis=1)
+    for ends in (pairs.i, pairs.j):
+        np.add.at(whole, ends, rate)
+    torques = np.linalg.norm(spheres.torque, axis=1).max()
+    forces = np.linalg.norm(spheres.force, axis=1).max() * spheres.radius.max()
+    shares = [float(np.linalg.norm(whole, axis=1).max() / sizes.max())] if sizes.any() else []
+    shares += [float(torques / forces)] if forces else []
+    return max(shares, default=1.0)
+
+
+def _top(reading: Reading, pairs: Pairs, normal: Floats, shear: Floats) -> float:
+    spheres = reading.spheres
+    assert spheres is not None
+    axis = pairs.vector / np.linalg.norm(pairs.vector, axis=1, keepdims=True)
+    tangents = _tangents(axis, flat=reading.dimension == 2)
+    radii = spheres.radius[pairs.i], spheres.radius[pairs.j]
+    count = len(spheres.mass)
+    rows = [_row(pairs, axis, np.zeros_like(axis), radii, normal, count)]
+    # The spin vector points from j to i, so that n × t has the opposite sign on both spheres alike
+    rows += [_row(pairs, tangent, -np.cross(axis, tangent), radii, shear, count) for tangent in tangents if shear.any()]
+    spin = spheres.turns / (_INERTIA * spheres.mass * spheres.radius**2 + _ZERO)
+    mobility = np.sqrt(np.concatenate((np.repeat(spheres.moves / spheres.mass, 3), np.repeat(spin, 3))))
+    values, columns = (np.concatenate([row[n] for row in rows]) for n in range(2))
+    starts = np.arange(0, values.size + 1, values.shape[1])
+    matrix = csr_array((values.ravel() * mobility[columns.ravel()], columns.ravel(), starts))
+    matrix.resize((len(values), mobility.size))
+    start = np.random.default_rng(0).standard_normal(mobility.size) * mobility
+    if not start.any():
+        return 0.0
+    return top_bound(lambda vector: matrix.T @ (matrix @ vector), start, mobility.size)
+
+
+def _tangents(axis: Floats, *, flat: bool) -> list[Floats]:
+    if flat:
+        return [np.stack((-axis[:, 1], axis[:, 0], np.zeros(len(axis))), axis=1)]
+    least = np.eye(3)[np.argmin(np.abs(axis), axis=1)]
+    first = np.cross(axis, least)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return [first, np.cross(axis, first)]
+
+
+def _row(
+    pairs: Pairs, along: Floats, about: Floats, radii: tuple[Floats, Floats], stiffness: Floats, spheres: int
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Return the twelve values and columns of each contact: displacements and rotations of its two spheres."""
+    root = np.sqrt(stiffness)[:, None]
+    values = np.hstack((along, -along, radii[0][:, None] * about, radii[1][:, None] * about)) * root
+    three = np.arange(3)
+    places = [3 * pairs.i[:, None] + three, 3 * pairs.j[:, None] + three]
+    return values, np.hstack((*places, *(3 * spheres + place for place in places)))
