@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from granular_lmp.cli.arguments import (
@@ -18,6 +19,7 @@ from granular_lmp.cli.arguments import (
     wave_scene_of,
 )
 from granular_lmp.cli.output import interruptible, remark, say
+from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.phases import phase
 
 if TYPE_CHECKING:
@@ -49,14 +51,41 @@ def add_to(commands: Commands) -> None:
     resume = add(commands, "resume", _resume, "continue an interrupted run from its last checkpoint")
     resume.add_argument("folder", metavar="DIR", help="its run folder")
 
-    adopt = add(commands, "adopt", _adopt, "make a run folder of what plain lmp left of a deck")
-    adopt.add_argument("source", metavar="DIR", help="where lmp ran: in.NAME, log.lammps, dump.centre, scene.toml")
-    adopt.add_argument("--scene", metavar="SCENE", help="the scene of the deck, where DIR holds no scene.toml")
-    changes_argument(adopt, "wave.amplitude=0.1, which the log does not say")
-    folder_arguments(adopt, "run folder (default: runs/NAME)")
+    _add_adopt(commands)
 
     accept = add(commands, "accept", _accept, "take the files of a finished run as they are, where they were changed")
     accept.add_argument("folder", metavar="DIR", help="its run folder")
+
+
+def _add_adopt(commands: Commands) -> None:
+    text = "make a run folder of what plain lmp left of a deck, or of anybody's dumps"
+    adopt = add(commands, "adopt", _adopt, text)
+    adopt.add_argument(
+        "source",
+        metavar="DIR|DUMP",
+        nargs="+",
+        help="where lmp ran: in.NAME, log.lammps, dump.centre, scene.toml; or the dumps of one run of any deck",
+    )
+    adopt.add_argument("--scene", metavar="SCENE", help="the scene of the deck, where DIR holds no scene.toml")
+    changes_argument(adopt, "wave.amplitude=0.1, which the log does not say")
+    folder_arguments(adopt, "run folder (default: runs/NAME)")
+    units = "of dumps: the style of their units, si, cgs, micro, nano or lj, where they do not say it"
+    adopt.add_argument("--units", metavar="STYLE", help=units)
+    adopt.add_argument("--timestep", type=float, metavar="TIME", help="of dumps: the time of a step, in their units")
+    for name in ("radius", "density"):
+        adopt.add_argument(
+            f"--{name}",
+            type=_numbers,
+            metavar="NUMBER",
+            help=f"of dumps: {name} of the spheres, in their units; of several types one for each, as 1.0,0.5",
+        )
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number, or one for each type, as 1.0,0.5") from None
 
 
 def _run(options: Options) -> int:
@@ -100,13 +129,34 @@ def _adopt(options: Options) -> int:
     from granular_lmp.runs.adopt import adopt
 
     changes = changes_of(options)
+    if all(Path(each).is_file() for each in options.source):
+        return _adopt_dumps(options, changes)
+    if len(options.source) > 1:
+        raise RunFolderError(f"{options.source[1]}: several sources must be files, the dumps of one run")
     scene = Scene.load(options.scene, changes) if options.scene else None
-    record = adopt(options.source, options.output, scene=scene, changes=changes, force=options.force)
+    record = adopt(options.source[0], options.output, scene=scene, changes=changes, force=options.force)
     for name, value in record.info["adopted"]["variables"].items():
         remark(f"note: {name} = {value}, as the log says")
     if "edited" in record.info:
         remark(f"note: the deck is not as granular-lmp writes it; lines that differ: {len(record.info['edited'])}")
     return say_how_it_went(str(record.folder), record)
+
+
+def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
+    from granular_lmp.runs.adopt_dump import Known, adopt_dump
+
+    if options.scene or changes:
+        raise RunFolderError(
+            f"{options.source[0]}: dumps of an unnamed crystal have no scene; leave out --scene, --set"
+        )
+    known = Known(options.units, options.timestep, options.radius, options.density)
+    folder = options.output or f"runs/{Path(options.source[0]).name.partition('.')[2] or 'adopted'}"
+    record = adopt_dump(options.source, folder, known, force=options.force)
+    for sentence in record.info["remarks"]:
+        remark(f"note: {sentence}")
+    end = f"{record.time[0]:.6g} to {record.time[-1]:.6g} {'s' if record.in_si else 'units of time'}"
+    say(f"{folder}: {len(record.spheres)} spheres, {len(record)} snapshots, {end}")
+    return 0
 
 
 def _accept(options: Options) -> int:

@@ -27,7 +27,8 @@ COMMANDS = {  # how both programs begin, end, are stopped and read --set, -o and
 # The network in place of LAMMPS's loop: what an engine is given and gives, and the run that takes it. What is given are
 # the spheres of the data file and the scene, as in the first snapshot of a record
 ENGINE = {"granular_lmp.runs.engine", "granular_lmp.accuracy.tolerance"}
-READERS = {"granular_lmp.runs.record", "granular_lmp.scene.spreadsheets"}  # of records and of tables
+# Of records, of unnamed crystals and of tables
+READERS = {"granular_lmp.runs.record", "granular_lmp.runs.unnamed", "granular_lmp.scene.spreadsheets"}
 FROM_PACKAGE = {*READERS, *COMMANDS, *ENGINE, "granular_lmp.crystal.sphere", "granular_lmp.compiled"}
 
 
