@@ -10,8 +10,8 @@ import pytest
 
 from granular_lmp.cli import main
 from granular_lmp.errors import ReadoutError, RunFolderError, ViewError
+from granular_lmp.foreign.adopt_dump import Known, adopt_dump
 from granular_lmp.plot.view import view
-from granular_lmp.runs.adopt_dump import Known, adopt_dump
 from granular_lmp.runs.export import export
 from granular_lmp.runs.front import front
 from granular_lmp.runs.record import Record
