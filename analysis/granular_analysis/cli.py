@@ -19,6 +19,7 @@ DOORS = {
     "design": "which two waves resonate and how compressed; at which numbers of a scene second order does best",
     "fit": "keys of a scene from measured frequencies, harmonics and arrivals, with 95 % intervals",
     "harmonic": "the coherent second harmonic of any scene or run, perfect or not, with its error",
+    "image": "which contacts or spheres of a crystal differ, by what was recorded of a few of its spheres",
     "network": "a run without LAMMPS: the deck of a scene, stepped as LAMMPS does, on a CPU or a GPU",
     "resonances": "all resonances and antiresonances of second order of a scene's crystal",
     "saw": "surface waves of an elastic substrate that couple to the contact resonances of a layer",

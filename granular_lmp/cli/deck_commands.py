@@ -32,6 +32,8 @@ def _lint(options: Options) -> int:
         remark(f"note: {reading.stopped}; what follows was not read")
     if not reading.stages:
         remark(f"note: {options.deck}: LAMMPS met no run, so that contacts and steps could not be judged")
+    if not reading.is_granular:
+        remark(f"note: {options.deck}: this is no deck of pair_style granular or gran/..., and nothing was judged")
     if options.json:
         say_json([_row(*each) for each in found])
     else:

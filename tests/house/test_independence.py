@@ -17,6 +17,7 @@ COMMANDS = {  # how both programs begin, end, are stopped and read --set, -o and
     "granular_lmp.cli.arguments.changes_argument",
     "granular_lmp.cli.arguments.changes_of",
     "granular_lmp.cli.arguments.folder_arguments",
+    "granular_lmp.cli.arguments.positive",
     "granular_lmp.cli.output.interruptible",
     "granular_lmp.cli.output.notes_of_log",
     "granular_lmp.cli.run_commands.say_how_it_went",
@@ -317,6 +318,32 @@ def test_the_theory_of_any_crystal_knows_neither_the_closed_form_nor_the_package
     assert "second_harmonic" not in found
     texts = of_package("granular_analysis")
     assert not any("granular_lmp" in roots(texts[each]) for each in found)
+
+
+# --- what comes after `prepare` ---------------------------------------------------------------------------------------
+
+# Parameters that are a Scene in the rooms behind `prepare`, at most: of entries that prepare it, of what makes other
+# scenes of it, as a sweep does, and of what reads a folder, which is not prepared again
+SCENES_AFTER_PREPARE = {"accuracy": 11, "cli": 12, "lammps": 1, "plot": 19, "runs": 23, "studies": 22}
+
+
+def scenes_taken(source: str) -> int:
+    """Return how many parameters of functions are annotated as a Scene, alone or in another type."""
+    functions = [each for each in ast.walk(ast.parse(source)) if isinstance(each, ast.FunctionDef)]
+    arguments = [arg for each in functions for arg in (*each.args.posonlyargs, *each.args.args, *each.args.kwonlyargs)]
+    return sum(bool(re.search(r"\bScene\b", ast.unparse(arg.annotation))) for arg in arguments if arg.annotation)
+
+
+@pytest.mark.parametrize("room", SCENES_AFTER_PREPARE)
+def test_what_comes_after_prepare_takes_the_problem(room: str) -> None:
+    """A number here may only fall: a function that is called with a prepared scene takes the Problem."""
+    taken = {str(path): scenes_taken(path.read_text()) for path in sources(ROOT / "granular_lmp" / room)}
+    assert sum(taken.values()) <= SCENES_AFTER_PREPARE[room], {path: n for path, n in taken.items() if n}
+
+
+def test_a_scene_that_a_function_takes_is_seen() -> None:
+    assert scenes_taken("def f(a: Scene, *, b: 'Sequence[Scene]', c: Scene | None = None): pass") == 3
+    assert scenes_taken("def f(a: Problem, b: ImpactScene, c) -> Scene: pass") == 0
 
 
 # --- rooms of the tests -----------------------------------------------------------------------------------------------
