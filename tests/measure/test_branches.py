@@ -96,6 +96,14 @@ def test_a_wave_thrown_away_has_the_same_p_and_q(tmp_path: Path) -> None:
     assert np.abs(moved[:, centre, 0]).max() > 0.1
 
 
+def test_spheres_of_two_masses_make_a_cell_of_two(tmp_path: Path) -> None:
+    record = run(Scene.load("breather").with_values({"time.duration": 6.0}), tmp_path / "run")
+    crystal = adopt_dump([tmp_path / "run/dump.particles"], tmp_path / "adopted", Known("lj", record.scene.time.step))
+    lattice = branches(crystal).lattice
+    np.testing.assert_allclose(lattice.vectors, [[0, 4, 0]], atol=2e-3)  # radii, and the chain is compressed
+    assert len(np.unique(lattice.site)) == 2
+
+
 CRYSTALS = {  # vectors and sites of a cell
     "square": ([[1, 0], [0, 1]], [[0, 0]], [0]),
     "honeycomb": ([[3**0.5, 0], [3**0.5 / 2, 1.5]], [[0, 0], [3**0.5 / 2, 0.5]], [0, 0]),
