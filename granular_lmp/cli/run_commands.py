@@ -16,6 +16,7 @@ from granular_lmp.cli.arguments import (
     positive,
     scene_arguments,
     scene_of,
+    variables_argument,
     wave_scene_of,
 )
 from granular_lmp.cli.output import interruptible, remark, say
@@ -25,6 +26,8 @@ from granular_lmp.runs.phases import phase
 if TYPE_CHECKING:
     from granular_lmp.rest.scene import Scene
     from granular_lmp.runs.record import Record
+
+_TYPES = 32  # most types of a deck whose dumps are adopted with one law
 
 
 def add_to(commands: Commands) -> None:
@@ -62,9 +65,10 @@ def _add_adopt(commands: Commands) -> None:
     adopt = add(commands, "adopt", _adopt, text)
     adopt.add_argument(
         "source",
-        metavar="DIR|DUMP",
+        metavar="DIR|DECK|DUMP",
         nargs="+",
-        help="where lmp ran: in.NAME, log.lammps, dump.centre, scene.toml; or the dumps of one run of any deck",
+        help="where lmp ran: in.NAME, log.lammps, dump.centre, scene.toml; or any deck, or the dumps of one run of any "
+        "deck, or both",
     )
     adopt.add_argument("--scene", metavar="SCENE", help="the scene of the deck, where DIR holds no scene.toml")
     changes_argument(adopt, "wave.amplitude=0.1, which the log does not say")
@@ -79,6 +83,8 @@ def _add_adopt(commands: Commands) -> None:
             metavar="NUMBER",
             help=f"of dumps: {name} of the spheres, in their units; of several types one for each, as 1.0,0.5",
         )
+    adopt.add_argument("--law", metavar="WORDS", help="of dumps: law of all contacts, as in pair_coeff")
+    variables_argument(adopt)
 
 
 def _numbers(text: str) -> list[float]:
@@ -143,16 +149,29 @@ def _adopt(options: Options) -> int:
 
 
 def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
-    from granular_lmp.runs.adopt_dump import Known, adopt_dump
+    from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+    from granular_lmp.foreign.apart import read_apart
+    from granular_lmp.foreign.known import dumps_of, known_of, law_of
+    from granular_lmp.lammps.custom_dump import is_dump
 
     if options.scene or changes:
         raise RunFolderError(
             f"{options.source[0]}: dumps of an unnamed crystal have no scene; leave out --scene, --set"
         )
-    known = Known(options.units, options.timestep, options.radius, options.density)
+    dumps = [each for each in options.source if is_dump(each)]
+    decks = [each for each in options.source if each not in dumps]
+    laws = law_of(options.law, _TYPES) if options.law else {}
+    known = Known(options.units, options.timestep, options.radius, options.density, laws)
+    if len(decks) > 1:
+        raise RunFolderError(f"{decks[1]}: neither a dump nor the only deck; one deck and its dumps make a run")
+    notes: list[str] = []
+    if decks:
+        reading = read_apart(decks[0], dict(options.variables))
+        known, notes = known_of(reading, known)
+        dumps = dumps or [str(each) for each in dumps_of(reading)]
     folder = options.output or f"runs/{Path(options.source[0]).name.partition('.')[2] or 'adopted'}"
-    record = adopt_dump(options.source, folder, known, force=options.force)
-    for sentence in record.info["remarks"]:
+    record = adopt_dump(dumps, folder, known, force=options.force)
+    for sentence in (*notes, *record.info["remarks"]):
         remark(f"note: {sentence}")
     end = f"{record.time[0]:.6g} to {record.time[-1]:.6g} {'s' if record.in_si else 'units of time'}"
     say(f"{folder}: {len(record.spheres)} spheres, {len(record)} snapshots, {end}")

@@ -102,6 +102,13 @@ class Frame:
         return np.asarray(apart - turns @ self.cell)
 
 
+def is_dump(path: str | Path) -> bool:
+    """Return whether a file begins as a dump does: as text, gzip, or binary."""
+    with Path(path).open("rb") as stream:
+        begin = stream.read(8 + len(_MAGIC))
+    return begin.startswith((b"ITEM:", _GZIP)) or begin[8:] == _MAGIC
+
+
 def frames(path: str | Path, say: Say) -> Iterator[Frame]:
     """Yield the whole snapshots of a foreign dump; `say` takes what a reader should know, as that its end is missing.
 

@@ -156,6 +156,11 @@ class Unnamed:
         assert found is not None  # `adopt_dump` asks for it
         return found
 
+    @property
+    def has_mass(self) -> bool:
+        """True if the masses of the spheres are known."""
+        return "mass" in self._first.names
+
     @cached_property
     def mass(self) -> Floats:
         """Mass of each sphere at the beginning, (N,).
@@ -318,7 +323,7 @@ class Unnamed:
             if values[0] is not None:
                 for axis, letter in enumerate("xyz"):
                     found[f"{symbol}{letter}{unit[name]}"] = np.array([each[:, axis] for each in values]).ravel()
-        if "mass" in self._first.names:
+        if self.has_mass:
             energies = np.array([self.kinetic_energy(each) for each in moments])
             found["kinetic_energy" + "_J" * self.in_si] = energies.ravel()
         return found

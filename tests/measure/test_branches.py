@@ -11,7 +11,7 @@ from granular_analysis.theory.bloch import real_modes
 from granular_analysis.theory.contact import Contact
 from granular_analysis.tools.branches import Branches, branches
 from granular_lmp import Record, Scene, run
-from granular_lmp.runs.adopt_dump import Known, adopt_dump
+from granular_lmp.foreign.adopt_dump import Known, adopt_dump
 from granular_lmp.runs.unnamed import Unnamed
 from granular_lmp.studies.kick import kicked
 
@@ -94,6 +94,14 @@ def test_a_wave_thrown_away_has_the_same_p_and_q(tmp_path: Path) -> None:
     np.testing.assert_allclose(moved[:, centre, 1], record.p[there] - record.p[0], atol=1e-9)
     np.testing.assert_allclose(-moved[:, centre, 0], record.q[there] - record.q[0], atol=1e-9)
     assert np.abs(moved[:, centre, 0]).max() > 0.1
+
+
+def test_spheres_of_two_masses_make_a_cell_of_two(tmp_path: Path) -> None:
+    record = run(Scene.load("breather").with_values({"time.duration": 6.0}), tmp_path / "run")
+    crystal = adopt_dump([tmp_path / "run/dump.particles"], tmp_path / "adopted", Known("lj", record.scene.time.step))
+    lattice = branches(crystal).lattice
+    np.testing.assert_allclose(lattice.vectors, [[0, 4, 0]], atol=2e-3)  # radii, and the chain is compressed
+    assert len(np.unique(lattice.site)) == 2
 
 
 CRYSTALS = {  # vectors and sites of a cell

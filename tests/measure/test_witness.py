@@ -8,7 +8,9 @@ import pytest
 from granular_analysis.cli import main
 from granular_analysis.measure.witness import EXPLAINED, witness
 from granular_analysis.theory.errors import TheoryError
-from granular_lmp.runs.adopt_dump import ContactLaw, Known, adopt_dump
+from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+from granular_lmp.foreign.known import law_of
+from granular_lmp.foreign.laws import Law
 from granular_lmp.runs.unnamed import Unnamed
 from tests.instance import run_deck
 
@@ -42,10 +44,10 @@ dump_modify 2 format float %.17g
 run {steps}
 """
 WORDS = "hertz/material 2e11 0 0.3 tangential mindlin NULL 0.0 0.5"
-STEEL = ContactLaw("hertz/material", 2e11, 0.3, tangential="mindlin", friction=0.5)
+STEEL = law_of(WORDS, 1)[1, 1]
 
 
-def made(folder: Path, *, law: str = WORDS, step: float = 2e-7, start: str = "", known: ContactLaw = STEEL) -> Path:
+def made(folder: Path, *, law: str = WORDS, step: float = 2e-7, start: str = "", known: Law = STEEL) -> Path:
     """Run the deck for 0.2 ms, and adopt its dump with all digits; return the folder of the deck."""
     folder.mkdir()
     every = round(4e-6 / step)
@@ -57,7 +59,7 @@ def made(folder: Path, *, law: str = WORDS, step: float = 2e-7, start: str = "",
     return folder
 
 
-def adopted(folder: Path, name: str, law: ContactLaw, step: float, **more: object) -> Unnamed:
+def adopted(folder: Path, name: str, law: Law, step: float, **more: object) -> Unnamed:
     known = Known("si", step, [0.01], [7780.0], {(1, 1): law}, **more)  # type: ignore[arg-type]
     return adopt_dump([folder / f"dump.{name}"], folder / name, known, force=True)
 
@@ -99,7 +101,7 @@ def test_a_dump_of_six_digits_is_named(beads: Path) -> None:
     [replace(STEEL, young=2.1e11), replace(STEEL, tangential="none"), replace(STEEL, friction=0.001)],
     ids=["stiffer", "without shear", "slippery"],
 )
-def test_another_law_is_not_explained(other: ContactLaw, beads: Path, tmp_path: Path) -> None:
+def test_another_law_is_not_explained(other: Law, beads: Path, tmp_path: Path) -> None:
     (tmp_path / "dump.fine").write_bytes((beads / "dump.fine").read_bytes())
     found = witness(adopted(tmp_path, "fine", other, 2e-7))
     assert not found.explained

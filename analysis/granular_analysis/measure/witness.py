@@ -134,12 +134,12 @@ def network_of(crystal: Unnamed, first: Moment) -> Network:
     """
     laws = {tuple(each["types"]): each for each in crystal.known["laws"]}
     if not laws:
-        raise TheoryError("no contact law is known; adopt the dump with its law")
+        raise TheoryError("no contact law is known; adopt the dump together with its deck, or with --law")
     kinds = np.unique(crystal.types)
     own = [laws[kind, kind] for kind in kinds.tolist() if (kind, kind) in laws]
     if len(own) < len(kinds):
         raise TheoryError(f"the law of two spheres of one type is known for {len(own)} of {len(kinds)} types")
-    _refuse_others(own, laws)
+    _refuse_others(own, {pair: law for pair, law in laws.items() if {*pair} <= {*kinds.tolist()}})
     law = own[0]
     _, cell, periodic = crystal.cell
     if periodic.any() and not np.array_equal(cell, np.diag(np.diag(cell))):
@@ -147,8 +147,7 @@ def network_of(crystal: Unnamed, first: Moment) -> Network:
     flat = {*crystal.axes} <= {0, 1} and not first.velocity[:, 2].any()
     spins = first.spin if first.spin is not None else np.zeros((1, 3))
     axes = 2 if flat and not spins[:, :2].any() else 3
-    held = crystal.known["held"]
-    still = np.isin(crystal.spheres, held) if held is not None else _still(crystal)
+    still = _still(crystal) | np.isin(crystal.spheres, crystal.known["held"])
     sheared = law["tangential"] not in _ELASTIC
     return Network(
         crystal.rest[:, :axes],
@@ -184,13 +183,15 @@ def _refuse_others(own: list[dict[str, Any]], laws: dict[tuple[int, ...], dict[s
             raise TheoryError("a shear stiffness of its own is not built; the witness knows NULL")
         if law["damping"] and law["damping_law"] not in ("velocity", "coeff_restitution"):
             raise TheoryError(f"damping {law['damping_law']} is not built; the witness knows velocity")
+        if law["damping"] and law["tangential"] in _SHEAR and law["shear_damping"] != 1:
+            raise TheoryError("a damping of shear of its own is not built; the witness knows 1")
     same = ("normal", "tangential", "friction", "damping_law", "damping")
     if any(each[name] != own[0][name] for each in laws.values() for name in same):
         raise TheoryError("the types differ in more than their material, which is not built")
 
 
 def _still(crystal: Unnamed) -> NDArray[np.bool_]:
-    """Return the spheres that do not move in any snapshot; no force that held them can be seen."""
+    """Return the spheres that do not move in any snapshot: whether something holds them is not seen."""
     still = np.ones(len(crystal.spheres), dtype=bool)
     for number in range(len(crystal)):
         moment = crystal[number]

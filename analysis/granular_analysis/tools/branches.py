@@ -28,6 +28,7 @@ Floats = NDArray[np.float64]
 FIELDS = ("wavenumber", "frequency", "along", "power")
 FEWEST = 8  # snapshots: below, the window leaves next to nothing
 MOST = 200  # wave numbers
+_DIGITS = 6  # of radii and masses, of the largest, by which spheres are of one kind
 _SHOWN = 20  # lines of the table
 _SILENT = 1e-6  # of the largest power of all wave numbers: less is rounding
 _WHOLE = 1e-6  # a number of periods that is whole to this fits into the box
@@ -85,8 +86,7 @@ def branches(crystal: Unnamed, way: Sequence[float] | Floats | None = None) -> B
         raise ValueError(f"snapshots are {steps.min():.6g} to {steps.max():.6g} apart; they must be at even times")
     _, cell, periodic = crystal.cell
     places = crystal.rest
-    kinds = np.unique(np.stack([crystal.types, np.round(crystal.radius / crystal.radius.max(), 6)]), axis=1,
-                      return_inverse=True)[1].ravel()  # fmt: skip
+    kinds = _kinds(crystal)
     lattice = found_lattice(places, kinds, cell, periodic)
     ahead = np.eye(3)[np.argmax(np.ptp(places, axis=0))] if way is None else np.array(way, dtype=float)
     ahead /= np.linalg.norm(ahead)
@@ -113,6 +113,15 @@ def branches(crystal: Unnamed, way: Sequence[float] | Floats | None = None) -> B
     resolution = 2 / float(crystal.time[-1] - crystal.time[0])
     table = np.array(rows).reshape(-1, 4)
     return Branches(lattice, ahead, numbers, frequencies, total / largest, table, resolution, fits)
+
+
+def _kinds(crystal: Unnamed) -> NDArray[np.intp]:
+    """Return the kind of each sphere, counted from 0: its type, radius and, where it is known, its mass."""
+    traits = [crystal.types, np.round(crystal.radius / crystal.radius.max(), _DIGITS)]
+    if crystal.has_mass:
+        traits.append(np.round(crystal.mass / crystal.mass.max(), _DIGITS))
+    kinds: NDArray[np.intp] = np.unique(np.stack(traits), axis=1, return_inverse=True)[1].ravel()
+    return kinds
 
 
 def _frame(ahead: Floats) -> Floats:
@@ -153,7 +162,7 @@ def _up_to(edge: float, smallest: float) -> Floats:
 def table(found: Branches, in_si: bool) -> str:
     """Return what was found, as text: the lattice, what is resolved, and the strongest waves."""
     units = ("rad/m", "Hz", "m") if in_si else ("rad", "1/time", "length")
-    vectors = ["(" + ", ".join(f"{x:.6g}" for x in each) + ")" for each in found.lattice.vectors]
+    vectors = ["(" + ", ".join(f"{x + 0.0:.6g}" for x in each) + ")" for each in found.lattice.vectors]
     sites = len(np.unique(found.lattice.site))
     lines = [f"lattice of {', '.join(vectors)} {units[2]}, sites in a cell: {sites}" if vectors else "no lattice found"]
     apart = found.wavenumbers[0] * (1 if found.fits else 2)

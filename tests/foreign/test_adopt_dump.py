@@ -10,8 +10,8 @@ import pytest
 
 from granular_lmp.cli import main
 from granular_lmp.errors import ReadoutError, RunFolderError, ViewError
+from granular_lmp.foreign.adopt_dump import Known, adopt_dump
 from granular_lmp.plot.view import view
-from granular_lmp.runs.adopt_dump import Known, adopt_dump
 from granular_lmp.runs.export import export
 from granular_lmp.runs.front import front
 from granular_lmp.runs.record import Record
@@ -50,6 +50,7 @@ run 400
 FORMATS = {
     "wrapped": ("custom", "id type x y z vx vy vz", "", 1e-6),
     "any order": ("custom", "vz id x vx z type y vy", "sort 3", 1e-6),
+    "words": ("custom", "element id type proc x y z procp1 vx vy vz", "element Steel Iron format float %.15g", 1e-14),
     "images": ("custom", "id type x y z ix iy iz vx vy vz", "format float %.15g", 1e-14),
     "scaled": ("custom", "id type xs ys zs vx vy vz", "format float %.15g", 1e-14),
     "scaled images": ("custom", "id xs ys zs ix iy iz type vx vy vz", "format float %.15g", 1e-14),

@@ -5,7 +5,7 @@ One snapshot of each dump is in memory at a time. What the dumps do not say is n
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, field
+from dataclasses import field
 from itertools import chain
 from math import inf, isfinite, pi
 from pathlib import Path
@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
+from granular_lmp.foreign.laws import Law
+from granular_lmp.foreign.reading import Spheres
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.binary_dump import binary_head, binary_snapshots
-from granular_lmp.lammps.custom_dump import Frame, Say, frames
+from granular_lmp.lammps.custom_dump import PLACES, Frame, Say, frames
 from granular_lmp.lammps.outputs import UNNAMED, SnapshotPlace, keep_latest, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
@@ -41,48 +43,6 @@ _NAMED = 5  # spheres that come or go, by number in a sentence
 
 
 @dataclass(frozen=True)
-class ContactLaw:
-    """The law of the contacts of two types of spheres, in the units of a deck, as ``pair_coeff`` of LAMMPS says it.
-
-    Attributes
-    ----------
-    normal : str
-        hertz/material, dmt, jkr, or another that no witness knows.
-    young, poisson, gamma : float
-        Of each sphere; the work of adhesion is 2γ.
-    tangential : str
-        Its name; "none" without one.
-    shear_stiffness : float or None
-        As it stands there; None of NULL.
-    friction : float
-    damping_law : str
-    damping : float
-        Coefficient of the normal law.
-    """
-
-    normal: str
-    young: float = 0.0
-    poisson: float = 0.0
-    gamma: float = 0.0
-    tangential: str = "none"
-    shear_stiffness: float | None = None
-    friction: float = 0.0
-    damping_law: str = "viscoelastic"
-    damping: float = 0.0
-
-    def in_si(self, units: Units) -> dict[str, Any]:
-        """Return the values by name, in SI units (of units lj in these); a damping as it stands."""
-        pressure = {"mass": 1, "length": -1, "time": -2}
-        stiffness = self.shear_stiffness
-        return asdict(self) | {
-            "young": units.si(self.young, **pressure),
-            "gamma": units.si(self.gamma, mass=1, time=-2),
-            "shear_stiffness": None if stiffness is None else units.si(stiffness, **pressure),
-            "viscosity": units.si(self.damping, mass=1, time=-1),
-        }
-
-
-@dataclass(frozen=True)
 class Known:
     """What is known of a foreign run beside its dumps, in the units of the dump; None is what must be in the dump.
 
@@ -94,10 +54,10 @@ class Known:
         Time of one step.
     radius, density : sequence of float, optional
         One number, or one for each type of spheres.
-    laws : mapping of (int, int) to ContactLaw
+    laws : mapping of (int, int) to Law
         The law of each pair of types, where it is known: the witness takes it.
-    held : sequence of int, optional
-        Spheres that nothing moves, by ``id``; None if that is not known.
+    spheres : Spheres, optional
+        Radii and masses of a deck, by ``id``, where neither dump nor `radius` and `density` say them.
     acting : sequence of str
         What else acts on spheres: commands of the deck that no witness knows.
     """
@@ -106,8 +66,8 @@ class Known:
     timestep: float | None = None
     radius: Sequence[float] | None = None
     density: Sequence[float] | None = None
-    laws: Mapping[tuple[int, int], ContactLaw] = field(default_factory=dict)
-    held: Sequence[int] | None = None
+    laws: Mapping[tuple[int, int], Law] = field(default_factory=dict)
+    spheres: Spheres | None = None
     acting: Sequence[str] = ()
 
     def __post_init__(self) -> None:
@@ -176,6 +136,35 @@ def adopt_dump(
     return Unnamed.load(place)
 
 
+def _in_si(law: Law, units: Units) -> dict[str, Any]:
+    """Return what ``run.json`` says of a law, in SI units (of units lj in these); a damping also as it stands."""
+    pressure = {"mass": 1, "length": -1, "time": -2}
+    return {
+        "normal": law.normal,
+        "young": units.si(law.young, **pressure),
+        "poisson": law.poisson,
+        "gamma": units.si(law.gamma, mass=1, time=-2),
+        "tangential": law.tangential,
+        "shear_stiffness": None if law.shear_stiffness is None else units.si(law.shear_stiffness, **pressure),
+        "shear_damping": law.shear_damping,
+        "friction": law.friction,
+        "mixed": law.mixed,
+        "damping_law": law.damping_law,
+        "damping": law.damping,
+        "viscosity": units.si(law.damping, mass=1, time=-1),
+    }
+
+
+def _by_id(values: Floats, known: Spheres, ids: Floats) -> Floats:
+    """Return values of the spheres of a deck for those with some numbers."""
+    order = np.argsort(known.id)
+    place = np.minimum(np.searchsorted(known.id[order], ids), len(order) - 1)
+    if not np.array_equal(known.id[order][place], ids):
+        missing = int(ids[known.id[order][place] != ids][0])
+        raise RunFolderError(f"id {missing}: is in the dump, but not among the spheres of the deck at its start")
+    return np.asarray(values[order][place])
+
+
 def _places(path: Path) -> Iterator[tuple[int, int, int, int]]:
     for each in binary_snapshots(path):
         yield each.step, len(each.table), each.begin, each.end
@@ -220,13 +209,16 @@ def _merged(heads: Sequence[Frame]) -> Frame:
     ids = first.columns["id"]
     for head in heads[1:]:
         ids = np.intersect1d(ids, head.columns["id"])
+    finest = sorted(heads, key=lambda head: head.resolution)  # what several dumps hold is taken with most digits
     columns = {
         name: values[np.isin(head.columns["id"], ids)]
-        for head in reversed(heads)
+        for head in reversed(finest)
         for name, values in head.columns.items()
     }
-    said = [head.resolution for head in heads]
-    return Frame(first.step, first.time, first.units, first.origin, first.cell, first.periodic, columns, max(said))
+    digits = [head.resolution for head in finest if any(names[0] in head.columns for names, *_ in PLACES)]
+    time = next((head.time for head in heads if head.time is not None), None)
+    units = next((head.units for head in heads if head.units is not None), None)
+    return Frame(first.step, time, units, first.origin, first.cell, first.periodic, columns, min(digits, default=0.0))
 
 
 class _Reading:
@@ -287,12 +279,19 @@ class _Reading:
         if len(np.unique(ids)) < len(ids):
             raise RunFolderError(f"step {frame.step}: several spheres have the same id")
         table = {"id": ids, "type": columns.get("type", np.ones(len(ids)))}
+        known = self.known.spheres
         radius = columns.get("radius")
-        if radius is None or self.known.radius is not None:
+        if self.known.radius is not None or (radius is None and known is None):
             radius = self._by_type("radius", self.known.radius, table["type"])
+        elif radius is None and known is not None:
+            radius = _by_id(known.radius, known, ids)
+        assert radius is not None
         table["radius"] = units.si(radius, length=1)
-        if "mass" in columns:
-            table["mass"] = units.si(columns["mass"], mass=1)
+        weight = columns.get("mass")
+        if weight is None and self.known.density is None and known is not None:
+            weight = _by_id(known.mass, known, ids)
+        if weight is not None:
+            table["mass"] = units.si(weight, mass=1)
         elif self.known.density is not None:
             density = units.si(self._by_type("density", self.known.density, table["type"]), mass=1, length=-3)
             table["mass"] = 4 / 3 * pi * table["radius"] ** 3 * density
@@ -305,6 +304,11 @@ class _Reading:
             for each in there:  # a sheet may have no vz
                 table[each] = units.si(columns.get(each, np.zeros(len(ids))), mass=mass, length=length, time=time)
         return table
+
+    def _held(self) -> list[int]:
+        """Return the spheres that the deck does not move."""
+        known = self.known.spheres
+        return [] if known is None else known.id[~known.moves].tolist()
 
     def _by_type(self, name: str, values: Sequence[float] | None, types: Floats) -> Floats:
         if values is None:
@@ -360,7 +364,7 @@ class _Reading:
             "periodic": first.periodic.tolist(),
             "resolution": float(units.si(self.resolution, length=1)),
             "come_and_go": sorted(self.come_and_go),
-            "laws": [{"types": [*types], **law.in_si(units)} for types, law in self.known.laws.items()],
-            "held": None if self.known.held is None else [*map(int, self.known.held)],
+            "laws": [{"types": [*types], **_in_si(law, units)} for types, law in self.known.laws.items()],
+            "held": self._held(),
             "acting": [*self.known.acting],
         }
