@@ -285,3 +285,9 @@ def test_objectives_of_monitors_are_what_they_say(objective: str) -> None:
     farthest = np.hypot(*np.moveaxis(motion[:, :2, 21:23], 1, 0)).max() / length
     expected = {"largest:high": farthest, "motion:high": high, "motion:low/high": low / high}
     assert found == pytest.approx(expected[objective], rel=1e-12)
+
+
+def test_without_jax_the_command_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("granular_analysis.measure.stepping.find_spec", lambda _: None)
+    with pytest.raises(SystemExit, match=r"needs JAX: pip install 'granular-lmp\[jax\]'"):
+        main("tr_periodic --vary density --within 0.5 2 --maximize second-harmonic -o no".split())
