@@ -26,7 +26,7 @@
 # make engines (sweeps that are cancelled, preempted and killed on a Slurm of this machine, where one can be started),
 # make wheel (what pip installs, into dist/), make packages, floors, readers, tested-docs (of continuous integration: the
 # packages installed alone, the oldest versions of what they need, programs that a run is exported for, the site),
-# make decks (rewrites the committed decks of lammps_inputs), make reference (all keys and all help, into docs), make clean.
+# make decks (rewrites the committed decks of lammps_inputs), make reference (all keys, cases and help, into docs), make clean.
 
 PYTHON ?= python3
 BIN = .venv/bin
@@ -119,7 +119,7 @@ bench: .venv/ready
 scale: .venv/ready
 	$(BIN)/python -m benchmarks.scale
 
-# What readers without the site find of the sources: docs/scene.csv and docs/commands.txt
+# What readers without the site find of the sources: docs/scene.csv, cases.csv and commands.txt
 reference: .venv/ready
 	$(BIN)/python docs/generated.py
 

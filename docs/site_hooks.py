@@ -75,10 +75,6 @@ def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
         text = text.replace("<!-- scene keys -->", keys_of((ROOT / "docs" / "scene.csv").read_text("utf-8")))
     if "<!-- commands -->" in text:
         text = text.replace("<!-- commands -->", _commands())
-    if "<!-- cases -->" in text:
-        from cases.run import page as cases
-
-        text = text.replace("<!-- cases -->", cases())
     text = _TABLE.sub(lambda match: table_of((ROOT / "docs" / match[1]).read_text("utf-8")), text)
     source = {place: source for source, place in PAGES.items() if place != "index.md"}
     return moved_links(text, source.get(page.file.src_uri, f"docs/{page.file.src_uri}"), page.file.src_uri)

@@ -156,24 +156,17 @@ def drawing(case: Case, runs: Path, figures: Path) -> list[list[str]]:
     return [*drawn, ["granular-analysis", case.name, *arguments, "-o", str(figures / case.figure)]]
 
 
-def recipe(case: Case, most: int | None = None) -> list[str]:
-    """Return the commands that make a case, its runs and its figures, as lines to copy; at most so many of the runs."""
-    runs = [shlex.join(words) for words in commands(case, Path("runs", case.name))]
-    left = len(runs) - most if most is not None and len(runs) > most else 0
-    rest = [f"# {left} more like these: granular-analysis cases {case.name}"] if left else []
-    return [*runs[: len(runs) - left], *rest, *map(shlex.join, drawing(case, Path("runs", case.name), Path("figures")))]
+def recipe(case: Case) -> list[str]:
+    """Return the commands that make a case, its runs and its figures, as lines to copy."""
+    runs = Path("runs", case.name)
+    return [shlex.join(words) for words in (*commands(case, runs), *drawing(case, runs, Path("figures")))]
 
 
-def page(most: int = 4) -> str:
-    """Return the cases as Markdown: a table, and of each the commands of its runs and its figure."""
+def table() -> list[Sequence[str]]:
+    """Return the cases as rows of a table of Markdown, its head first, for a page in ``docs/reference``."""
     cases = [Case.load(name) for name in names()]
-    head = ["| case | page | min | what it is about |", "|---|---|---|---|"]
-    rows = [
-        f"| [`{each.name}`](#{each.name}) | [{each.title}](../{each.page}) | {each.minutes:g} | {each.says} |"
-        for each in cases
-    ]
-    recipes = ["\n".join([f"## {each.name}\n", "```bash", *recipe(each, most), "```"]) for each in cases]
-    return "\n".join(head + rows) + "\n\n" + "\n\n".join(recipes)
+    rows = [(f"`{each.name}`", f"[{each.title}](../{each.page})", f"{each.minutes:g}", each.says) for each in cases]
+    return [("case", "page", "minutes", "what it is about"), *rows]
 
 
 def launch(words: Sequence[str]) -> None:

@@ -71,6 +71,13 @@ def write(path: Path, text: str) -> None:
         draft.write_text(text, encoding="utf-8")
 
 
+def write_scene(path: Path, scene: Scene) -> None:
+    """Write a scene file, and beside it the table of its spheres, as `write` does."""
+    for name, pieces in scene.beside.items():
+        write(path.with_name(name), "".join(pieces))
+    write(path, scene.to_toml())
+
+
 def write_csv(path: Path, head: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
     """Write a table as CSV, every number with all its digits, as `write` does."""
     text = io.StringIO()

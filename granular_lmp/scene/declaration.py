@@ -1,6 +1,7 @@
 """The tables of a scene file in their order; `granular_lmp.rest.scene` checks what they say together."""
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
@@ -94,6 +95,13 @@ class Declaration(Document):
     def beside(self) -> dict[str, Iterable[str]]:
         """Name → text, in pieces, of the files that its scene file names: the table of spheres."""
         return {str(self.packing.table): self.packing.table.pieces()} if self.packing.table else {}
+
+    def write(self, path: str | Path) -> None:
+        """Write the scene into a file that `load` reads, and beside it the table of its spheres, if it has one."""
+        for name, pieces in self.beside.items():
+            with Path(path).with_name(name).open("w", encoding="utf-8") as stream:
+                stream.writelines(pieces)
+        Path(path).write_text(self.to_toml(), encoding="utf-8")
 
     @classmethod
     def _variant_of(cls, tables: Mapping[str, Any]) -> str:

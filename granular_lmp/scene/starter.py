@@ -59,6 +59,8 @@ def write_starter(path: str | Path, scene: Declaration) -> None:
     try:
         with path.open("x", encoding="utf-8") as stream:
             stream.write(text)
+        for name, pieces in scene.beside.items():
+            path.with_name(name).write_text("".join(pieces), encoding="utf-8")
     except FileExistsError as error:
         raise RunFolderError(f"{path}: is there already; choose another name") from error
     except OSError as error:

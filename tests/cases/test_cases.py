@@ -104,16 +104,10 @@ def test_a_run_that_fails_ends_the_case(tmp_path: Path) -> None:
         door.simulate(broken, tmp_path, 1)
 
 
-def test_the_page_of_cases_has_a_line_and_the_commands_of_each() -> None:
-    page = door.page()
-    for case in map(Case.load, names()):
-        assert (
-            f"| [`{case.name}`](#{case.name}) | [{case.title}](../{case.page}) | {case.minutes:g} | {case.says} |"
-            in page
-        )
-        assert f"## {case.name}\n\n```bash\ngranular-" in page
-    assert "runs/disorder/harmonic -o figures" not in page  # the script takes all folders
-    assert "--over disorder.seed=1:32:32 -o runs/disorder/harmonic\n" in page
+def test_the_table_of_cases_has_a_row_of_each() -> None:
+    _, *rows = door.table()
+    assert [row[0].strip("`") for row in rows] == names()
+    assert ("`fronts`", "[studies](../studies.md)", "0.5", Case.load("fronts").says) in rows
 
 
 def test_the_recipe_of_a_case_is_its_runs_and_its_script(capsys: pytest.CaptureFixture[str]) -> None:

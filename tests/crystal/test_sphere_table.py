@@ -8,6 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from granular_analysis.measure.harmonic import by_theory
+from granular_analysis.measure.runs import begun
+from granular_analysis.measure.snapshot import first_snapshot
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.tools import compare
 from granular_lmp import Scene, Sweep, build, resume, run, sweep
 from granular_lmp.cli import main
@@ -19,6 +23,8 @@ from granular_lmp.rest.held import largest_step
 from granular_lmp.scene import spreadsheets
 from granular_lmp.studies.sweep_points import scene_hash
 from tests.crystal.test_lattices import scene_of
+from tests.manual import Measure, Mutant, verifies
+from tests.matrix.compared import outcome
 from tests.scene.test_space import LAYER
 
 MODES = {"honeycomb": "3", "hcp": "S1"}
@@ -100,13 +106,18 @@ def errors_of(scene: Scene, folder: Path) -> np.ndarray:
     return np.array([each for each in comparison.error.values() if each is not None])
 
 
-def test_lammps_with_a_random_table_moves_as_the_network(tmp_path: Path) -> None:
-    scene = with_table(SMALL, **random_values(SMALL))
-    coarse = errors_of(scene, tmp_path / "coarse")
-    fine = errors_of(scene.with_values({"time.timestep": 0.0125}), tmp_path / "fine")
-    # The error of velocity Verlet is of second order: a sixteenth at a quarter of the step
-    assert np.all(coarse < 1e-3)
-    np.testing.assert_allclose(coarse / fine, 16, rtol=0.1)
+@verifies(
+    "All spheres of a crystal from a table of densities, radii and stiffness factors, in LAMMPS",
+    reference="other code: the network of the spheres, with its own rule for stiffnesses",
+    tolerance=1e-6,
+    reason="the fourth order in the step is left of two runs, and 1e-8 of the rounding of positions over D0",
+    mutant=Mutant("granular_lmp/crystal/stiffnesses.py", "2 * one * other / (one + other)", "np.sqrt(one * other)"),
+)
+def test_lammps_with_a_random_table_moves_as_the_network(measured: Measure, tmp_path: Path) -> None:
+    found = outcome(with_table(SMALL, **random_values(SMALL)), tmp_path)
+    measured(found.departure)
+    assert found.departure < 1e-6
+    assert found.bound > 1e-5  # what the step is worth, so that the spheres do move
 
 
 EVERYTHING = {
@@ -133,6 +144,23 @@ def test_on_a_substrate_a_sphere_has_its_own_factor(tmp_path: Path) -> None:
     expected = scene.wall.law(scene.sphere.radius).normal_stiffness(contacts.overlap[on_wall])
     np.testing.assert_allclose(contacts.normal_stiffness[on_wall], factors[contacts.i[on_wall]] * expected, rtol=1e-12)
     assert np.all(errors_of(scene, tmp_path / "run") < 2e-3)  # of the step
+
+
+def test_the_network_of_a_run_has_the_values_of_each_sphere(tmp_path: Path) -> None:
+    scene = with_table(SMALL, **(table := random_values(SMALL)))
+    first = first_snapshot(begun(scene, tmp_path))
+    network, scales = first.network, first.scales
+    # Dumps have 6 digits of a mass and 15 of a radius
+    np.testing.assert_allclose(network.density * scales.metre**-3 * scales.kilogram, table["density"], rtol=1e-5)
+    np.testing.assert_allclose(network.radius * scales.metre, table["radius"], rtol=1e-12)
+    own = np.diagonal(network.factors)[:, network.kind]
+    np.testing.assert_allclose(own, [table["normal_stiffness"], table["shear_stiffness"]], rtol=1e-15)
+
+
+def test_theories_of_a_perfect_lattice_refuse_a_table() -> None:
+    with pytest.raises(TheoryError, match=r"leaves out packing\.table"):
+        by_theory(with_table(SMALL, density=[2500.0] * COUNT), np.arange(3.0))
+    assert by_theory(SMALL, np.arange(3.0)).by == "theory"
 
 
 def test_the_factor_of_a_contact_is_that_of_two_springs_in_series() -> None:
@@ -225,6 +253,16 @@ def test_the_values_of_a_table_are_part_of_the_scene_and_its_name_is_not(tmp_pat
     changed = given.with_values({"wave.amplitude": 0.1})
     assert changed.packing.table is given.packing.table
     assert read.with_values({"packing.table": ""}) == SMALL
+
+
+def test_a_scene_is_written_with_its_table_beside_it(tmp_path: Path) -> None:
+    scene = with_table(SMALL, **random_values(SMALL))
+    (tmp_path / "inner").mkdir()
+    scene.write(tmp_path / "mine.toml")
+    assert main(["init", str(tmp_path / "inner/begun.toml"), "--from", str(tmp_path / "mine.toml")]) == 0
+    (tmp_path / "inner").rename(tmp_path / "other")
+    assert Scene.load(tmp_path / "mine.toml") == scene
+    assert Scene.load(tmp_path / "other/begun.toml").packing == scene.packing
 
 
 def test_a_stopped_run_with_a_table_goes_on(tmp_path: Path, stop: Any) -> None:

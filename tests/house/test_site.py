@@ -57,16 +57,14 @@ def test_an_arrow_that_a_chain_implies_is_left_out_and_no_other() -> None:
     assert rooms.reduced({("a", "b"), ("b", "c"), ("a", "c"), ("a", "d")}) == {("a", "b"), ("b", "c"), ("a", "d")}
 
 
-def test_the_keys_of_a_scene_that_the_repository_shows_are_all_there() -> None:
-    generated = loaded("generated")
-    assert generated.KEYS.read_text("utf-8") == generated.scene_keys(), "make reference writes it"
+OTHER_HELP = pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="each argparse breaks lines in another way")
 
 
-@pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="each version of argparse breaks lines in another way")
-def test_the_help_that_the_repository_shows_is_that_of_the_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", ["scene.csv", "cases.csv", pytest.param("commands.txt", marks=OTHER_HELP)])
+def test_what_the_reference_takes_of_the_sources_is_current(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")  # of the terminal, which may be wider
-    generated = loaded("generated")
-    assert generated.COMMANDS.read_text("utf-8") == generated.commands(), "make reference writes it"
+    made = loaded("generated").FILES[name]()
+    assert (ROOT / "docs" / name).read_text("utf-8") == made, "make reference writes it"
 
 
 # ---------------------------------------------------------------- the site

@@ -158,8 +158,8 @@ def not_printed(page: str, notebook: dict[str, Any]) -> list[str]:
 
 def test_every_tutorial_has_its_notebook() -> None:
     assert set(loaded("tutorial_notebook").PAGES) == set(PAGES)
-    pytest.importorskip("mkdocs", reason="pip install --editable '.[docs]', or make docs")
-    assert set(loaded("site_hooks").EXECUTED) == set(PAGES)
+    for page in PAGES.values():
+        assert f"[notebook]({page.stem}.ipynb)" in page.read_text("utf-8").replace("\n", " ")
 
 
 @each_page

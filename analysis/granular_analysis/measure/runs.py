@@ -35,7 +35,7 @@ def begun(scene: Scene, folder: str | Path) -> Record:
     sample = scene.time.sample
     short = {"time.duration": sample, "output.particles": sample, "output.checkpoint": "auto"}
     declared, run = Path(folder, "scene.toml"), Path(folder, "run")
-    declared.write_text(scene.with_values(short | {"packing.rows": scene.shape.rows}).to_toml(), encoding="utf-8")
+    scene.with_values(short | {"packing.rows": scene.shape.rows}).write(declared)
     command = [*PROGRAM, "run", str(declared), "-o", str(run)]
     said = subprocess.run(command, capture_output=True, text=True)
     if said.returncode:
@@ -50,7 +50,7 @@ def run_sweep(scene: Scene, folder: Path, *over: str) -> list[Record]:
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     declared = folder.with_suffix(".toml")
-    declared.write_text(scene.to_toml(), encoding="utf-8")
+    scene.write(declared)
     keys = [word for each in over for word in ("--over", each)]
     command = [*PROGRAM, "sweep", str(declared), *keys, "-o", str(folder)]
     if subprocess.run(command, stdout=subprocess.DEVNULL).returncode:

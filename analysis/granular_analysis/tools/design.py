@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis.measure.stepping import NetworkEngine
-from granular_analysis.plotting import in_one_line, scene_of, write
+from granular_analysis.plotting import in_one_line, scene_of, write_scene
 from granular_analysis.theory.contact import Contact
 from granular_analysis.theory.objectives import (
     POINTS,
@@ -364,5 +364,5 @@ def _of_scene(command: argparse.ArgumentParser, chosen: argparse.Namespace) -> i
         answer = question.answer()
         print(answer.text())
         if chosen.output:
-            write(Path(chosen.output), answer.scene.to_toml())
+            write_scene(Path(chosen.output), answer.scene)
     return 0
