@@ -14,6 +14,7 @@ from granular_lmp.cli.entry import as_program
 from granular_lmp.cli.output import notes_of_log
 
 DOORS = {
+    "branches": "frequencies over wave numbers of anybody's adopted dumps, whose lattice is found by itself",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
     "design": "which two waves resonate and how compressed; at which numbers of a scene second order does best",
     "fit": "keys of a scene from measured frequencies, harmonics and arrivals, with 95 % intervals",
