@@ -12,7 +12,8 @@ from granular_lmp.foreign.vibrations import contacts_of, fastest, fastest_decay,
 
 STEPS = 25  # at least, in the fastest period and in a collision: the errors are then 3e-3 and 3e-4
 _LONGEST = 2 * pi / STEPS  # rad, the phase of the fastest vibration in one step
-_LOSS = 0.85  # relative error of the speed after a collision of n steps, times n^(5/2), by velocity Verlet
+# Relative error of the speed after a collision of n steps, at most, times n^(5/2), by velocity Verlet; from three steps
+_LOSS, _FEWEST = 1.1, 3.0
 _LAG = 0.01  # relative error of a decay that is let pass
 _SKINS = {"lj": 0.3, "real": 2.0, "metal": 2.0, "si": 1e-3, "cgs": 0.1, "electron": 2.0, "micro": 0.1, "nano": 0.1}
 
@@ -48,7 +49,7 @@ def _collision(reading: Reading) -> Iterator[Finding]:
     speed, duration = collision
     step = reading.start.timestep
     if step * STEPS > duration:
-        error = min(1.0, _LOSS * (step / duration) ** 2.5)
+        error = _LOSS * (step / duration) ** 2.5 if step * _FEWEST < duration else 1.0
         yield Finding(
             _timestep(reading),
             f"a collision at the speed {speed:.3g} of the fastest sphere lasts {duration:.3g}, which is "
@@ -93,8 +94,8 @@ def _rare_lists(reading: Reading) -> Iterator[Finding]:
         yield Finding(
             last,
             f"in the {wait} steps between two lists of neighbours the fastest sphere goes {way:.3g}, and two that meet "
-            f"{2 * way:.3g}; the skin is {skin:.3g}",
-            min(1.0, (2 * way - skin) / float(spheres.radius.max())),
+            f"{2 * way:.3g}; the skin is {skin:.3g}, and a contact may begin with an overlap of {2 * way - skin:.3g}",
+            None,
             "neigh_modify every 1 delay 0 check yes",
         )
 

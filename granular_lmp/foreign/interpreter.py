@@ -25,7 +25,6 @@ _RUNNING_PROGRAMS = ("shell", "python", "plugin", "mdi", "message", "server", "g
 _STYLES_RUNNING_PROGRAMS = ("python", "python/invoke", "imd", "mdi/qm", "mdi/qmmm", "client/md", "getenv")
 _READING = ("read_data", "read_restart", "molecule", "pair_coeff", "create_atoms", "region", "fix")
 _BEFORE_OUTPUT = ("file", "append", "overwrite", "out")
-_RUNS = ("run", "minimize")
 
 
 @dataclass(frozen=True)
@@ -145,7 +144,7 @@ class Interpreter:
         steering = getattr(self, f"_do_{words[0]}", None)
         if steering is not None:
             steering(command)
-        elif words[0] in _RUNS:
+        elif words[0] == "minimize" or (words[0] == "run" and words[1:] and words[1].isdecimal()):
             self._asked(where, text, lambda: self._at_run(command, _steps(words)))
         elif words[0] not in _WRITING:
             self._asked(where, text, lambda: self.lmp.command(self._with_paths(text)))
@@ -222,4 +221,4 @@ class Interpreter:
 
 
 def _steps(words: tuple[str, ...]) -> int | None:
-    return int(float(words[1])) if words[0] == "run" else None
+    return int(words[1]) if words[0] == "run" else None

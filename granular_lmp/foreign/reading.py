@@ -128,6 +128,12 @@ class Reading:
         """Return the commands with one of these names."""
         return [command for command in self.commands if command.name in names]
 
+    @property
+    def is_granular(self) -> bool:
+        """Whether the forces are those of a granular pair style, or of a restart file."""
+        styles = self.named("pair_style")
+        return not styles or any(word.startswith("gran") for word in styles[-1].words[1:])
+
     @cached_property
     def start(self) -> Stage | None:
         """The first run of several steps; else the last of all."""

@@ -17,6 +17,7 @@ COMMANDS = {  # how both programs begin, end, are stopped and read --set, -o and
     "granular_lmp.cli.arguments.changes_argument",
     "granular_lmp.cli.arguments.changes_of",
     "granular_lmp.cli.arguments.folder_arguments",
+    "granular_lmp.cli.arguments.positive",
     "granular_lmp.cli.output.interruptible",
     "granular_lmp.cli.output.notes_of_log",
     "granular_lmp.cli.run_commands.say_how_it_went",
@@ -26,7 +27,8 @@ COMMANDS = {  # how both programs begin, end, are stopped and read --set, -o and
 # The network in place of LAMMPS's loop: what an engine is given and gives, and the run that takes it. What is given are
 # the spheres of the data file and the scene, as in the first snapshot of a record
 ENGINE = {"granular_lmp.runs.engine", "granular_lmp.accuracy.tolerance"}
-READERS = {"granular_lmp.runs.record", "granular_lmp.scene.spreadsheets"}  # of records and of tables
+# Of records, of unnamed crystals and of tables
+READERS = {"granular_lmp.runs.record", "granular_lmp.runs.unnamed", "granular_lmp.scene.spreadsheets"}
 FROM_PACKAGE = {*READERS, *COMMANDS, *ENGINE, "granular_lmp.crystal.sphere", "granular_lmp.compiled"}
 
 
@@ -197,7 +199,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "studies": {"errors", "frozen", "card", "units", "crystal", "scene", "rest", "effects", "problem", "lammps"}
     | {"runs", "accuracy"},
     "plot": {"errors", "frozen", "problem", "crystal", "scene", "rest", "lammps", "runs", "accuracy", "studies"},
-    "foreign": {"errors", "frozen", "crystal", "lammps"},
+    "foreign": {"version", "errors", "frozen", "units", "crystal", "scene", "lammps", "runs"},
     "doctor": {"version", "errors", "frozen", "scene", "rest", "problem", "lammps", "runs", "accuracy", "studies"},
 }
 MAY_IMPORT["cli"] = set(MAY_IMPORT)

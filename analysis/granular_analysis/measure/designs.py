@@ -26,8 +26,6 @@ from granular_analysis.theory.network_gradient import Record as Motion
 from granular_analysis.theory.scenes import Setting, need_wave
 from granular_lmp.runs.record import Record, Scene
 
-__all__ = ["OBJECTIVES", "Subject", "designed", "goal_of", "read_off"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
