@@ -60,6 +60,8 @@ class Known:
         Radii and masses of a deck, by ``id``, where neither dump nor `radius` and `density` say them.
     acting : sequence of str
         What else acts on spheres: commands of the deck that no witness knows.
+    pushes : mapping of int to (float, float, float)
+        Constant forces on spheres, by ``id``.
     """
 
     units: str | None = None
@@ -69,6 +71,7 @@ class Known:
     laws: Mapping[tuple[int, int], Law] = field(default_factory=dict)
     spheres: Spheres | None = None
     acting: Sequence[str] = ()
+    pushes: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.units is not None and self.units not in STYLES:
@@ -276,6 +279,10 @@ class _Reading:
         """Return the columns of a snapshot as the folder has them, in SI units."""
         columns, units = frame.columns, self.units
         ids = columns["id"]
+        for name, values in columns.items():
+            if not np.isfinite(values).all():
+                where = ids[~np.isfinite(values)][0]
+                raise RunFolderError(f"step {frame.step}: {name} of sphere {where:.0f} is not finite")
         if len(np.unique(ids)) < len(ids):
             raise RunFolderError(f"step {frame.step}: several spheres have the same id")
         table = {"id": ids, "type": columns.get("type", np.ones(len(ids)))}
@@ -367,4 +374,8 @@ class _Reading:
             "laws": [{"types": [*types], **_in_si(law, units)} for types, law in self.known.laws.items()],
             "held": self._held(),
             "acting": [*self.known.acting],
+            "pushes": [
+                [number, *(units.si(each, mass=1, length=1, time=-2) for each in force)]
+                for number, force in self.known.pushes.items()
+            ],
         }

@@ -222,6 +222,7 @@ REFUSED = {
     "2 numbers, but the spheres have 3 types": ("id type x y z", "1 3 0 0 0", Known("si", 1.0, [0.1, 0.2])),
     "holds no id": ("type x y z", "1 0 0 0", KNOWN),
     "holds no places": ("id vx vy vz", "1 0 0 0", KNOWN),
+    "step 0: y of sphere 1 is not finite": ("id x y z", "1 0 nan 0", KNOWN),
     "holds molecules": ("id mol x y z", "1 4 0 0 0", KNOWN),
     "step 0: .*could not convert string 'no'": ("id x y z", "1 no 0 0", KNOWN),
 }
