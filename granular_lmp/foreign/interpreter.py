@@ -22,7 +22,8 @@ _WRITING = (
     *("write_coeff", "write_data", "write_dump", "write_restart"),
 )
 _RUNNING_PROGRAMS = ("shell", "python", "plugin", "mdi", "message", "server", "geturl", "kim")
-_STYLES_RUNNING_PROGRAMS = ("python", "python/invoke", "imd", "mdi/qm", "mdi/qmmm", "client/md", "getenv")
+_STYLES_RUNNING_PROGRAMS = ("python", "python/invoke", "imd", "mdi/qm", "mdi/qmmm", "client/md")
+_PLACE_OF_STYLE = {"fix": 3, "variable": 2, "pair_style": 1}
 _READING = ("read_data", "read_restart", "molecule", "pair_coeff", "create_atoms", "region", "fix")
 _BEFORE_OUTPUT = ("file", "append", "overwrite", "out")
 
@@ -136,8 +137,8 @@ class Interpreter:
             return
         command = Command(file, line, words)
         self.commands.append(command)
-        programs = words[0] in _RUNNING_PROGRAMS or set(words[1:4]) & set(_STYLES_RUNNING_PROGRAMS)
-        if programs and words[0] in (*_RUNNING_PROGRAMS, "fix", "variable", "pair_style"):
+        style = words[_PLACE_OF_STYLE[words[0]] :][:1] if words[0] in _PLACE_OF_STYLE else ()
+        if words[0] in _RUNNING_PROGRAMS or set(style) & set(_STYLES_RUNNING_PROGRAMS):
             raise DeckError(
                 f"{where}: '{command}' may run other programs, which is not done here; take the line out of a copy"
             )

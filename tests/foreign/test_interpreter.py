@@ -10,6 +10,7 @@ from granular_lmp.errors import DeckError
 from granular_lmp.foreign import interpreter
 from granular_lmp.foreign.apart import read_apart
 from granular_lmp.foreign.interpreter import lines_of, split
+from granular_lmp.foreign.lint import lint
 from granular_lmp.foreign.reading import Reading, read
 from tests.foreign.decks import CHAIN, SHEET
 
@@ -76,6 +77,7 @@ def test_lines_and_words_are_those_of_lammps() -> None:
         "fix x all imd 8888",
         "plugin load left.so",
         'if "1 > 0" then "shell touch left"',
+        "pair_style python 5.0",
         "variable s string shell\n${s} touch left",
     ],
 )
@@ -108,6 +110,18 @@ def test_variables_of_the_command_line_come_before_those_of_the_deck(tmp_path: P
     text = f"{BEGIN}variable n index 3\nvariable said string ${{n}}\n"
     assert said(of(tmp_path, text)) == ["3"]
     assert said(of(tmp_path, text, n="5")) == ["5"]
+
+
+def test_a_name_like_a_program_is_no_program(tmp_path: Path) -> None:
+    lines = "variable python index 1\nvariable shell equal 2\nvariable home getenv HOME\n"
+    assert not of(tmp_path, BEGIN + lines).stopped
+
+
+def test_the_longest_step_of_all_long_runs_is_judged(tmp_path: Path) -> None:
+    reading = of(tmp_path, CHAIN + "timestep 3.0e-6\nrun 100\ntimestep 1.0e-7\nrun 100\ntimestep 1.0\nrun 1\n")
+    ((check, finding),) = lint(reading)
+    assert check.name == "time-step"
+    assert str(finding.command) == "timestep 3.0e-6"
 
 
 def test_only_the_first_step_of_a_long_run_is_computed(tmp_path: Path) -> None:

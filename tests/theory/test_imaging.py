@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granular_analysis.theory.imaging import Search, Tikhonov, Trial, Variation, corner, resolution, widths
+from granular_analysis.theory.imaging import NEAR, Search, Tikhonov, Trial, Variation, corner, resolution, widths
 
 CHAIN = np.stack([np.arange(39), np.arange(1, 40)], axis=1)
 
@@ -65,7 +65,7 @@ def test_the_noise_level_chooses_a_weight_at_which_chi_squared_is_one_a_point() 
     told: list[Trial] = []
     found = with_changes(search, told=told.append).image(np.ones(40))
     assert found.reason == "chi2 is 1 a point"
-    assert found.chi_squared == pytest.approx(1, abs=0.02)
+    assert found.chi_squared == pytest.approx(1, abs=NEAR)
     assert told == list(found.trials)
     assert abs(found.values - truth).max() < 0.2
     # Of Tikhonov's penalty the minimum of each weight is known

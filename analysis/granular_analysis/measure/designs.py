@@ -54,7 +54,8 @@ class Subject:
         need_wave(scene)
         if scene.time.tolerance is not None:
             raise TheoryError(f"time.tolerance = {scene.time.tolerance:g}: must be a step, as time.timestep = 0.1")
-        return cls(scene, *first_of(scene))
+        first, setting = first_of(scene)
+        return cls(scene, first, setting.step)
 
     @cached_property
     def places(self) -> Integers:

@@ -39,6 +39,8 @@ from granular_lmp.runs.record import Record, Scene
 from granular_lmp.scene import spreadsheets
 from granular_lmp.scene.spreadsheets import LENGTHS, TIMES, TableError, value_of
 
+__all__ = ["Shot", "Sought", "Traces"]
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 SPEEDS = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6}

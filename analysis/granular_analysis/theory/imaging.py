@@ -8,9 +8,9 @@ over values p, which are 1 where nothing differs, with one of the penalties P
     Variation  Σ_{k~l} (√((p_k − p_l)² + ε²) − ε)              few edges: the total variation, rounded over ε
 
 The weight w falls by steps of √10 from one at which p is nearly 1 everywhere, and each search begins with the values
-before it. Where the errors of the points are known, w is that at which χ² = N: the discrepancy principle. Where they
-are not, or χ² stays above N, it is the corner of the curve of log P over log χ²: the point of largest curvature of the
-circle through it and its two neighbours.
+before it. Where the errors of the points are known, steps are 10, and w is that at which χ² = N: the discrepancy
+principle. Where they are not, or χ² stays above N, it is the corner of the curve of log P over log χ²: the point of
+largest curvature of the circle through it and its two neighbours.
 
 A search is SciPy's L-BFGS-B with the exact gradient, in coordinates in which H + w P'' is the unit matrix; H = 2 JᵀJ is
 the curvature of χ² where p = 1, which need not be exact, and P'' of the variation that of its lagged diffusion.
@@ -39,10 +39,10 @@ from scipy.optimize import minimize
 Floats = NDArray[np.float64]
 Misfit = Callable[[Floats], tuple[float, Floats]]
 ROUNDING = 0.02  # ε
-STEP = 10**0.5  # between two weights
+STEP, KNOWN_STEP = 10**0.5, 10.0  # between two weights
 WEIGHTS = 31  # at most, over fifteen decades
-SLOW = 0.02  # relative fall of χ² in two steps, at which a curve ends
-NEAR = 0.02  # |χ²/N − 1| that is met
+SLOW = 0.02  # relative fall of χ² in two steps at which a curve ends
+NEAR = 0.03  # |χ²/N − 1| that is met
 _GRADIENTS = 40  # of one weight
 _ENOUGH = 1e-4  # relative fall of what is minimised, at which a search ends
 _TURNS = 6  # searches for the weight between two
@@ -219,7 +219,7 @@ class Search:
                 return self._between(trials)
             if len(trials) > 4 and self._ends(trials):
                 break
-            weight /= STEP
+            weight /= KNOWN_STEP if self.known else STEP
         chosen = corner([each.misfit for each in trials], [max(each.penalty, 1e-300) for each in trials])
         said = "the corner of the L-curve"
         if self.known:

@@ -33,8 +33,6 @@ from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_factors import Run
 from granular_analysis.theory.network_state import Pairs, loaded
 
-__all__ = ["kernels"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 # By factor the powers with which the stiffnesses of a contact along its normal and across go with it

@@ -35,7 +35,6 @@ MAP, LOG, PICTURE = "map.csv", "log.csv", "image.png"
 QUANTITIES = ("contact.normal_stiffness", "contact.shear_stiffness", "adhesion", "density")
 MICRO = 1e6
 LEAST = 0.05  # difference from 1 that the colours show at least
-CERTAIN = 3.0  # errors of a factor beyond which it differs
 _SEEN = 0.1  # share of a point that its image must hold at its place
 
 
@@ -122,11 +121,11 @@ def _searched(sought: "Sought", options: argparse.Namespace, folder: Path) -> Im
 def said(sought: "Sought", found: Image, resolved: Floats, errors: Floats, width: Floats) -> str:
     """Return what the image shows, in words."""
     values, seen = found.values, np.diag(resolved) > _SEEN
-    differ = np.abs(values - 1) > CERTAIN * errors
+    ends = {name: int(at(values)) for name, at in (("lowest", np.argmin), ("highest", np.argmax))}
+    places = {name: ", ".join(f"{1e6 * each:.3g}" for each in sought.places[at]) for name, at in ends.items()}
     lines = [
         f"chi2 = {found.chi_squared:.4g} a point at the weight {found.best.weight:.4g}: {found.reason}",
-        f"factors from {values.min():.3f} to {values.max():.3f}; {np.count_nonzero(differ & seen)} differ from 1 by "
-        f"more than {CERTAIN:g} errors",
+        *(f"{name} factor {values[at]:.3f} ± {errors[at]:.2g} at ({places[name]}) µm" for name, at in ends.items()),
         f"{np.count_nonzero(seen)} of {len(values)} are seen, with more than {_SEEN:.0%} of a point in its place",
     ]
     if seen.any():
