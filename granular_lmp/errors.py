@@ -32,6 +32,11 @@ _OPTIONS = {
     "launcher='lmp'": "--lmp",
     "ranks=": "--np ",
     "changes={KEY: VALUE}": "--set KEY=VALUE",
+    "units=STYLE": "--units STYLE",
+    "timestep=VALUE": "--timestep VALUE",
+    "radius=VALUE": "--radius VALUE",
+    "density=VALUE": "--density VALUE",
+    "origin=ID": "--origin ID",
 }
 
 

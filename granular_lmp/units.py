@@ -46,6 +46,10 @@ class Units:
         exponent = mass * self.mass + length * self.length + time * self.time
         return value / 10.0**exponent if exponent > 0 else value * 10.0**-exponent
 
+    def si(self, value: Value, *, mass: int = 0, length: int = 0, time: int = 0) -> Value:
+        """Return a number or an array in units of this style in SI units: the inverse of `number`."""
+        return self.number(value, mass=-mass, length=-length, time=-time)
+
 
 @dataclass(frozen=True)
 class OwnUnits:
@@ -72,6 +76,9 @@ AnyUnits = Units | OwnUnits
 NANO = Units("nano", -21, -9, -9, "ag, nm, ns, MPa, mJ/m2")
 MICRO = Units("micro", -15, -6, -6, "pg, um, us, kPa, mJ/m2")
 SI = Units("si", 0, 0, 0, "kg, m, s, Pa, J/m2")
+CGS = Units("cgs", -3, -2, 0, "g, cm, s, dyn/cm2, erg/cm2")
+LJ = Units("lj", 0, 0, 0, "units of mass, length and time")
+STYLES = {each.style: each for each in (SI, CGS, MICRO, NANO, LJ)}  # of decks of spheres, by the argument of `units`
 
 
 def units_for(radius: float) -> Units:

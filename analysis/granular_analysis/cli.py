@@ -14,10 +14,12 @@ from granular_lmp.cli.entry import as_program
 from granular_lmp.cli.output import notes_of_log
 
 DOORS = {
+    "branches": "frequencies over wave numbers of anybody's adopted dumps, whose lattice is found by itself",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
-    "design": "which two waves resonate and how compressed; at which numbers of a scene second order does best",
+    "design": "which two waves resonate; at which numbers of a scene second order or a whole run does best",
     "fit": "keys of a scene from measured frequencies, harmonics and arrivals, with 95 % intervals",
     "harmonic": "the coherent second harmonic of any scene or run, perfect or not, with its error",
+    "image": "which contacts or spheres of a crystal differ, by what was recorded of a few of its spheres",
     "network": "a run without LAMMPS: the deck of a scene, stepped as LAMMPS does, on a CPU or a GPU",
     "resonances": "all resonances and antiresonances of second order of a scene's crystal",
     "saw": "surface waves of an elastic substrate that couple to the contact resonances of a layer",

@@ -93,7 +93,7 @@ def _errors_by_step(problem: Problem, signals: Signals) -> Callable[[float], Err
     names, scene = linear_signals(problem), problem.scene
     if not names:
         return lambda _: {}
-    decay = Case(scene).decay_rate if scene.effects.damping is True else 0.0
+    decay = Case(scene, problem.on).decay_rate if scene.effects.damping is True else 0.0
     alike = not decay and order(scene) and "p" in judged(problem, signals)
     harmonic = _harmonic_error(problem, signals["p"], "p" in names) if alike else None
 

@@ -68,6 +68,26 @@ def kernel_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def variables_argument(parser: argparse.ArgumentParser) -> None:
+    """Add ``--var``, whose pairs are in ``variables``."""
+    parser.add_argument(
+        "--var",
+        action="append",
+        default=[],
+        type=_variable,
+        metavar="NAME=VALUE",
+        dest="variables",
+        help="value of a variable of the deck, as 'lmp -var NAME VALUE' gives it; may be given more than once",
+    )
+
+
+def _variable(text: str) -> tuple[str, str]:
+    name, equal, value = text.partition("=")
+    if not (name and equal and value):
+        raise argparse.ArgumentTypeError(f"{text!r} must be NAME=VALUE")
+    return name, value
+
+
 def json_argument(parser: argparse.ArgumentParser) -> None:
     """Add ``--json``."""
     parser.add_argument("--json", action="store_true", help="print JSON, for another program")

@@ -1,9 +1,8 @@
 """Commands on decks that people bring themselves: lint."""
 
-import argparse
 from typing import TYPE_CHECKING, Any
 
-from granular_lmp.cli.arguments import Commands, Options, add, json_argument
+from granular_lmp.cli.arguments import Commands, Options, add, json_argument, variables_argument
 from granular_lmp.cli.output import remark, say, say_json
 from granular_lmp.errors import DeckError
 
@@ -16,24 +15,9 @@ def add_to(commands: Commands) -> None:
     """Add these commands to the parser."""
     lint = add(commands, "lint", _lint, "warn of what can be wrong with a granular deck of any origin; it is not run")
     lint.add_argument("deck", metavar="DECK", help="the file that 'lmp -in' takes")
-    lint.add_argument(
-        "--var",
-        action="append",
-        default=[],
-        type=_variable,
-        metavar="NAME=VALUE",
-        dest="variables",
-        help="value of a variable of the deck, as 'lmp -var NAME VALUE' gives it; may be given more than once",
-    )
+    variables_argument(lint)
     lint.add_argument("--strict", action="store_true", help="end with status 1 if there is a warning")
     json_argument(lint)
-
-
-def _variable(text: str) -> tuple[str, str]:
-    name, equal, value = text.partition("=")
-    if not (name and equal and value):
-        raise argparse.ArgumentTypeError(f"{text!r} must be NAME=VALUE")
-    return name, value
 
 
 def _lint(options: Options) -> int:
@@ -46,8 +30,12 @@ def _lint(options: Options) -> int:
         raise DeckError(reading.stopped)
     if reading.stopped:
         remark(f"note: {reading.stopped}; what follows was not read")
+    if reading.start and not reading.start.exact:
+        remark(f"note: {options.deck}: contacts are judged as they were before a minimization, which was not done")
     if not reading.stages:
         remark(f"note: {options.deck}: LAMMPS met no run, so that contacts and steps could not be judged")
+    if not reading.is_granular:
+        remark(f"note: {options.deck}: this is no deck of pair_style granular or gran/..., and nothing was judged")
     if options.json:
         say_json([_row(*each) for each in found])
     else:

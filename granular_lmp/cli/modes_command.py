@@ -47,10 +47,8 @@ def add_to(commands: Commands) -> None:
 
 def _modes(options: Options) -> int:
     scene = scene_of(options)
-    if options.path is not None or options.dos is not None:
-        figure = _branches_of(scene, options)
-    else:
-        figure = _modes_of(scene, options) if scene.held_at_rest else _bands_of(scene, options)
+    of_modes = _modes_of if options.path is None and options.dos is None else _branches_of
+    figure = (of_modes if scene.holding.has_modes else _bands_of)(scene, options)
     if options.plot:
         from granular_lmp.plot.signals import save
 
@@ -65,6 +63,11 @@ def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     from granular_lmp.cli.bands import as_json, as_text, ranges
     from granular_lmp.problem import prepare
 
+    if options.path is not None or options.dos is not None:
+        raise SceneError(
+            f"modes --path and --dos: {scene.name} must have spheres that adhere, or a sheet that is pressed together; "
+            "spheres that meet have no modes"
+        )
     problem = prepare(scene)
     t0 = problem.scene.scale.time
     found, count = ranges(problem.rest.cell), len(problem.rest.cell[0])
@@ -230,11 +233,6 @@ def _branches_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     from granular_lmp.crystal.zone import CHARACTERS, along_path, density_of_states
     from granular_lmp.rest.linear import physics_of, wave_contacts
 
-    if not scene.held_at_rest:
-        raise SceneError(
-            f"modes --path and --dos: {scene.name} must have spheres that adhere, or a sheet that is pressed together; "
-            "spheres that meet have no modes"
-        )
     crystal, sphere, physics = wave_contacts(scene), scene.sphere, physics_of(scene)
     hertz = 1 / sphere.time_scale / (2 * pi)
     if options.path is None:

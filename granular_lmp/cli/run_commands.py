@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from granular_lmp.cli.arguments import (
@@ -15,14 +16,18 @@ from granular_lmp.cli.arguments import (
     positive,
     scene_arguments,
     scene_of,
+    variables_argument,
     wave_scene_of,
 )
 from granular_lmp.cli.output import interruptible, remark, say
+from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.phases import phase
 
 if TYPE_CHECKING:
     from granular_lmp.rest.scene import Scene
     from granular_lmp.runs.record import Record
+
+_TYPES = 32  # most types of a deck whose dumps are adopted with one law
 
 
 def add_to(commands: Commands) -> None:
@@ -49,14 +54,44 @@ def add_to(commands: Commands) -> None:
     resume = add(commands, "resume", _resume, "continue an interrupted run from its last checkpoint")
     resume.add_argument("folder", metavar="DIR", help="its run folder")
 
-    adopt = add(commands, "adopt", _adopt, "make a run folder of what plain lmp left of a deck")
-    adopt.add_argument("source", metavar="DIR", help="where lmp ran: in.NAME, log.lammps, dump.centre, scene.toml")
-    adopt.add_argument("--scene", metavar="SCENE", help="the scene of the deck, where DIR holds no scene.toml")
-    changes_argument(adopt, "wave.amplitude=0.1, which the log does not say")
-    folder_arguments(adopt, "run folder (default: runs/NAME)")
+    _add_adopt(commands)
 
     accept = add(commands, "accept", _accept, "take the files of a finished run as they are, where they were changed")
     accept.add_argument("folder", metavar="DIR", help="its run folder")
+
+
+def _add_adopt(commands: Commands) -> None:
+    text = "make a run folder of what plain lmp left of a deck, or of anybody's dumps"
+    adopt = add(commands, "adopt", _adopt, text)
+    adopt.add_argument(
+        "source",
+        metavar="DIR|DECK|DUMP",
+        nargs="+",
+        help="where lmp ran: in.NAME, log.lammps, dump.centre, scene.toml; or any deck, or the dumps of one run of any "
+        "deck, or both",
+    )
+    adopt.add_argument("--scene", metavar="SCENE", help="the scene of the deck, where DIR holds no scene.toml")
+    changes_argument(adopt, "wave.amplitude=0.1, which the log does not say")
+    folder_arguments(adopt, "run folder (default: runs/NAME)")
+    units = "of dumps: the style of their units, si, cgs, micro, nano or lj, where they do not say it"
+    adopt.add_argument("--units", metavar="STYLE", help=units)
+    adopt.add_argument("--timestep", type=float, metavar="TIME", help="of dumps: the time of a step, in their units")
+    for name in ("radius", "density"):
+        adopt.add_argument(
+            f"--{name}",
+            type=_numbers,
+            metavar="NUMBER",
+            help=f"of dumps: {name} of the spheres, in their units; of several types one for each, as 1.0,0.5",
+        )
+    adopt.add_argument("--law", metavar="WORDS", help="of dumps: law of all contacts, as in pair_coeff")
+    variables_argument(adopt)
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number, or one for each type, as 1.0,0.5") from None
 
 
 def _run(options: Options) -> int:
@@ -100,13 +135,47 @@ def _adopt(options: Options) -> int:
     from granular_lmp.runs.adopt import adopt
 
     changes = changes_of(options)
+    if all(Path(each).is_file() for each in options.source):
+        return _adopt_dumps(options, changes)
+    if len(options.source) > 1:
+        raise RunFolderError(f"{options.source[1]}: several sources must be files, the dumps of one run")
     scene = Scene.load(options.scene, changes) if options.scene else None
-    record = adopt(options.source, options.output, scene=scene, changes=changes, force=options.force)
+    record = adopt(options.source[0], options.output, scene=scene, changes=changes, force=options.force)
     for name, value in record.info["adopted"]["variables"].items():
         remark(f"note: {name} = {value}, as the log says")
     if "edited" in record.info:
         remark(f"note: the deck is not as granular-lmp writes it; lines that differ: {len(record.info['edited'])}")
     return say_how_it_went(str(record.folder), record)
+
+
+def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
+    from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+    from granular_lmp.foreign.apart import read_apart
+    from granular_lmp.foreign.known import dumps_of, known_of, law_of
+    from granular_lmp.lammps.custom_dump import is_dump
+
+    if options.scene or changes:
+        raise RunFolderError(
+            f"{options.source[0]}: dumps of an unnamed crystal have no scene; leave out --scene, --set"
+        )
+    dumps = [each for each in options.source if is_dump(each)]
+    decks = [each for each in options.source if each not in dumps]
+    laws = law_of(options.law, _TYPES) if options.law else {}
+    known = Known(options.units, options.timestep, options.radius, options.density, laws)
+    if len(decks) > 1:
+        raise RunFolderError(f"{decks[1]}: neither a dump nor the only deck; one deck and its dumps make a run")
+    notes: list[str] = []
+    if decks:
+        reading = read_apart(decks[0], dict(options.variables))
+        known, notes = known_of(reading, known)
+        dumps = dumps or [str(each) for each in dumps_of(reading)]
+    folder = options.output or f"runs/{Path(options.source[0]).name.partition('.')[2] or 'adopted'}"
+    record = adopt_dump(dumps, folder, known, force=options.force)
+    for sentence in (*notes, *record.info["remarks"]):
+        remark(f"note: {sentence}")
+    end = f"{record.time[0]:.6g} to {record.time[-1]:.6g} {'s' if record.in_si else 'units of time'}"
+    say(f"{folder}: {len(record.spheres)} spheres, {len(record)} snapshots, {end}")
+    return 0
 
 
 def _accept(options: Options) -> int:

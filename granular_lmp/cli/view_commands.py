@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 
 from granular_lmp.cli.arguments import Commands, Options, add, json_argument, positive
 from granular_lmp.cli.output import remark, say, say_json
+from granular_lmp.errors import RunFolderError
 
 if TYPE_CHECKING:
     from granular_lmp.runs.monitors import MonitorRecord
+    from granular_lmp.runs.record import Record
     from granular_lmp.runs.snapshots import Snapshots
 
 
@@ -23,7 +25,9 @@ def add_to(commands: Commands) -> None:
         required=True,
         help="PNG, PDF or SVG; of a run also a movie, GIF or MP4, or a page, HTML",
     )
-    view.add_argument("--tau", type=float, help="of a run: which snapshot (default: the last)")
+    view.add_argument(
+        "--tau", type=float, help="of a run: which snapshot (default: the last), in t0; of adopted dumps in s"
+    )
     view.add_argument(
         "--colour",
         help="of a run: rotation, energy, speed, displacement (its magnitude), p, q, x, y or z (default: rotation, "
@@ -62,7 +66,10 @@ def add_to(commands: Commands) -> None:
         "--monitor", metavar="NAME", help="by what this monitor recorded (default: the record, or the snapshots)"
     )
     front.add_argument(
-        "--origin", type=_place, metavar="ROW,COLUMN", help="sphere where it starts (default: what is struck or pushed)"
+        "--origin",
+        type=_place,
+        metavar="ROW,COLUMN",
+        help="sphere where it starts (default: what is struck or pushed); of an unnamed crystal its ID",
     )
     front.add_argument(
         "--direction", type=float, default=90.0, metavar="DEGREES", help="its way, from x towards y (default: 90)"
@@ -87,7 +94,9 @@ def add_to(commands: Commands) -> None:
         help=".csv: trajectory in SI units; .nc: netCDF with units, for xarray; "
         ".xyz: extended XYZ of the snapshots; .h5md: the snapshots as HDF5; crate, or .zip: a Process Run Crate",
     )
-    export.add_argument("--monitor", metavar="NAME", help="what this monitor recorded, as .csv in SI units")
+    export.add_argument(
+        "--monitor", metavar="NAME", help="what this monitor recorded, as .csv in SI units; contacts of adopted dumps"
+    )
     export.add_argument(
         "--spheres",
         action="store_true",
@@ -95,7 +104,9 @@ def add_to(commands: Commands) -> None:
     )
 
 
-def _place(text: str) -> tuple[int, int]:
+def _place(text: str) -> tuple[int, int] | int:
+    if text.isdecimal():
+        return int(text)
     row, _, column = text.partition(",")
     if not (row.isdecimal() and column.isdecimal()):
         raise argparse.ArgumentTypeError(f"{text!r} must be ROW,COLUMN, for instance 0,30")
@@ -132,12 +143,15 @@ def _view(options: Options) -> int:
 def _front(options: Options) -> int:
     from granular_lmp.lammps.outputs import writable
     from granular_lmp.runs.front import front
-    from granular_lmp.runs.record import Record
     from granular_lmp.runs.tables import write_csv
+    from granular_lmp.runs.unnamed import Unnamed, load_any
 
-    record = Record.load(options.folder)
-    motion: Record | MonitorRecord | Snapshots = record
-    if options.monitor is not None:
+    record = load_any(options.folder)
+    motion: Record | MonitorRecord | Snapshots | Unnamed = record
+    if isinstance(record, Unnamed):
+        if options.monitor is not None:
+            raise RunFolderError(f"{options.folder}: an unnamed crystal has no monitors")
+    elif options.monitor is not None:
         motion = record.monitor(options.monitor)
     elif record.scene.wave is not None and record.scene.output.particles:
         motion = record.snapshots()
@@ -152,10 +166,11 @@ def _front(options: Options) -> int:
         columns = {name: values.tolist() for name, values in found.columns.items()}
         say_json({"speed_m_s": speed, "speed_error_m_s": error, **columns})
         return 0
-    say(f"speed {speed:.6g} m/s, error {error:.1e} m/s, over {len(found.row)} spheres")
+    say(f"speed {speed:.6g} m/s, error {error:.1e} m/s, over {len(found.distance)} spheres")
     for name, n in (("first", 0), ("last", -1)):
+        which = ", ".join(f"{each} {values[n]}" for each, values in found.places.items())
         say(
-            f"{name:5} row {found.row[n]}, column {found.column[n]}: at {found.distance[n]:.6g} m, arrival "
+            f"{name:5} {which}: at {found.distance[n]:.6g} m, arrival "
             f"{found.arrival[n]:.6g} s, error {found.error[n]:.1e} s, height {found.height[n]:.4g} m/s"
         )
     return 0
@@ -163,13 +178,13 @@ def _front(options: Options) -> int:
 
 def _export(options: Options) -> int:
     from granular_lmp.runs.export import export, export_spheres
-    from granular_lmp.runs.record import Record
+    from granular_lmp.runs.unnamed import load_any
 
     if options.spheres:
         from granular_lmp.rest.scene import Scene
 
         export_spheres(Scene.load(options.folder), options.output)
     else:
-        export(Record.load(options.folder), options.output, options.monitor)
+        export(load_any(options.folder), options.output, options.monitor)
     say(options.output)
     return 0

@@ -19,36 +19,40 @@ _WRITTEN = re.compile(r"write_data.*timestep = ([1-9]\d*)")
 
 
 def _coarse_dumps(reading: Reading) -> Iterator[Finding]:
-    spheres, expected = reading.spheres, expected_displacement(reading)
-    if spheres is None or expected is None:
-        return
+    expected = expected_displacement(reading)
     gone = {command.words[1] for command in reading.named("undump")}
-    for dump in reading.named("dump"):
-        if dump.words[1] in gone:
-            continue
-        style, columns = dump.words[3], dump.words[6:]
-        digits = _digits(reading, dump, columns)
-        axes = {name[0] for name, number in digits.items() if number is not None} if columns else {"x", "y", "z"}
-        moved = any(name.startswith(("c_", "v_", "f_")) for name in columns)  # displacements stand beside
-        if style.startswith("custom") and (not digits or moved or dump.words[5].endswith(".bin")):
-            continue
-        number = min((n for n in digits.values() if n is not None), default=_SINGLE.get(style.split("/")[0], 17))
-        largest = max((float(np.abs(spheres.position[:, "xyz".index(axis)]).max()) for axis in axes), default=0.0)
-        unit = 10.0 ** (floor(log10(largest or 1.0)) + 1 - number)
-        left = log10(expected / unit)
-        if left < _DIGITS:
+    for dump in [] if expected is None else reading.named("dump"):
+        assert expected is not None
+        unit = 0.0 if dump.words[1] in gone else _unit(reading, dump)
+        if unit and (left := log10(expected / unit)) < _DIGITS:
             yield Finding(
                 dump,
-                f"positions up to {largest:.4g} are written with {number} digits, to {unit:.1g}; of displacements as "
-                f"large as the overlap (or the depth of a collision), {expected:.3g}, this leaves "
-                f"{max(0, floor(left))} digits",
+                f"positions are written to {unit:.1g}; of displacements as large as the overlap (or the depth of a "
+                f"collision), {expected:.3g}, this leaves {max(0, floor(left))} digits",
                 min(1.0, unit / expected),
                 f"dump_modify {dump.words[1]} format float %.17g",
             )
 
 
-def _digits(reading: Reading, dump: Command, columns: tuple[str, ...]) -> dict[str, int | None]:
-    """Return the significant digits of the columns with positions; None where they are enough."""
+def _unit(reading: Reading, dump: Command) -> float:
+    """Return the last digit of the positions of a dump, in units of the deck; 0 if displacements stand beside them."""
+    spheres = reading.spheres
+    assert spheres is not None
+    largest = np.abs(spheres.position).max(axis=0)[: reading.dimension]
+    style, columns = dump.words[3].split("/")[0], dump.words[6:]
+    if style in _SINGLE:
+        return _last_digit(float(largest.max()), _SINGLE[style])
+    displacements = any(name.startswith(("c_", "v_", "f_")) for name in columns)
+    if dump.words[3] not in ("custom", "custom/gz", "custom/zstd") or displacements or dump.words[5].endswith(".bin"):
+        return 0.0
+    axes = {name: "xyz".index(name[0]) for name in columns if name in _POSITIONS}
+    formats = _formats(reading, dump, columns)
+    units = [_rounding(formats[name], float(largest[axis])) for name, axis in axes.items() if axis < len(largest)]
+    return max(units, default=0.0)
+
+
+def _formats(reading: Reading, dump: Command, columns: tuple[str, ...]) -> dict[str, str]:
+    """Return the formats of the columns of a dump."""
     formats = dict.fromkeys(columns, "%g")
     for command in reading.named("dump_modify"):
         if command.words[1] != dump.words[1]:
@@ -60,14 +64,20 @@ def _digits(reading: Reading, dump: Command, columns: tuple[str, ...]) -> dict[s
                 formats |= dict(zip(columns, text.split(), strict=False))
             elif keyword == "format" and kind.isdecimal() and int(kind) <= len(columns):
                 formats[columns[int(kind) - 1]] = text
-    return {name: _significant(formats[name]) for name in columns if name in _POSITIONS}
+    return formats
 
 
-def _significant(text: str) -> int | None:
-    match = re.search(r"%[-+ #0]*\d*(?:\.(\d+))?([eg])", text)
-    if match is None:  # %f of any precision is absolute, and of a large box
-        return None
-    return int(match[1] or 6) + (match[2] == "e")
+def _rounding(text: str, largest: float) -> float:
+    """Return the last digit of numbers up to a largest one by a format of C; 0 of one that is not known."""
+    match = re.search(r"%[-+ #0]*\d*(?:\.(\d+))?l?([efg])", text)
+    if match is None:
+        return 0.0
+    digits = int(match[1] or 6)
+    return 10.0**-digits if match[2] == "f" else _last_digit(largest, digits + (match[2] == "e"))
+
+
+def _last_digit(largest: float, digits: int) -> float:
+    return 10.0 ** (floor(log10(largest)) + 1 - digits) if largest else 0.0
 
 
 def _velocities_of_ghosts(reading: Reading) -> Iterator[Finding]:
@@ -148,7 +158,7 @@ CHECKS = (
     ),
     Check(
         "restart-without-law",
-        "A restart file continues a run exactly only if the contact law is given again.",
+        "LAMMPS restores the pair style of a restart file without its reach, so that contacts may have no force.",
         _restart_without_law,
     ),
     Check(

@@ -12,22 +12,23 @@ from granular_lmp.foreign.vibrations import contacts_of, fastest, fastest_decay,
 
 STEPS = 25  # at least, in the fastest period and in a collision: the errors are then 3e-3 and 3e-4
 _LONGEST = 2 * pi / STEPS  # rad, the phase of the fastest vibration in one step
-_LOSS = 0.85  # relative error of the speed after a collision of n steps, times n^(5/2), by velocity Verlet
+# Relative error of the speed after a collision of n steps, at most, times n^(5/2), by velocity Verlet; from three steps
+_LOSS, _FEWEST = 1.1, 3.0
 _LAG = 0.01  # relative error of a decay that is let pass
 _SKINS = {"lj": 0.3, "real": 2.0, "metal": 2.0, "si": 1e-3, "cgs": 0.1, "electron": 2.0, "micro": 0.1, "nano": 0.1}
 
 
 def _timestep(reading: Reading) -> Command | None:
-    assert reading.start is not None
-    before = reading.commands[: reading.commands.index(reading.start.command)]
+    assert reading.fastest is not None
+    before = reading.commands[: reading.commands.index(reading.fastest.command)]
     return next((each for each in reversed(before) if each.name == "timestep"), None)
 
 
 def _too_long(reading: Reading) -> Iterator[Finding]:
     frequency = fastest(reading)
-    if not frequency or reading.start is None:
+    if not frequency or reading.fastest is None:
         return
-    step = reading.start.timestep
+    step = reading.fastest.timestep
     phase = frequency * step
     if phase > _LONGEST:
         error = phase**2 / 24
@@ -43,12 +44,12 @@ def _too_long(reading: Reading) -> Iterator[Finding]:
 
 def _collision(reading: Reading) -> Iterator[Finding]:
     collision = first_collision(reading)
-    if collision is None or reading.start is None:
+    if collision is None or reading.fastest is None:
         return
     speed, duration = collision
-    step = reading.start.timestep
+    step = reading.fastest.timestep
     if step * STEPS > duration:
-        error = min(1.0, _LOSS * (step / duration) ** 2.5)
+        error = _LOSS * (step / duration) ** 2.5 if step * _FEWEST < duration else 1.0
         yield Finding(
             _timestep(reading),
             f"a collision at the speed {speed:.3g} of the fastest sphere lasts {duration:.3g}, which is "
@@ -60,17 +61,17 @@ def _collision(reading: Reading) -> Iterator[Finding]:
 
 def _late_damping(reading: Reading) -> Iterator[Finding]:
     rate = fastest_decay(reading)
-    if not rate or reading.start is None:
+    if not rate or reading.fastest is None:
         return
-    error = rate * reading.start.timestep / 2
+    error = rate * reading.fastest.timestep / 2
     if error > _LAG:
         contacts = contacts_of(reading)
         assert contacts is not None
         law = next(law for law, which in reading.law_of(contacts.pairs) if contacts.dashpot[which].any())
         yield Finding(
             law.command,
-            f"in a step of {reading.start.timestep:.4g} the dashpots lag so far that the fastest decay is {error:.1%} "
-            f"too fast, and the vibration {error / 2:.1%}",
+            f"in a step of {reading.fastest.timestep:.4g} the dashpots lag so far that the fastest decay is "
+            f"{error:.1%} too fast, and the vibration {error / 2:.1%}",
             error,
             f"timestep {2 * _LAG / rate:.3g}",
         )
@@ -93,8 +94,8 @@ def _rare_lists(reading: Reading) -> Iterator[Finding]:
         yield Finding(
             last,
             f"in the {wait} steps between two lists of neighbours the fastest sphere goes {way:.3g}, and two that meet "
-            f"{2 * way:.3g}; the skin is {skin:.3g}",
-            min(1.0, (2 * way - skin) / float(spheres.radius.max())),
+            f"{2 * way:.3g}; the skin is {skin:.3g}, and a contact may begin with an overlap of {2 * way - skin:.3g}",
+            None,
             "neigh_modify every 1 delay 0 check yes",
         )
 

@@ -22,10 +22,10 @@ _WRITING = (
     *("write_coeff", "write_data", "write_dump", "write_restart"),
 )
 _RUNNING_PROGRAMS = ("shell", "python", "plugin", "mdi", "message", "server", "geturl", "kim")
-_STYLES_RUNNING_PROGRAMS = ("python", "python/invoke", "imd", "mdi/qm", "mdi/qmmm", "client/md", "getenv")
+_STYLES_RUNNING_PROGRAMS = ("python", "python/invoke", "imd", "mdi/qm", "mdi/qmmm", "client/md")
+_PLACE_OF_STYLE = {"fix": 3, "variable": 2, "pair_style": 1}
 _READING = ("read_data", "read_restart", "molecule", "pair_coeff", "create_atoms", "region", "fix")
 _BEFORE_OUTPUT = ("file", "append", "overwrite", "out")
-_RUNS = ("run", "minimize")
 
 
 @dataclass(frozen=True)
@@ -137,15 +137,15 @@ class Interpreter:
             return
         command = Command(file, line, words)
         self.commands.append(command)
-        programs = words[0] in _RUNNING_PROGRAMS or set(words[1:4]) & set(_STYLES_RUNNING_PROGRAMS)
-        if programs and words[0] in (*_RUNNING_PROGRAMS, "fix", "variable", "pair_style"):
+        style = words[_PLACE_OF_STYLE[words[0]] :][:1] if words[0] in _PLACE_OF_STYLE else ()
+        if words[0] in _RUNNING_PROGRAMS or set(style) & set(_STYLES_RUNNING_PROGRAMS):
             raise DeckError(
                 f"{where}: '{command}' may run other programs, which is not done here; take the line out of a copy"
             )
         steering = getattr(self, f"_do_{words[0]}", None)
         if steering is not None:
             steering(command)
-        elif words[0] in _RUNS:
+        elif words[0] == "minimize" or (words[0] == "run" and words[1:] and words[1].isdecimal()):
             self._asked(where, text, lambda: self._at_run(command, _steps(words)))
         elif words[0] not in _WRITING:
             self._asked(where, text, lambda: self.lmp.command(self._with_paths(text)))
@@ -222,4 +222,4 @@ class Interpreter:
 
 
 def _steps(words: tuple[str, ...]) -> int | None:
-    return int(float(words[1])) if words[0] == "run" else None
+    return int(words[1]) if words[0] == "run" else None

@@ -202,6 +202,8 @@ def _classic(style: Command) -> Law:
 
 def _types(word: str, types: int) -> range:
     low, star, high = word.partition("*")
+    if not (low + high).isdecimal() and word != "*":  # labels of types are not resolved
+        return range(0)
     first = int(low or 1)
     return range(first, int(high or types) + 1) if star else range(first, first + 1)
 

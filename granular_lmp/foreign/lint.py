@@ -9,4 +9,6 @@ CHECKS = (*in_time.CHECKS, *in_contacts.CHECKS, *in_files.CHECKS, *in_space.CHEC
 
 def lint(reading: Reading) -> list[tuple[Check, Finding]]:
     """Return what may be wrong with a deck, each with the check that found it, in the order of the checks."""
+    if not reading.is_granular:
+        return []
     return [(check, finding) for check in CHECKS for finding in check.find(reading)]

@@ -128,6 +128,18 @@ class Reading:
         """Return the commands with one of these names."""
         return [command for command in self.commands if command.name in names]
 
+    @property
+    def is_granular(self) -> bool:
+        """Whether the forces are those of a granular pair style, or of a restart file."""
+        styles = self.named("pair_style")
+        return not styles or any(word.startswith("gran") for word in styles[-1].words[1:])
+
+    @cached_property
+    def fastest(self) -> Stage | None:
+        """The run of several steps with the longest time step; else `start`."""
+        long = [stage for stage in self.stages if stage.steps is not None and stage.steps > 1]
+        return max(long, key=lambda stage: stage.timestep, default=self.start)
+
     @cached_property
     def start(self) -> Stage | None:
         """The first run of several steps; else the last of all."""
@@ -138,11 +150,11 @@ class Reading:
         if self.spheres is None:
             return []
         types = np.sort(np.stack((self.spheres.type[pairs.i], self.spheres.type[pairs.j])), axis=0)
-        return [
-            (law, which)
-            for (one, other), law in self.laws.items()
-            if (which := (types[0] == one) & (types[1] == other)).any()
-        ]
+        found: dict[Law, NDArray[np.bool_]] = {}
+        for (one, other), law in self.laws.items():
+            which = (types[0] == one) & (types[1] == other)
+            found[law] = found.get(law, False) | which
+        return [(law, which) for law, which in found.items() if which.any()]
 
 
 def start_of(stages: Sequence[Stage]) -> Stage | None:

@@ -5,9 +5,11 @@ The stretch of a contact with the normal n and its slip along the tangent t are
     n·(u_i − u_j),    t·(u_i − u_j) + (R_i φ_i + R_j φ_j)·(n × t)
 
 The square of the largest frequency is the largest eigenvalue of M^(−1/2) Bᵀ K B M^(−1/2), where B holds these rows and
-K the stiffnesses. Held spheres have no mobility. Contacts with walls are left out: with them the frequency is higher.
+K the stiffnesses. Held spheres have no mobility. Walls that are no planes are left out: with them the frequency rises.
 """
 
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from math import sqrt
 
 import numpy as np
@@ -15,12 +17,14 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from granular_lmp.crystal.lanczos import top_bound
+from granular_lmp.foreign.laws import granular
 from granular_lmp.foreign.reading import Pairs, Reading, Spheres
 from granular_lmp.frozen import dataclass
 
 Floats = NDArray[np.float64]
 _INERTIA = 2 / 5
 _ZERO = np.finfo(float).tiny
+_CONSISTENT = ("lj", "si", "cgs", "micro", "nano")  # units in which a force is a mass times an acceleration
 _TOUCHING = 1e-10  # overlap over the radius, up to which spheres just touch, but for rounding
 
 
@@ -33,18 +37,21 @@ class ContactsAtStart:
     pairs : the contacts among all pairs.
     normal, shear : (C,) stiffnesses.
     dashpot : (C,) coefficients of the damping of the normal motion.
+    on_wall : whether these are contacts with a wall; i and j of `pairs` are then the same sphere.
     """
 
     pairs: Pairs
     normal: Floats
     shear: Floats
     dashpot: Floats
+    on_wall: bool = False
 
 
+@lru_cache(maxsize=1)
 def contacts_of(reading: Reading) -> ContactsAtStart | None:
     """Return the contacts of a deck whose laws are known, or None if there is none."""
     spheres, pairs = reading.spheres, reading.pairs
-    if spheres is None or pairs is None or not reading.laws:
+    if spheres is None or pairs is None or not reading.laws or reading.units not in _CONSISTENT:
         return None
     closed = pairs.of(pairs.overlap > _TOUCHING * spheres.radius[pairs.i])
     if not len(closed.i):
@@ -79,7 +86,7 @@ def expected_displacement(reading: Reading) -> float | None:
 def first_collision(reading: Reading) -> tuple[float, float] | None:
     """Return the speed of the fastest sphere, and how long it touches an equal one at rest; None if that is unknown."""
     spheres = reading.spheres
-    if spheres is None or not spheres.moves.any():
+    if spheres is None or not spheres.moves.any() or reading.units not in _CONSISTENT:
         return None
     speeds = np.linalg.norm(spheres.velocity, axis=1)
     who = int(np.argmax(speeds))
@@ -90,20 +97,17 @@ def first_collision(reading: Reading) -> tuple[float, float] | None:
     return None if duration is None else (speed, duration)
 
 
+@lru_cache(maxsize=1)
 def fastest(reading: Reading) -> float | None:
     """Return the largest frequency of the spheres at the start (rad per unit of time), or None without contacts."""
-    contacts = contacts_of(reading)
-    if contacts is None:
-        return None
-    return sqrt(_top(reading, contacts.pairs, contacts.normal, contacts.shear))
+    found = _contacts_and_walls(reading)
+    return sqrt(_top(reading, [(each, each.normal, each.shear) for each in found])) if found else None
 
 
 def fastest_decay(reading: Reading) -> float | None:
     """Return the largest rate of the contacts' dashpots over masses, in 1 over the unit of time, or None."""
-    contacts = contacts_of(reading)
-    if contacts is None or not contacts.dashpot.any():
-        return None
-    return _top(reading, contacts.pairs, contacts.dashpot, np.zeros_like(contacts.dashpot))
+    found = [each for each in _contacts_and_walls(reading) if each.dashpot.any()]
+    return _top(reading, [(each, each.dashpot, np.zeros_like(each.dashpot)) for each in found]) if found else None
 
 
 def turning(reading: Reading) -> float:
@@ -128,16 +132,45 @@ def turning(reading: Reading) -> float:
     return max(shares, default=1.0)
 
 
-def _top(reading: Reading, pairs: Pairs, normal: Floats, shear: Floats) -> float:
+def _contacts_and_walls(reading: Reading) -> list[ContactsAtStart]:
+    contacts = contacts_of(reading)
+    return [each for each in (contacts, *_walls_of(reading)) if each is not None]
+
+
+def _walls_of(reading: Reading) -> Iterator[ContactsAtStart]:
+    """Return the contacts with planes of ``fix wall/gran granular``, of all spheres that reach them."""
+    spheres, start = reading.spheres, reading.start
+    if spheres is None or start is None or reading.units not in _CONSISTENT:
+        return
+    for fix in start.fixes:
+        law = granular(fix, fix.words[5:]) if fix.words[3:5] == ("wall/gran", "granular") else None
+        for axis, keyword in enumerate(("xplane", "yplane", "zplane")):
+            if law is None or keyword not in fix.words:
+                continue
+            place = fix.words.index(keyword)
+            for word in fix.words[place + 1 : place + 3]:
+                away = spheres.position[:, axis] - (float(word) if word != "NULL" else np.inf)
+                which = np.flatnonzero(np.abs(away) < spheres.radius * (1 - _TOUCHING))
+                if not len(which):
+                    continue
+                radius, overlap = spheres.radius[which], spheres.radius[which] - np.abs(away[which])
+                vector = away[which, None] * np.eye(3)[axis]
+                pairs = Pairs(which, which, vector, overlap, np.zeros_like(vector))
+                dashpot = law.dashpot(radius, overlap, spheres.mass[which])
+                yield ContactsAtStart(pairs, *law.stiffnesses(radius, overlap), dashpot, on_wall=True)
+
+
+def _top(reading: Reading, springs: Sequence[tuple[ContactsAtStart, Floats, Floats]]) -> float:
     spheres = reading.spheres
     assert spheres is not None
-    axis = pairs.vector / np.linalg.norm(pairs.vector, axis=1, keepdims=True)
-    tangents = _tangents(axis, flat=reading.dimension == 2)
-    radii = spheres.radius[pairs.i], spheres.radius[pairs.j]
-    count = len(spheres.mass)
-    rows = [_row(pairs, axis, np.zeros_like(axis), radii, normal, count)]
-    # The spin vector points from j to i, so that n × t has the opposite sign on both spheres alike
-    rows += [_row(pairs, tangent, -np.cross(axis, tangent), radii, shear, count) for tangent in tangents if shear.any()]
+    rows = []
+    for contacts, normal, shear in springs:
+        pairs = contacts.pairs
+        axis = pairs.vector / np.linalg.norm(pairs.vector, axis=1, keepdims=True)
+        rows.append(_row(spheres, contacts, axis, np.zeros_like(axis), normal))
+        for tangent in _tangents(axis, flat=reading.dimension == 2) if shear.any() else ():
+            # The vector points from j to i, and the arms of both spheres to the contact make the same sign
+            rows.append(_row(spheres, contacts, tangent, -np.cross(axis, tangent), shear))
     spin = spheres.turns / (_INERTIA * spheres.mass * spheres.radius**2 + _ZERO)
     mobility = np.sqrt(np.concatenate((np.repeat(spheres.moves / spheres.mass, 3), np.repeat(spin, 3))))
     values, columns = (np.concatenate([row[n] for row in rows]) for n in range(2))
@@ -160,11 +193,12 @@ def _tangents(axis: Floats, *, flat: bool) -> list[Floats]:
 
 
 def _row(
-    pairs: Pairs, along: Floats, about: Floats, radii: tuple[Floats, Floats], stiffness: Floats, spheres: int
+    spheres: Spheres, contacts: ContactsAtStart, along: Floats, about: Floats, stiffness: Floats
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Return the twelve values and columns of each contact: displacements and rotations of its two spheres."""
-    root = np.sqrt(stiffness)[:, None]
-    values = np.hstack((along, -along, radii[0][:, None] * about, radii[1][:, None] * about)) * root
+    pairs, other = contacts.pairs, 0.0 if contacts.on_wall else 1.0
+    arms = spheres.radius[pairs.i, None] * about, spheres.radius[pairs.j, None] * about
+    values = np.hstack((along, -other * along, arms[0], other * arms[1])) * np.sqrt(stiffness)[:, None]
     three = np.arange(3)
     places = [3 * pairs.i[:, None] + three, 3 * pairs.j[:, None] + three]
-    return values, np.hstack((*places, *(3 * spheres + place for place in places)))
+    return values, np.hstack((*places, *(3 * len(spheres.mass) + place for place in places)))

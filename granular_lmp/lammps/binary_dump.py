@@ -11,7 +11,7 @@ https://docs.lammps.org/dump.html, tools/binary2txt.cpp of LAMMPS. OVITO and ASE
 
 import struct
 from collections.abc import Iterable, Iterator, Sequence
-from mmap import ACCESS_READ, mmap
+from mmap import ACCESS_READ, MADV_DONTNEED, PAGESIZE, mmap
 from pathlib import Path
 from shutil import copyfileobj
 
@@ -24,7 +24,9 @@ from granular_lmp.lammps.outputs import SnapshotPlace, keep_latest
 
 CONTINUED = ".next"
 _MAGIC = b"DUMPCUSTOM"
-_HEAD = struct.Struct(f"=q{len(_MAGIC)}siiqqi6i6di")
+_HEAD = struct.Struct(f"=q{len(_MAGIC)}siiqqi6i6d")
+_TILT = struct.Struct("=3d")
+_TIME = struct.Struct("=d")
 _INT = struct.Struct("=i")
 
 
@@ -42,6 +44,13 @@ class BinarySnapshot:
         Offsets in the file, bytes.
     head_end : int
         Offset of the chunks.
+    bounds : (3, 2) array
+        Faces of the box, or of one that encloses a tilted box.
+    tilt : (3,) array or None
+        xy, xz and yz of a tilted box.
+    periodic : (3,) array of bool
+    units : str or None
+    time : float or None
     """
 
     step: int
@@ -50,6 +59,11 @@ class BinarySnapshot:
     begin: int
     end: int
     head_end: int
+    bounds: NDArray[np.float64]
+    tilt: NDArray[np.float64] | None
+    periodic: NDArray[np.bool_]
+    units: str | None
+    time: float | None
 
 
 def binary_snapshots(path: str | Path) -> Iterator[BinarySnapshot]:
@@ -67,24 +81,33 @@ def binary_snapshots(path: str | Path) -> Iterator[BinarySnapshot]:
         with Path(path).open("rb") as stream:
             content = mmap(stream.fileno(), 0, access=ACCESS_READ)
         while begin < len(content):
-            snapshot = _snapshot(content, begin)
+            snapshot = snapshot_at(content, begin)
             if snapshot is None:
                 return
             yield snapshot
             begin = snapshot.end
+            content.madvise(MADV_DONTNEED, 0, begin // PAGESIZE * PAGESIZE)  # what was read leaves the memory
     except (OSError, ValueError) as error:
         raise RunFolderError(f"{path}: not a binary dump of LAMMPS: {one_line(error)}") from error
 
 
-def _snapshot(content: mmap, begin: int) -> BinarySnapshot | None:
+def snapshot_at(content: mmap, begin: int) -> BinarySnapshot | None:
     """Return the snapshot at an offset, or None if the file ends within it."""
     try:
-        size, magic, byte_order, revision, step, spheres, *_, columns = _HEAD.unpack_from(content, begin)
+        size, magic, byte_order, revision, step, spheres, tilted, *rest = _HEAD.unpack_from(content, begin)
         if (size, magic, byte_order, revision) != (-len(_MAGIC), _MAGIC, 1, 2):
             raise ValueError(f"at byte {begin} {(size, magic, byte_order, revision)!r}, expected {_MAGIC!r}, 1, 2")
         at = begin + _HEAD.size
-        at += _INT.size + _INT.unpack_from(content, at)[0]  # the units
-        at += 1 + (8 if content[at] else 0)  # the time
+        tilt = np.array(_TILT.unpack_from(content, at)) if tilted else None
+        at += _TILT.size if tilted else 0
+        (columns,) = _INT.unpack_from(content, at)
+        at += _INT.size
+        (length,) = _INT.unpack_from(content, at)
+        at += _INT.size
+        units = content[at : at + length].decode() or None
+        at += length
+        time = _TIME.unpack_from(content, at + 1)[0] if content[at] else None
+        at += 1 + (_TIME.size if content[at] else 0)
         (length,) = _INT.unpack_from(content, at)
         at += _INT.size
         names = content[at : at + length].decode().split()
@@ -109,6 +132,11 @@ def _snapshot(content: mmap, begin: int) -> BinarySnapshot | None:
         begin,
         at,
         head_end,
+        np.array(rest[6:]).reshape(3, 2),
+        tilt,
+        np.array(rest[:6:2]) == 0,
+        units,
+        time,
     )
 
 
@@ -121,12 +149,25 @@ def write_binary(path: Path, like: Path, snapshots: Iterable[tuple[BinarySnapsho
             target.write(_INT.pack(1) + _INT.pack(table.size) + np.ascontiguousarray(table, dtype=np.float64).tobytes())
 
 
-def binary_head(step: int, names: Sequence[str], spheres: int, faces: Sequence[int], box: NDArray[np.float64]) -> bytes:
+def binary_head(
+    step: int,
+    names: Sequence[str],
+    spheres: int,
+    faces: Sequence[int],
+    box: NDArray[np.float64],
+    *,
+    tilt: NDArray[np.float64] | None = None,
+    units: str = "",
+    time: float | None = None,
+) -> bytes:
     """Return what stands in a dump before the doubles of a snapshot; `faces` are 0 where periodic, along x, y and z."""
     both, titles = [each for face in faces for each in (face, face)], " ".join(names).encode()
-    head = _HEAD.pack(-len(_MAGIC), _MAGIC, 1, 2, step, spheres, 0, *both, *box.ravel().tolist(), len(names))
-    none = _INT.pack(0) + b"\0"  # neither units nor a time
-    return head + none + _INT.pack(len(titles)) + titles + _INT.pack(1) + _INT.pack(spheres * len(names))
+    tilted = int(tilt is not None)
+    head = _HEAD.pack(-len(_MAGIC), _MAGIC, 1, 2, step, spheres, tilted, *both, *box.ravel().tolist())
+    head += b"" if tilt is None else _TILT.pack(*tilt)
+    said = _INT.pack(len(units)) + units.encode() + (b"\0" if time is None else b"\1" + _TIME.pack(time))
+    sizes = _INT.pack(1) + _INT.pack(spheres * len(names))
+    return head + _INT.pack(len(names)) + said + _INT.pack(len(titles)) + titles + sizes
 
 
 def continuation(path: Path) -> Path:

@@ -33,12 +33,13 @@ from granular_lmp.lammps.datafile import DataFile, differences
 from granular_lmp.lammps.edits import differing_lines, places, with_lines
 from granular_lmp.lammps.outputs import SCENE, write_deck
 from granular_lmp.problem import Problem
+from granular_lmp.rest.holding import AT_REST, LOOSE
 from granular_lmp.rest.scene import Scene
 
 __all__ = ["Deck"]
 
 # In their order
-BLOCKS = (
+BLOCKS_AT_REST = (
     Block(variables.heading, again=variables.continues),
     Block(variables.variables),
     Block(variables.units),
@@ -73,6 +74,7 @@ BLOCKS_OF_MEETING = (
     Block(monitors.monitors, again=monitors.monitors),
     Block(recording.run_of_meeting, again=recording.run_of_meeting),
 )
+BLOCKS = {AT_REST: BLOCKS_AT_REST, LOOSE: BLOCKS_OF_MEETING}
 
 
 @dataclass(frozen=True, repr=False)
@@ -223,4 +225,4 @@ def resume_text(problem: Problem, checkpoint: str) -> str:
 
 
 def _blocks(problem: Problem) -> tuple[Block, ...]:
-    return BLOCKS_OF_MEETING if problem.rest.meets else BLOCKS
+    return BLOCKS[problem.scene.holding]

@@ -33,8 +33,8 @@ def line_interval(problem: Problem) -> int:
 
 
 def has_looks(problem: Problem) -> bool:
-    """Return whether guards look at v_look, as those of a crystal at rest do; where spheres meet, at every line."""
-    return not problem.rest.meets
+    """Return whether guards look at v_look, as linear waves ask for it; where spheres meet they look at every line."""
+    return problem.scene.holding.has_modes
 
 
 def guards(problem: Problem, checkpoint: str = "") -> list[str]:

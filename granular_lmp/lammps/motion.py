@@ -8,7 +8,8 @@ from granular_lmp.problem import Problem
 
 def motion(problem: Problem) -> list[str]:
     """Return the block that integrates the motion."""
-    return _motion(problem, [], [])
+    by_mass = problem.scene.effects.restitution < 1  # the dashpot of a viscosity takes no mass
+    return _motion(problem, [], ends.held(problem) if by_mass else [])
 
 
 def motion_of_meeting(problem: Problem) -> list[str]:

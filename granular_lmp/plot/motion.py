@@ -1,5 +1,7 @@
 """Pictures of a chain without a wave: speeds over time, and bands."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -13,20 +15,27 @@ from granular_lmp.problem import Problem
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.strikers import leads
 
+Floats = NDArray[np.float64]
 COLOURS = "magma_r"
 
 
 def chain_figure(record: Record) -> Picture:
     """Return a picture of the speeds of the recorded spheres of a chain at all times."""
+    rows = record.problem.rest.atoms.arrays["row"][record.problem.rest.recorded]
+    figure = speeds_figure(record.tau, rows, _speeds(record), _label(record))
+    xlabel = rf"time $\tau$ ($t_0$ = {in_si(record.scale.time, 's')})"
+    figure.axes[0].set(xlabel=xlabel, ylabel="row")
+    figure.axes[0].set_title(title(record.scene), fontsize="medium")
+    return figure
+
+
+def speeds_figure(times: Floats, places: NDArray[Any], speeds: Floats, label: str) -> Picture:
+    """Return a picture of speeds (T, n) in the unit of the darkest colour at all times and places along a line."""
     figure = Picture(figsize=(7.0, 4.0), layout="constrained")
     axes: Axes = figure.subplots()
-    rows = record.problem.rest.atoms.arrays["row"][record.problem.rest.recorded]
-    mesh = axes.pcolormesh(
-        record.tau, rows, _speeds(record).T, norm=LogNorm(LIGHTEST, DARKEST), cmap=COLOURS, shading="nearest"
-    )
-    axes.set(xlabel=rf"time $\tau$ ($t_0$ = {in_si(record.scale.time, 's')})", ylabel="row")
-    axes.set_title(title(record.scene), fontsize="medium")
-    figure.colorbar(mesh, label=_label(record))
+    shown = np.maximum(speeds, LIGHTEST).T  # those below the colours as the lightest of them
+    mesh = axes.pcolormesh(times, places, shown, norm=LogNorm(LIGHTEST, DARKEST), cmap=COLOURS, shading="nearest")
+    figure.colorbar(mesh, label=label)
     return figure
 
 
@@ -50,8 +59,8 @@ def bands_figure(problem: Problem) -> Figure:
 
 
 def _speeds(record: Record) -> NDArray[np.float64]:
-    """Return the speeds (T, n) in the unit of the colours, those below the colours as the lightest of them."""
-    return np.maximum(np.linalg.norm(record.velocity, axis=-1) * record.scale.velocity / _unit(record), LIGHTEST)
+    """Return the speeds (T, n) in the unit of the colours."""
+    return np.asarray(np.linalg.norm(record.velocity, axis=-1) * record.scale.velocity / _unit(record))
 
 
 def _unit(record: Record) -> float:

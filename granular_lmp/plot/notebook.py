@@ -88,7 +88,7 @@ def _(deck: Deck) -> str:
         "edited": "\n".join(deck.edits()) or "no",
     }
     text = f"<details><summary>{escape(deck.input_name)}</summary><pre>{escape(deck.input_text)}</pre></details>"
-    picture = dispersion_figure(deck.scene) if deck.scene.held_at_rest else None
+    picture = dispersion_figure(deck.scene) if deck.scene.holding.has_modes else None
     return _card(repr(deck), facts, picture, text)
 
 

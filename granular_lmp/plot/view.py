@@ -15,9 +15,11 @@ from granular_lmp.plot.motion import chain_figure
 from granular_lmp.plot.movie import MOVIES
 from granular_lmp.plot.page import page
 from granular_lmp.plot.signals import Picture, save
+from granular_lmp.plot.unnamed import draw_unnamed
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
+from granular_lmp.runs.unnamed import Unnamed, is_unnamed
 from granular_lmp.scene.document import note
 from granular_lmp.studies.sweep import Sweep
 from granular_lmp.studies.sweep_rows import ASKED
@@ -57,7 +59,8 @@ def view(
 ) -> list[str]:
     """Draw a run or a sweep folder into a picture, a run into a movie or a page, or the crystal of a scene at rest.
 
-    Of a run without a wave a chain is drawn over time, and a sheet at `tau`.
+    Of a run without a wave a chain is drawn over time, and a sheet at `tau`; so are unnamed crystals, whose `tau` is a
+    time in seconds (of units lj in these).
 
     Parameters
     ----------
@@ -97,6 +100,11 @@ def view(
         _refuse(folder, "a crystal at rest", of_a_run | {"column": column})
         _refuse_movie(path, "a crystal at rest is drawn in a picture")
         save(at_rest_figure(Scene.load(folder)), path, size)
+        return []
+    if is_unnamed(folder):
+        unfit = {name: of_a_run[name] for name in ("rows", "fronts", "monitor")}
+        _refuse(folder, "an unnamed crystal", unfit | {"column": column})
+        draw_unnamed(Unnamed.load(folder), path, tau=tau, colour=colour, magnify=magnify, side=side, fps=fps, size=size)
         return []
     if (folder / SWEEP).is_file():
         _refuse(folder, "the picture of a sweep", of_a_run)

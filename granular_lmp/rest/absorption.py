@@ -114,17 +114,9 @@ def _numbers_at(scene: Scene, frequency: float, name: str) -> tuple[float, ...]:
 
 
 def quiet_side(scene: Scene) -> str:
-    """Return the ends that absorb as LAMMPS writes the distance to them, "abs(y)", or "y" or "-y" for one of them.
-
-    An end that is the source of waves does not absorb, nor does one that is not quiet.
-    """
-    last = scene.shape.rows - 1
-    low, high = (any(each.is_in_row(end) for each in scene.source) for end in (0, last))
-    low, high = low or scene.form.driven or "first" not in scene.quiet, high or "last" not in scene.quiet
-    if low and high:
-        ends = "both ends" if len(scene.quiet) == 2 else f"the {scene.quiet[0]} row, which alone is quiet"
-        raise SceneError(f"absorb.rows = {scene.absorb.rows!r}: must be 0 where sources move {ends}", because="physics")
-    return "y" if low else "-y" if high else "abs(y)"
+    """Return the ends that absorb as LAMMPS writes the distance to them, "abs(y)", or "y" or "-y" for one of them."""
+    sides = {"last": "y", "first": "-y"}
+    return sides[scene.absorbing[0]] if len(scene.absorbing) == 1 else "abs(y)"
 
 
 def quiet_end_of(scene: Scene) -> QuietEnd | None:
@@ -138,12 +130,6 @@ def quiet_end_of(scene: Scene) -> QuietEnd | None:
     absorb, shape = scene.absorb, scene.shape
     if absorb.rows == 0:
         return None
-    if scene.wall or scene.wave_lattice.cell_size > 1:
-        raise SceneError(
-            f"absorb.rows = {absorb.rows!r}: must be 0 on a [substrate] and in a lattice of several spheres a cell, "
-            "where it is not known what quiet ends reflect",
-            because="not built",
-        )
     try:
         if absorb.rows == AUTO:
             end = _enough(scene)

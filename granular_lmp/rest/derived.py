@@ -17,6 +17,7 @@ from granular_lmp.frozen import cached_property
 from granular_lmp.rest import remarks, words
 from granular_lmp.rest.echo import echo_at
 from granular_lmp.rest.frequency import hertz_of, wavenumbers_at
+from granular_lmp.rest.holding import AT_REST, LOOSE, HeldAtRest, Holding
 from granular_lmp.rest.pattern import patterned
 from granular_lmp.rest.shape import Room, decide, declared_shape
 from granular_lmp.rest.space import lattice_of, remarks_on_space, space_of, wall_of
@@ -24,7 +25,7 @@ from granular_lmp.scene.declaration import Declaration
 from granular_lmp.scene.forms import NO_WAVE, Form
 from granular_lmp.scene.sections import Wave
 from granular_lmp.scene.sources import Source
-from granular_lmp.scene.strikers import scale_of, stretch
+from granular_lmp.scene.strikers import stretch
 from granular_lmp.scene.without_wave import holds
 from granular_lmp.units import AnyUnits, OwnUnits, units_for
 
@@ -47,7 +48,7 @@ class Derived(Declaration):
     @cached_property
     def scale(self) -> Scale:
         """Units of the scene: m, Δ0 and t0 of spheres that are held at rest, else those of the impact."""
-        return Scale.of(self.sphere) if self.held_at_rest else scale_of(self.striker, self.start, self.material)
+        return self.holding.scale(self)
 
     @cached_property
     def space(self) -> int:
@@ -62,7 +63,7 @@ class Derived(Declaration):
     @cached_property
     def rigid(self) -> Wall | None:
         """Law of the contacts with rigid planes at the faces of a crystal at rest, None without any."""
-        return Wall.rigid(self.sphere) if WALL in self.shape.faces.values() and self.held_at_rest else None
+        return self.holding.rigid(self) if WALL in self.shape.faces.values() else None
 
     @property
     def physics(self) -> Physics:
@@ -78,15 +79,26 @@ class Derived(Declaration):
         declared = tuple(name for name, face in faces.items() if face == QUIET)
         return declared or tuple(name for name, face in faces.items() if face not in (FREE, WALL))
 
-    @cached_property
-    def held_at_rest(self) -> bool:
-        """True if adhesion or a load holds the spheres at rest, as beside every wave.
+    @property
+    def absorbing(self) -> tuple[str, ...]:
+        """Quiet ends that absorb: those that are no source of waves themselves."""
+        ends = {"first": 0, "last": self.shape.rows - 1}
+        driven = ("first",) if self.form.driven else ()
+        moved = {name for name, row in ends.items() if any(each.is_in_row(row) for each in self.source)}
+        return tuple(name for name in self.quiet if name not in {*driven, *moved})
 
-        Spheres that just touch are not, and a chain that is pressed together: they part without a pull, and fly.
-        """
+    @cached_property
+    def holding(self) -> Holding:
+        """What holds the spheres while nothing moves them."""
         sheet = lattice_of(self.packing, self.substrate).sheet
         adhesion, force, touching = self.material.work_of_adhesion, self.packing.contact_force, self.start.touching
-        return self.wave is not None or holds(adhesion, force, sheet=sheet, touching=touching)
+        held = self.wave is not None or holds(adhesion, force, sheet=sheet, touching=touching)
+        return AT_REST if held else LOOSE
+
+    @property
+    def held_at_rest(self) -> bool:
+        """True if adhesion or a load holds the spheres at rest, as beside every wave."""
+        return isinstance(self.holding, HeldAtRest)
 
     @property
     def units(self) -> AnyUnits:
@@ -135,13 +147,7 @@ class Derived(Declaration):
     @cached_property
     def lattice(self) -> Lattice:
         """Lattice of the packing."""
-        found = lattice_of(self.packing, self.substrate)
-        if not self.held_at_rest or not self.sphere.static_overlap or self.effects.shear is False:
-            return found
-        # Spheres that do not turn have transverse waves faster than L above κ = 1; those that do, in the plane above 2
-        turning = 4 / 3 if found.solid else 2.0
-        ratio = self.sphere.stiffness_ratio
-        return replace(found, ratio=ratio) if ratio > (1.0 if self.effects.rotation is False else turning) else found
+        return self.holding.stiff(lattice_of(self.packing, self.substrate), self)
 
     @cached_property
     def wave_lattice(self) -> Lattice:

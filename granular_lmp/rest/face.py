@@ -6,7 +6,7 @@ here: all are in the units of the scene, m, its length and t0 (`granular_lmp.cry
 
 from abc import ABC, abstractmethod
 from math import inf, sqrt
-from typing import Any, ClassVar
+from typing import Any
 
 import ase
 import numpy as np
@@ -44,7 +44,6 @@ class Rest(ABC):
         Wave in the lattice; None without a wave.
     """
 
-    meets: ClassVar[bool]  # True of spheres that meet and part: which blocks of a deck are theirs
     scene: Scene
     turns: bool = True
     wave: BlochWave | None = None

@@ -26,8 +26,6 @@ from granular_lmp.scene.sources import longest_steps
 class Held(Rest):
     """Spheres that are at rest under their adhesion or a load, about which they vibrate."""
 
-    meets = False
-
     @cached_property
     def planes(self) -> dict[str, float]:
         """Rigid walls, "ylo" → place, radii; those of a substrate are "zlo" and "zhi"."""

@@ -1,7 +1,6 @@
 """The maker of the `Rest` of a scene: of a crystal that is held at rest, or of spheres that meet.
 
-Who has a problem asks its `Rest`. The scene itself is asked whether it is held at rest by what comes before a problem,
-as the rules of effects, and by what needs none, as modes.
+Who has a problem asks its `Rest`. What needs none, or comes before it, asks `granular_lmp.rest.holding`.
 """
 
 from collections.abc import Mapping

@@ -34,8 +34,6 @@ class Meeting(Rest):
     They part without a pull, and fly.
     """
 
-    meets = True
-
     @cached_property
     def softest(self) -> float:
         """Smallest of the `coefficients`, A; that of a wall of a single sphere."""

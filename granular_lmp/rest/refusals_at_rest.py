@@ -185,7 +185,7 @@ def rows_and_columns(scene: Derived) -> str:
             "(with 2 columns a sphere touches two images of the same neighbour, which share one shear history in "
             "LAMMPS)"
         )
-    if columns % lattice.column_period and (scene.held_at_rest or shape.along_x):
+    if columns % lattice.column_period and (scene.holding.whole_cells or shape.along_x):
         return (
             f"packing.columns = {columns}: must be a multiple of {lattice.column_period}, the spheres of a cell, with "
             f'packing.lattice = "{lattice.name}"'
@@ -319,6 +319,16 @@ def quiet_ends_of_other_lattices(scene: Derived) -> str:
 
 
 @line("not built")
+def quiet_ends_of_patterns(scene: Derived) -> str:
+    if scene.absorb.rows == 0 or scene.wave_lattice.cell_size == 1:
+        return ""
+    return (
+        f"absorb.rows = {scene.absorb.rows!r}: must be 0 on a [substrate] and in a lattice of several spheres a cell, "
+        "where it is not known what quiet ends reflect"
+    )
+
+
+@line("not built")
 def quiet_rows_at_free_ends(scene: Derived) -> str:
     if not scene.absorb.rows or scene.quiet:
         return ""
@@ -351,6 +361,14 @@ def quiet_ends(scene: Derived) -> str:
             f"or wave.form = {either((*DRIVEN, *STILL))}"
         )
     return ""
+
+
+@line("physics")
+def sources_that_move_quiet_ends(scene: Derived) -> str:
+    if scene.absorb.rows == 0 or scene.absorbing:
+        return ""
+    ends = "both ends" if len(scene.quiet) == 2 else f"the {scene.quiet[0]} row, which alone is quiet"
+    return f"absorb.rows = {scene.absorb.rows!r}: must be 0 where sources move {ends}"
 
 
 @line("physics", of=(HELD,))

@@ -11,7 +11,8 @@ in `granular_lmp.effects`.
 
 A scene without ``[wave]`` has strikers, a state or sources. Where spheres adhere, or a sheet is pressed together, they
 are at rest as beside a wave, and the units are those of a wave. Spheres that just touch, a sheet of spheres with gaps
-and a compressed chain are not (`Scene.held_at_rest`): times are in t0 of the impact (`granular_lmp.crystal.scale`).
+and a compressed chain are not (`granular_lmp.rest.holding`): times are in t0 of the impact
+(`granular_lmp.crystal.scale`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -56,7 +57,7 @@ from granular_lmp.scene.sphere_table import located as located_table
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.start import located as located_state
 from granular_lmp.scene.strikers import Striker
-from granular_lmp.scene.without_wave import HELD, NOT_HELD, WAVE
+from granular_lmp.scene.without_wave import WAVE
 
 __all__ = ["Scene"]
 
@@ -230,7 +231,7 @@ class Scene(HasCard, Derived):
 
     @cached_property
     def _variant(self) -> str:
-        return WAVE if self.wave is not None else HELD if self.held_at_rest else NOT_HELD
+        return WAVE if self.wave is not None else self.holding.without_wave
 
     @classmethod
     def _solved(cls, records: dict[str, Any]) -> dict[str, Any]:

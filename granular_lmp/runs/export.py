@@ -3,9 +3,10 @@
 What a monitor recorded is written as CSV in SI units, and a whole run folder as a Process Run Crate.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +23,13 @@ from granular_lmp.runs.record import Record
 from granular_lmp.runs.scales import length_of, si_of
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.runs.tables import write_csv
+from granular_lmp.runs.unnamed import Unnamed
 from granular_lmp.scene.monitor_kinds import quantity_of
 
 __all__ = ["export", "export_spheres"]
+
+_CONTACTS = "contacts"
+Kind = TypeVar("Kind", Record, Unnamed)
 
 
 def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float64]]:
@@ -82,6 +87,38 @@ def _write_snapshots(record: Record, path: Path) -> None:
     write_extxyz(record.snapshots(), path)
 
 
+def write_unnamed_extxyz(crystal: Unnamed, path: Path) -> None:
+    """Write the snapshots of an unnamed crystal as extended XYZ, in its units; the box is the first one."""
+    corner, cell, axes = crystal.cell
+    lattice, origin = (" ".join(map(repr, each.ravel().tolist())) for each in (cell, corner))
+    periodic = " ".join("T" if each else "F" for each in axes)
+    kinds = crystal.types.tolist()
+    with path.open("w", encoding="utf-8") as stream:
+        for moment in (crystal[number] for number in range(len(crystal))):
+            columns = {"velocity": moment.velocity, "spin": moment.spin, "force": moment.force}
+            there = {name: values for name, values in columns.items() if values is not None}
+            names = "".join(f":{name}:R:3" for name in there)
+            stream.write(
+                f'{len(kinds)}\nLattice="{lattice}" Origin="{origin}" pbc="{periodic}" '
+                f"Properties=species:S:1:pos:R:3:id:I:1:type:I:1:radius:R:1{names} time={moment.time!r}\n"
+            )
+            numbers = np.column_stack([crystal.radius, *there.values()]).tolist()
+            for number, kind, place, row in zip(
+                crystal.spheres.tolist(), kinds, moment.place.tolist(), numbers, strict=True
+            ):
+                stream.write(f"X {' '.join(map(repr, place))} {number} {kind} {' '.join(map(repr, row))}\n")
+
+
+def _write_contacts(crystal: Unnamed, path: Path) -> None:
+    write_csv(crystal.contact_columns, path)
+
+
+UNNAMED_FORMATS: dict[str, Callable[[Unnamed, Path], None]] = {
+    ".csv": lambda crystal, path: write_csv(crystal.si, path),
+    ".nc": lambda crystal, path: crystal.to_xarray().to_netcdf(path),
+    ".xyz": write_unnamed_extxyz,
+    ".extxyz": write_unnamed_extxyz,
+}
 FORMATS: dict[str, Callable[[Record, Path], None]] = {
     ".csv": lambda record, path: write_csv(record.si, path),
     ".nc": Record.to_netcdf,
@@ -94,17 +131,19 @@ FORMATS: dict[str, Callable[[Record, Path], None]] = {
 }
 
 
-def export(record: Record, path: str | Path, monitor: str | None = None) -> None:
+def export(record: Record | Unnamed, path: str | Path, monitor: str | None = None) -> None:
     """Write a run in the format of the file's ending; its folder is made, a file that is there is replaced.
 
     A path that ends in ``crate`` or ``.zip`` gets the whole run folder as a Process Run Crate.
 
     Parameters
     ----------
-    record : Record
+    record : Record or Unnamed
+        An unnamed crystal is written as CSV, netCDF or extended XYZ.
     path : path
     monitor : str, optional
-        Write what this monitor recorded, as CSV, in place of the trajectory of the centre sphere.
+        Write what this monitor recorded, as CSV, in place of the trajectory of the centre sphere. An unnamed crystal
+        has "contacts", the overlaps of its spheres.
 
     Raises
     ------
@@ -121,10 +160,20 @@ def export(record: Record, path: str | Path, monitor: str | None = None) -> None
     't_s,p_m,q_m,theta_rad'
     """
     path = Path(path)
-    formats = FORMATS if monitor is None else {".csv": partial(_write_monitor, name=monitor)}
+    if isinstance(record, Unnamed):
+        if monitor not in (None, _CONTACTS):
+            raise RunFolderError(f"monitor = {monitor!r}: an unnamed crystal has {_CONTACTS!r} alone")
+        formats = UNNAMED_FORMATS if monitor is None else {".csv": _write_contacts}
+        _write(record, path, formats, " for an unnamed crystal")
+    elif monitor is None:
+        _write(record, path, FORMATS, "")
+    else:
+        _write(record, path, {".csv": partial(_write_monitor, name=monitor)}, " for a monitor")
+
+
+def _write(record: Kind, path: Path, formats: Mapping[str, Callable[[Kind, Path], None]], of: str) -> None:
     write = formats.get("crate" if path.name.endswith("crate") else path.suffix.lower())
     if write is None:
-        of = "" if monitor is None else " for a monitor"
         raise RunFolderError(f"{path}: must end in one of {', '.join(formats)}{of}")
     with whole(path) as draft:
         write(record, draft)

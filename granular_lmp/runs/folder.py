@@ -27,6 +27,7 @@ from granular_lmp.lammps.outputs import (
     SNAPSHOTS,
     STATUS,
     SWEEP,
+    UNNAMED,
     UNWAVED_CONTACTS,
     writable,
 )
@@ -36,7 +37,7 @@ from granular_lmp.scene.schema import NAME_PATTERN, checked_name, shown
 # Files that a run, a kicked sheet of release 0.2, a collision, or a comparison with theory writes beside its deck
 _FILES = (
     *(SCENE, STATUS, LOG, DUMP, SNAPSHOTS, CONTACTS, UNWAVED_CONTACTS, "trajectory.csv", *CHECKPOINTS),
-    *("dump.everything", "dump.everything.bin"),
+    *("dump.everything", "dump.everything.bin", UNNAMED),
     *(
         "in.sheet",
         "dump.sheet",

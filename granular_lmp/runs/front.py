@@ -9,8 +9,7 @@ around it. The speed V of the front is the slope of distance over arrival, by le
 breaks*: a burst of several periods has as many crests, and the first is faster than the group.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from math import cos, inf, radians, sin
 from typing import Any, Self
 
@@ -26,6 +25,7 @@ from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.scales import length_of
 from granular_lmp.runs.snapshots import Snapshots
+from granular_lmp.runs.unnamed import Unnamed
 from granular_lmp.scene.places import place_troubles, spheres_at
 from granular_lmp.scene.schema import allowed_names
 
@@ -52,8 +52,8 @@ class Front:
 
     Attributes
     ----------
-    row, column : (n,) arrays
-        Place of each sphere, counted from 0.
+    places : dict of str to (n,) array
+        ``row`` and ``column`` of each sphere, counted from 0; of an unnamed crystal its ``id``.
     distance : (n,) array
         Distance from where the front starts, m.
     arrival, error : (n,) arrays
@@ -69,8 +69,7 @@ class Front:
     [5, 6, 7, 8, 9, 10]
     """
 
-    row: Integers
-    column: Integers
+    places: Mapping[str, Integers]
     distance: Floats
     arrival: Floats
     error: Floats
@@ -79,7 +78,18 @@ class Front:
     def between(self, near: float, far: float) -> Self:
         """Return the front from one distance to another, m."""
         inside = (self.distance >= near) & (self.distance <= far)
-        return replace(self, **{name: values[inside] for name, values in vars(self).items()})
+        places = {name: values[inside] for name, values in self.places.items()}
+        return type(self)(places, *(getattr(self, name)[inside] for name in _UNITS))
+
+    @property
+    def row(self) -> Integers:
+        """Row of each sphere, counted from 0."""
+        return self.places["row"]
+
+    @property
+    def column(self) -> Integers:
+        """Column of each sphere, counted from 0."""
+        return self.places["column"]
 
     @property
     def speed(self) -> tuple[float, float]:
@@ -109,14 +119,14 @@ class Front:
 
     @property
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Columns of a table: row, column, distance_m, arrival_s, error_s, height_m_s."""
-        return {name + _UNITS.get(name, ""): values for name, values in vars(self).items()}
+        """Columns of a table: row, column (or id), distance_m, arrival_s, error_s, height_m_s."""
+        return {**self.places, **{name + unit: getattr(self, name) for name, unit in _UNITS.items()}}
 
 
 def front(
-    motion: Record | MonitorRecord | Snapshots,
+    motion: Record | MonitorRecord | Snapshots | Unnamed,
     *,
-    origin: tuple[int, int] | None = None,
+    origin: tuple[int, int] | int | None = None,
     direction: float = 90.0,
     of: str = "speed",
 ) -> Front:
@@ -124,10 +134,12 @@ def front(
 
     Parameters
     ----------
-    motion : Record, MonitorRecord or Snapshots
-        The record of a scene without a wave; of any scene what a monitor recorded, or the snapshots.
-    origin : (row, column), optional
-        Sphere from which the front starts; by default each that is struck, pushed or driven.
+    motion : Record, MonitorRecord, Snapshots or Unnamed
+        The record of a scene without a wave; of any scene what a monitor recorded, or the snapshots; or an unnamed
+        crystal.
+    origin : (row, column), or id, optional
+        Sphere from which the front starts; by default each that is struck, pushed or driven. Of an unnamed crystal its
+        number, which must be given.
     direction : float
         Way of the front, degrees from x towards y: a line of spheres that starts at the origin.
     of : str
@@ -147,38 +159,78 @@ def front(
     >>> print(f"{speed:.2g} m/s")
     6.7e+02 m/s
     """
-    scene = motion.scene
     if of not in MOTIONS:
         raise ReadoutError(f"of = {of!r}: {allowed_names(of, MOTIONS)}")
+    way = np.array([cos(radians(direction)), sin(radians(direction)), 0.0])
+    if isinstance(motion, Unnamed):
+        return _of_unnamed(motion, origin, way, of)
+    scene = motion.scene
     if isinstance(motion, Record) and scene.wave is not None:
         raise ReadoutError(
             f"{scene.name}: its trajectory is of one sphere, and a front passes several; take a [[monitor]], or "
             "snapshots ([output] particles)"
         )
-    crystal, way = crystal_of(scene).atoms, np.array([cos(radians(direction)), sin(radians(direction)), 0.0])
-    places, way = crystal.positions[:, : scene.space], way[: scene.space]
+    crystal, way = crystal_of(scene).atoms, way[: scene.space]
+    places = crystal.positions[:, : scene.space]
     spheres = np.asarray(motion.spheres)
     distance = _distance(places[spheres], places[_starts(scene, crystal, origin)], way, _room(crystal, way))
-    chosen = np.flatnonzero(np.isfinite(distance))
-    chosen = chosen[np.argsort(distance[chosen], kind="stable")]
     velocity = motion.stack("velocity") if isinstance(motion, Snapshots) else motion.velocity
-    speed = np.linalg.norm(MOTIONS[of](velocity[:, chosen], way), axis=-1)
-    least = _STILL * np.linalg.norm(velocity, axis=-1).max(initial=0.0)
-    crests = np.array([_crest(motion.tau, each, least) for each in speed.T]).reshape(-1, 3)
+    largest = float(np.linalg.norm(velocity, axis=-1).max(initial=0.0))
+    chosen = _nearest_first(distance)
+    there, arrivals = _arrivals(motion.tau, velocity[:, chosen], largest, way, of, scene.name)
+    chosen = chosen[there]
+    index, time = spheres[chosen], scene.scale.time
+    which = {name: crystal.arrays[name][index] for name in ("row", "column")}
+    si = arrivals.T * [[time], [time], [length_of(scene) / time]]
+    return Front(which, distance[chosen] * scene.sphere.radius, *si)
+
+
+def _of_unnamed(motion: Unnamed, origin: tuple[int, int] | int | None, way: Floats, of: str) -> Front:
+    """Return the front in an unnamed crystal, from the sphere with a number."""
+    if origin is None or isinstance(origin, tuple):
+        raise ReadoutError(f"{motion.folder}: an unnamed crystal has no rows; give the id of a sphere, origin=ID")
+    start = np.flatnonzero(motion.spheres == origin)
+    if not len(start):
+        raise ReadoutError(f"origin = {origin}: no sphere has this id in all snapshots")
+    unit = float(motion.radius.mean())
+    _, cell, periodic = motion.cell
+    places = motion.rest / unit
+    distance = _distance(places, places[start], way, _room(ase.Atoms(cell=cell / unit, pbc=periodic), way))
+    chosen, largest, velocities = _nearest_first(distance), 0.0, []
+    for moment in (motion[number] for number in range(len(motion))):  # one in memory at a time
+        largest = max(largest, float(np.linalg.norm(moment.velocity, axis=1).max()))
+        velocities.append(moment.velocity[chosen])
+    there, arrivals = _arrivals(motion.time, np.array(velocities), largest, way, of, motion.name)
+    chosen = chosen[there]
+    return Front({"id": motion.spheres[chosen]}, distance[chosen] * unit, *arrivals.T)
+
+
+def _nearest_first(distance: Floats) -> Integers:
+    """Return the spheres that lie on a line, nearest first."""
+    chosen = np.flatnonzero(np.isfinite(distance))
+    return chosen[np.argsort(distance[chosen], kind="stable")]
+
+
+def _arrivals(
+    time: Floats, velocity: Floats, largest: float, way: Floats, of: str, name: str
+) -> tuple[NDArray[np.bool_], Floats]:
+    """Return which spheres of a line have a crest, (n,), and time, its error and height of each crest, (m, 3)."""
+    speed = np.linalg.norm(MOTIONS[of](velocity, way), axis=-1)
+    crests = np.array([_crest(time, each, _STILL * largest) for each in speed.T]).reshape(-1, 3)
     there = np.isfinite(crests[:, 0])
     if not there.any():
+        degrees = np.degrees(np.arctan2(way[1], way[0]))
         raise ReadoutError(
-            f"{scene.name}: none of the {len(chosen)} recorded spheres at {direction:g} degrees has a crest; take "
+            f"{name}: none of the {len(there)} recorded spheres at {degrees:g} degrees has a crest; take "
             "another direction, a longer run, or more recorded spheres"
         )
-    index, time = spheres[chosen][there], scene.scale.time
-    row, column = crystal.arrays["row"][index], crystal.arrays["column"][index]
-    arrival, error, height = crests[there].T * [[time], [time], [length_of(scene) / time]]
-    return Front(row, column, distance[chosen][there] * scene.sphere.radius, arrival, error, height)
+    return there, crests[there]
 
 
-def _starts(scene: Scene, crystal: ase.Atoms, origin: tuple[int, int] | None) -> Integers:
+def _starts(scene: Scene, crystal: ase.Atoms, origin: tuple[int, int] | int | None) -> Integers:
     """Return the indices of the spheres from which fronts start."""
+    if isinstance(origin, int):
+        raise ReadoutError(f"origin = {origin}: must be row and column of a sphere, for instance 0,30")
     if origin is not None:
         for trouble in place_troubles((), [origin], scene.shape):
             raise ReadoutError(f"origin: {trouble}")

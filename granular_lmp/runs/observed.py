@@ -35,7 +35,7 @@ class Observer:
             "v_overlap": self.smallest,
             "v_torque": self.torque,
         }
-        if problem.rest.meets:
+        if not has_looks(problem):
             looked = {"v_overlap": self.in_diameters, "v_omega_dt": self.omega_dt}
         self.looked = {name: looked[name] for name in self.names if name in looked}
         moved: dict[str, Callable[[Moment], float]] = {

@@ -116,11 +116,11 @@ def readout(record: "MonitorRecord") -> dict[str, Any]:
     found: dict[str, Any] = {"frequency": frequency, "from": float(tau[steady][0]), "to": float(tau[steady][-1])}
     for name, values in signals.items():
         if not np.isnan(values).any():
-            found[name] = dict(_harmonics(tau[steady], values[steady], frequency))
+            found[name] = dict(harmonics(tau[steady], values[steady], frequency))
     return found
 
 
-def _harmonics(tau: Floats, values: Floats, frequency: float) -> Iterator[tuple[str, list[float]]]:
+def harmonics(tau: Floats, values: Floats, frequency: float) -> Iterator[tuple[str, list[float]]]:
     """Yield the static field and the harmonics of signals (T, N), each with its error, by name."""
     middle = len(tau) // 2
     whole, errors = fitted(_functions(tau, frequency), values)

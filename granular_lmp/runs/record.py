@@ -112,6 +112,11 @@ class Record(HasCard):
         """
         folder = Path(folder)
         info = read_status(folder)
+        if "unnamed" in info:
+            raise RunFolderError(
+                f"{folder}: holds an unnamed crystal, adopted without a scene, which this needs; view, export, front "
+                "and granular-analysis branches read it"
+            )
         if info.get("status") != "finished" and not unfinished:
             raise RunFolderError(f"{folder}: not a finished run (status '{info.get('status')}': {info.get('message')})")
         refuse_other_scene(folder, info)

@@ -19,7 +19,17 @@ from numpy.typing import NDArray
 from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.schema import ArrayRule, Rule, shown
-from granular_lmp.scene.spreadsheets import FORCES, LENGTHS, TIMES, Column, Heads, Quantities, read, value_of
+from granular_lmp.scene.spreadsheets import (
+    FORCES,
+    LENGTHS,
+    TIMES,
+    Column,
+    Heads,
+    Quantities,
+    read,
+    say_understood,
+    value_of,
+)
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -143,6 +153,8 @@ def _read(name: str, key: str) -> Samples:
     for (line, cells), pair in zip(table.rows, pairs, strict=True):
         if not all(map(isfinite, pair)):
             raise SceneError(f"{said}: line {line} must be two numbers, here {', '.join(cells)}")
+    if TIME in {each.quantity for each in columns}:  # a measured drive comes from anywhere
+        say_understood(table)
     return checked(_ordered(columns, pairs), key)
 
 

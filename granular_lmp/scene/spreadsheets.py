@@ -89,6 +89,13 @@ def read(file: str | Path, quantities: Quantities, words: Words, said: str = "")
     return _of_bytes(file_bytes(Path(file), LARGEST_TABLE, said), Heads(quantities, words), said)
 
 
+def say_understood(table: Table) -> None:
+    """Say how a table was understood, which commands print as a note."""
+    import logging  # kept out of start-up
+
+    logging.getLogger(__name__).info("%s", table.understood)
+
+
 def _of_bytes(raw: bytes, heads: "Heads", said: str) -> Table:
     try:
         return _table(_decoded(raw), heads, said)

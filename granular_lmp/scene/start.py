@@ -22,7 +22,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.places import AtPlaces, place_of, spheres_at
 from granular_lmp.scene.schema import Rule, count, flag, number, shown
-from granular_lmp.scene.spreadsheets import LENGTHS, TIMES, read, value_of
+from granular_lmp.scene.spreadsheets import LENGTHS, TIMES, read, say_understood, value_of
 
 State = Sequence[tuple[float, ...]]  # for each sphere the numbers of COLUMNS, the first two whole, or of IN_SPACE too
 COLUMNS = ("row", "column", "ux_m", "uy_m", "vx_m_s", "vy_m_s", "spin_rad_s")
@@ -276,6 +276,7 @@ def _read(name: str, key: str) -> Iterable[tuple[str, list[Any]]]:
     """Yield where each line of a file is and its numbers, in the order of COLUMNS; columns left out are 0."""
     file = f"{key} = {shown(name)}"
     table = read(Path(name), _QUANTITIES, {}, file)
+    say_understood(table)
     names = [each.quantity for each in table.columns]
     for needed in COLUMNS[:2]:
         if needed not in names:

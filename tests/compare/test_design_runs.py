@@ -132,7 +132,7 @@ class Steep:
 
     def evaluated(self, densities: np.ndarray) -> tuple[float, np.ndarray]:
         if densities[0] > self.limit:
-            raise TheoryError("3 contacts opened, first pair 7")
+            raise TheoryError("3 contacts opened, first pair 7; the gradient is that of one side")
         return float(densities[0]), np.array([1.0, 0.0])
 
 
@@ -143,7 +143,7 @@ def test_a_search_steps_back_from_runs_in_which_contacts_open_and_says_so() -> N
     assert best.why == "3 contacts opened, first pair 7"
     free = design.improved(Steep(3.0), np.ones(2), 40)
     assert (free.value, free.refused, free.why) == (2.0, 0, "")
-    with pytest.raises(TheoryError, match="3 contacts opened"):
+    with pytest.raises(TheoryError, match="at the start 3 contacts opened, first pair 7: take a smaller wave"):
         design.improved(Steep(0.9), np.ones(2), 40)
 
 

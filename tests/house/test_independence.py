@@ -17,6 +17,7 @@ COMMANDS = {  # how both programs begin, end, are stopped and read --set, -o and
     "granular_lmp.cli.arguments.changes_argument",
     "granular_lmp.cli.arguments.changes_of",
     "granular_lmp.cli.arguments.folder_arguments",
+    "granular_lmp.cli.arguments.positive",
     "granular_lmp.cli.output.interruptible",
     "granular_lmp.cli.output.notes_of_log",
     "granular_lmp.cli.run_commands.say_how_it_went",
@@ -26,7 +27,8 @@ COMMANDS = {  # how both programs begin, end, are stopped and read --set, -o and
 # The network in place of LAMMPS's loop: what an engine is given and gives, and the run that takes it. What is given are
 # the spheres of the data file and the scene, as in the first snapshot of a record
 ENGINE = {"granular_lmp.runs.engine", "granular_lmp.accuracy.tolerance"}
-READERS = {"granular_lmp.runs.record", "granular_lmp.scene.spreadsheets"}  # of records and of tables
+# Of records, of unnamed crystals and of tables
+READERS = {"granular_lmp.runs.record", "granular_lmp.runs.unnamed", "granular_lmp.scene.spreadsheets"}
 FROM_PACKAGE = {*READERS, *COMMANDS, *ENGINE, "granular_lmp.crystal.sphere", "granular_lmp.compiled"}
 
 
@@ -197,7 +199,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "studies": {"errors", "frozen", "card", "units", "crystal", "scene", "rest", "effects", "problem", "lammps"}
     | {"runs", "accuracy"},
     "plot": {"errors", "frozen", "problem", "crystal", "scene", "rest", "lammps", "runs", "accuracy", "studies"},
-    "foreign": {"errors", "frozen", "crystal", "lammps"},
+    "foreign": {"version", "errors", "frozen", "units", "crystal", "scene", "lammps", "runs"},
     "doctor": {"version", "errors", "frozen", "scene", "rest", "problem", "lammps", "runs", "accuracy", "studies"},
 }
 MAY_IMPORT["cli"] = set(MAY_IMPORT)
@@ -316,6 +318,32 @@ def test_the_theory_of_any_crystal_knows_neither_the_closed_form_nor_the_package
     assert "second_harmonic" not in found
     texts = of_package("granular_analysis")
     assert not any("granular_lmp" in roots(texts[each]) for each in found)
+
+
+# --- what comes after `prepare` ---------------------------------------------------------------------------------------
+
+# Parameters that are a Scene in the rooms behind `prepare`, at most: of entries that prepare it, of what makes other
+# scenes of it, as a sweep does, and of what reads a folder, which is not prepared again
+SCENES_AFTER_PREPARE = {"accuracy": 11, "cli": 12, "lammps": 1, "plot": 19, "runs": 23, "studies": 22}
+
+
+def scenes_taken(source: str) -> int:
+    """Return how many parameters of functions are annotated as a Scene, alone or in another type."""
+    functions = [each for each in ast.walk(ast.parse(source)) if isinstance(each, ast.FunctionDef)]
+    arguments = [arg for each in functions for arg in (*each.args.posonlyargs, *each.args.args, *each.args.kwonlyargs)]
+    return sum(bool(re.search(r"\bScene\b", ast.unparse(arg.annotation))) for arg in arguments if arg.annotation)
+
+
+@pytest.mark.parametrize("room", SCENES_AFTER_PREPARE)
+def test_what_comes_after_prepare_takes_the_problem(room: str) -> None:
+    """A number here may only fall: a function that is called with a prepared scene takes the Problem."""
+    taken = {str(path): scenes_taken(path.read_text()) for path in sources(ROOT / "granular_lmp" / room)}
+    assert sum(taken.values()) <= SCENES_AFTER_PREPARE[room], {path: n for path, n in taken.items() if n}
+
+
+def test_a_scene_that_a_function_takes_is_seen() -> None:
+    assert scenes_taken("def f(a: Scene, *, b: 'Sequence[Scene]', c: Scene | None = None): pass") == 3
+    assert scenes_taken("def f(a: Problem, b: ImpactScene, c) -> Scene: pass") == 0
 
 
 # --- rooms of the tests -----------------------------------------------------------------------------------------------

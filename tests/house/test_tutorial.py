@@ -22,7 +22,11 @@ from tests.conftest import members
 from tests.house.test_site import loaded
 
 ROOT = Path(__file__).parents[2]
-PICTURES = {"tutorial": ["image/gif", *["image/png"] * 3], "tutorial-fit": ["image/gif", "image/png"]}
+PICTURES = {
+    "tutorial": ["image/gif", *["image/png"] * 3],
+    "tutorial-fit": ["image/gif", "image/png"],
+    "tutorial-doubling": ["image/png"],
+}
 PAGES = {name: ROOT / "docs" / f"{name}.md" for name in PICTURES}
 TUTORIAL = PAGES["tutorial"]
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"]+)\")?[ \t]*\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
@@ -112,8 +116,8 @@ def short_movies(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("granular_lmp.plot.crystal.write_movie", short)
 
 
-# `make tested-docs` runs both
-@pytest.mark.parametrize("name", members(PAGES, "tutorial"))
+# `make tested-docs` runs all
+@pytest.mark.parametrize("name", members(PAGES, "tutorial", "tutorial-doubling"))
 @pytest.mark.usefixtures("short_movies", "drawn_once")
 def test_every_command_of_the_tutorial_runs_and_prints_what_the_page_shows(name: str, tmp_path: Path) -> None:
     assert follow(PAGES[name].read_text("utf-8"), tmp_path) == []

@@ -16,6 +16,7 @@ CHEAP = [
     ("radii", "jkr"),
     ("vacancies", "viscosity"),
     ("another sphere", "restitution"),
+    ("restitution", "held sides"),
     ("torque", "packet"),
     ("moved row", "beam"),
     ("square", "quiet"),

@@ -236,7 +236,7 @@ def test_without_h5py_the_package_is_named(record: Record, tmp_path: Path, monke
 def test_the_page_of_files_names_the_columns_of_the_tables(record: Record, tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs/reference/run-folder.md").read_text("utf-8")
     export(record, tmp_path / "a.csv")
-    empty = Front(*(np.empty(0) for _ in range(6)))
+    empty = Front(dict.fromkeys(["row", "column"], np.empty(0)), *(np.empty(0) for _ in range(4)))
     heads = {*(tmp_path / "a.csv").read_text().partition("\n")[0].split(","), *record.columns, *empty.columns}
     assert [name for name in sorted(heads) if f"`{name}`" not in page] == []
 

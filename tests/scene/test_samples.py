@@ -1,5 +1,7 @@
 """Signals from samples: what is read and refused, and what they do in LAMMPS beside the signal that was sampled."""
 
+import logging
+import re
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -105,7 +107,8 @@ DRIVES = {
 
 
 @pytest.mark.parametrize("kind", DRIVES)
-def test_a_measured_drive_is_that_of_its_units(kind: str, tmp_path: Path) -> None:
+def test_a_measured_drive_is_that_of_its_units(kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
     keys, head, second, unit = DRIVES[kind]
     rows = [f"{tau * SMALL.sphere.time_scale / second:.12g};{value * unit:.12g}" for tau, value in burst_samples()]
     text = "\n".join(["Oscilloscope;XYZ", head, *rows, ""]).replace(".", ",")
@@ -116,6 +119,12 @@ def test_a_measured_drive_is_that_of_its_units(kind: str, tmp_path: Path) -> Non
     np.testing.assert_allclose(found.source.sampled, burst_samples(), rtol=0, atol=1e-10)
     assert Scene.loads(scene.to_toml()) == scene
     assert "(81 over " in found.words
+    (said,) = caplog.messages
+    first, other = (re.split(r"[ _(\[]", each)[0].lower() for each in head.split(";"))
+    quantities = {"t": "time", "displacement": "motion"}
+    assert f"81 rows: {quantities.get(first, first)} in " in said
+    assert f", {quantities.get(other, other)} in " in said
+    assert said.endswith("; head to line 2; cells parted by semicolons; decimals with commas")
 
 
 def test_a_crystal_takes_up_the_newtons_times_seconds_of_its_drive(tmp_path: Path) -> None:

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from cases.fields import ROW, rest_of
 from granular_analysis.measure.runs import load
+from granular_analysis.measure.spectral_density import density as spectral_density
+from granular_analysis.measure.spectral_density import peaks, projected
 from granular_analysis.theory.bloch import real_modes
 from granular_analysis.theory.contact import Contact
 
 Floats = NDArray[np.float64]
-PADDING = 4  # points of the transform to a resolution
-# Maxima below this share of the largest power at a wave vector are no peaks. Side lobes of the Hann window are 7e-4.
-FLOOR = 2e-3
 # Two waves nearer to each other, in resolutions, make one peak: half the width of the main lobe of the window.
 LOBE = 2.0
 # Effects, tables and keys that the theory holds, and guards of a sheet that is not linear any more
@@ -116,27 +115,10 @@ def zone_path(box: Floats) -> tuple[Floats, list[int]]:
 
 
 def density(sheet: Sheet, wavevectors: Floats) -> tuple[Floats, Floats]:
-    """Frequencies (F,) and power (K, F) at them, both directions and all three components, through a Hann window.
-
-    S(k, Ω) = Σ_components |Σ_n Σ_t h(t) v_n(t) e^{−ik·r_n ± iΩt}|²
-    """
-    steps, spheres, parts = sheet.velocity.shape
-    in_space = np.tensordot(sheet.velocity, np.exp(-1j * sheet.position @ wavevectors.T), axes=(1, 0))  # (T, 3, K)
-    points = PADDING * steps
-    transformed = np.fft.fft(in_space * np.hanning(steps)[:, None, None], points, axis=0)
-    power = np.sum(np.abs(transformed) ** 2, axis=1).T / spheres
-    half = points // 2
-    both = power[:, :half] + np.concatenate([power[:, :1], power[:, : points - half : -1]], axis=1)
-    return 2 * np.pi * np.arange(half) / (points * (sheet.tau[1] - sheet.tau[0])), both
-
-
-def peaks(frequencies: Floats, power: Floats) -> Floats:
-    """Frequencies of the local maxima of one spectrum, by a parabola through the logarithm of three points."""
-    inner = power[1:-1]
-    top = 1 + np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]) & (inner > FLOOR * power.max()))
-    before, at, after = (np.log(power[top + shift]) for shift in (-1, 0, 1))
-    shift = (before - after) / (2 * (before - 2 * at + after))
-    return frequencies[top] + shift * (frequencies[1] - frequencies[0])
+    """Frequencies (F,) and power (K, F) at them, both directions and all three components, through a Hann window."""
+    waves = projected(sheet.velocity, np.exp(-1j * wavevectors @ sheet.position.T))
+    frequencies, power = spectral_density(sheet.tau, waves)
+    return frequencies, power.sum(axis=1) / sheet.velocity.shape[1]
 
 
 def misses(sheet: Sheet, wavevectors: Floats) -> tuple[Floats, Floats]:

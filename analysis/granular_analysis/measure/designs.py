@@ -26,8 +26,6 @@ from granular_analysis.theory.network_gradient import Record as Motion
 from granular_analysis.theory.scenes import Setting, need_wave
 from granular_lmp.runs.record import Record, Scene
 
-__all__ = ["OBJECTIVES", "Subject", "designed", "goal_of", "read_off"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
@@ -56,7 +54,8 @@ class Subject:
         need_wave(scene)
         if scene.time.tolerance is not None:
             raise TheoryError(f"time.tolerance = {scene.time.tolerance:g}: must be a step, as time.timestep = 0.1")
-        return cls(scene, *first_of(scene))
+        first, setting = first_of(scene)
+        return cls(scene, first, setting.step)
 
     @cached_property
     def places(self) -> Integers:

@@ -2,10 +2,11 @@
 
 Frequencies are those of the modes of the scene's crystal (`granular_analysis.theory.scenes.Setting`), or of surface
 waves of its substrate (`granular_analysis.measure.surface`), second harmonics those of the theory of second order,
-arrivals and front speeds of an impact those of Hertz's springs, integrated (`granular_analysis.measure.arrivals`).
+arrivals and front speeds of an impact those of Hertz's springs, integrated (`granular_analysis.measure.arrivals`),
+traces the motion of spheres in a whole run of the network, with its exact slopes (`granular_analysis.measure.traces`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property
@@ -17,14 +18,17 @@ from numpy.typing import NDArray
 from granular_analysis.measure.arrivals import fronts
 from granular_analysis.measure.points import Point
 from granular_analysis.measure.surface import BRANCH, Film, is_surface_wave
+from granular_analysis.measure.traces import Traces
 from granular_analysis.theory.bloch import branch_among, frame, in_plane
 from granular_analysis.theory.branches import branch_named, names_of
 from granular_analysis.theory.crystal import PLANE, Crystal, Modes
+from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.estimation import Estimate, Loss, Parameter, estimate
 from granular_analysis.theory.scenes import Setting
 from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]
+_APART = 1e-5  # relative change of a key for a difference
 _NEXT_TO_0 = 1e-3  # rad per row: frequencies there are those at 0 to 1e-6, and branches of one frequency part
 
 
@@ -54,7 +58,8 @@ class Fit:
         if any(given) and not all(given):
             line = self.points[given.index(False)].line
             raise ValueError(f"line {line}: has no error, and others have; give all points one, or none")
-        if len({each.kind for each in self.points}) > 1 and not all(given):
+        alike = {each.kind.partition("_")[0] if each.of_trace else each.kind for each in self.points}
+        if len(alike) > 1 and not all(given):
             raise ValueError("points of several kinds need their errors, which set their weights")
 
     @cached_property
@@ -92,14 +97,49 @@ class Fit:
     def predicted(self, values: Floats) -> Floats:
         """Return what the points would be, (N,), for values of the free keys."""
         scene, found = self.at(values), np.empty(len(self.points))
-        kinds = [_theory(each) for each in self.points]
-        for kind, rule in (("frequency", _frequencies), (BRANCH, _surface_waves), ("second_harmonic", _harmonics)):
+        if self._traced.any():
+            found[self._traced] = self._traces.predicted(scene)
+        found[~self._traced] = self._others(scene)
+        return found
+
+    def _others(self, scene: Scene) -> Floats:
+        """Return what the points would be that are of no trace."""
+        points = [each for each in self.points if not each.of_trace]
+        found, kinds = np.empty(len(points)), [_theory(each) for each in points]
+        for kind, rule in _RULES.items():
             chosen = [n for n, each in enumerate(kinds) if each == kind]
             if chosen:
-                found[chosen] = rule(scene, [self.points[n] for n in chosen])
-        chosen = [n for n, each in enumerate(kinds) if each in ("arrival", "speed")]
-        if chosen:
-            found[chosen] = fronts(scene, [self.points[n] for n in chosen])
+                found[chosen] = rule(scene, [points[n] for n in chosen])
+        return found
+
+    @cached_property
+    def _traced(self) -> NDArray[np.bool_]:
+        return np.array([each.of_trace for each in self.points])
+
+    @cached_property
+    def _traces(self) -> Traces:
+        return Traces(self.scene, [each for each in self.points if each.of_trace])
+
+    @cached_property
+    def remarks(self) -> dict[str, None]:
+        """Why slopes of traces were differences of runs, as far as a search has met it."""
+        return {}
+
+    def slopes(self, values: Floats) -> Floats:
+        """Return the slopes of the points by the values of the free keys, (N, P).
+
+        Those of traces are exact, unless `remarks` say why not; all others are differences.
+        """
+        found, others, whole = np.empty((len(self.points), len(self.keys))), ~self._traced, False
+        try:
+            found[self._traced] = self._traces.slopes(self.at, values)
+        except TheoryError as error:
+            self.remarks[str(error)] = None
+            whole = True
+        if whole or others.any():
+            rule, left = (self.predicted, ~others | others) if whole else (lambda at: self._others(self.at(at)), others)
+            for n, change in enumerate(np.diag(_APART * np.where(values, np.abs(values), 1.0))):
+                found[left, n] = (rule(values + change) - rule(values - change)) / (2 * change[n])
         return found
 
     @cached_property
@@ -123,7 +163,9 @@ class Fit:
                 known[place] = self._tried(values)
             return known[place]
 
-        return estimate(self.parameters, model, [each.value for each in self.points], errors or None, self.loss)
+        slopes = self.slopes if self._traced.any() else None
+        measured = [each.value for each in self.points]
+        return estimate(self.parameters, model, measured, errors or None, self.loss, slopes)
 
     def _tried(self, values: Floats) -> Floats:
         """Return what the points would be, nan for values that a scene may not have."""
@@ -144,8 +186,8 @@ class Fit:
 
 
 def _theory(point: Point) -> str:
-    """Return the kind of a point; surface waves are one of their own."""
-    return BRANCH if is_surface_wave(point) else point.kind
+    """Return the kind of a point by its theory; surface waves are one of their own."""
+    return BRANCH if is_surface_wave(point) else {"speed": "arrival"}.get(point.kind, point.kind)
 
 
 def wavevectors(setting: Setting, points: Sequence[Point]) -> Floats:
@@ -228,6 +270,14 @@ def _harmonics(scene: Scene, points: Sequence[Point]) -> Floats:
     return found
 
 
+_RULES: dict[str, Callable[[Scene, Sequence[Point]], Floats]] = {
+    "frequency": _frequencies,
+    BRANCH: _surface_waves,
+    "second_harmonic": _harmonics,
+    "arrival": fronts,
+}
+
+
 def summary(fit: Fit, found: Estimate) -> dict[str, Any]:
     """Return the plain values of a fit, as its JSON holds them; None where there is none."""
 
@@ -249,6 +299,7 @@ def summary(fit: Fit, found: Estimate) -> dict[str, Any]:
         "points": [
             {"line": each.line, "kind": each.kind, "branch": branch, "measured": each.value, "fitted": float(value)}
             | {"residual": float(residual)}
+            | ({name: getattr(each, name) for name in ("time", "row", "column")} if each.of_trace else {})
             for each, branch, value, residual in zip(fit.points, branches, predicted, found.residuals, strict=True)
         ],
     }

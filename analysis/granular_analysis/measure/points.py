@@ -7,13 +7,16 @@ or ``f [MHz]``. Each row has a value in one of
     second_harmonic_m     of a wave of amplitude_m, time_s after its start: with wavenumber or wavelength
     arrival_s             of the front of an impact at a row, and in a sheet a column
     speed_m/s             of that front from a row (and column) to to_row (and to_column)
+    displacement_x_m      of a sphere at time_s after the start: with row, column and layer; so also velocity_x_m/s,
+                          rotation_x_rad and spin_x_rad/s, each along or about x, y or z
 
 and, if it has one, its standard error: in ``error_…`` with a unit of that quantity, or in ``error_%``. A branch is a
 name (L, TR, RT) or a number from 1, the lowest; an empty one is that with the nearest frequency. An empty wave number
-is 0, an empty direction that of the scene. Every other cell that a row needs must be filled.
+is 0, an empty direction that of the scene. Every other cell that a row needs must be filled. A row of traces may have
+several of them, as the tables that ``granular-lmp export`` writes of monitors and of recorded spheres.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +26,15 @@ from granular_lmp.scene import spreadsheets
 from granular_lmp.scene.spreadsheets import ERROR, LENGTHS, TIMES, Column, Table, TableError, value_of
 
 _NUMBERS = {"": 1.0}
+_SPEEDS = {"m/s": 1.0, "km/s": 1e3, "mm/s": 1e-3, "um/s": 1e-6}
+# Motions of a sphere, each along or about three axes, with their units and their symbols in exported tables
+_MOTIONS = {
+    "displacement": (LENGTHS, ("u{axis}", "{along}")),
+    "velocity": (_SPEEDS, ("v{axis}", "{along}_t")),
+    "rotation": ({"rad": 1.0, "mrad": 1e-3, "urad": 1e-6}, ("theta{axis}",)),
+    "spin": ({"rad/s": 1.0}, ("spin{axis}", "theta{axis}_t")),
+}
+TRACES = {f"{name}_{axis}": units for name, (units, _) in _MOTIONS.items() for axis in "xyz"}
 UNITS: Mapping[str, Mapping[str, float]] = {  # each quantity has these, in SI units
     "frequency": {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9},
     "second_harmonic": LENGTHS,
@@ -37,6 +49,8 @@ UNITS: Mapping[str, Mapping[str, float]] = {  # each quantity has these, in SI u
     "column": _NUMBERS,
     "to_row": _NUMBERS,
     "to_column": _NUMBERS,
+    "layer": _NUMBERS,
+    **TRACES,
 }
 # What each kind of point needs, and what it may have
 KINDS: Mapping[str, tuple[frozenset[str], frozenset[str]]] = {
@@ -44,13 +58,21 @@ KINDS: Mapping[str, tuple[frozenset[str], frozenset[str]]] = {
     "second_harmonic": (frozenset({"amplitude", "time"}), frozenset({"wavenumber", "wavelength"})),
     "arrival": (frozenset({"row"}), frozenset({"column"})),
     "speed": (frozenset({"row", "to_row"}), frozenset({"column", "to_column"})),
+    **{name: (frozenset({"time", "row"}), frozenset({"column", "layer"})) for name in TRACES},
 }
 
 
-COUNTED = {"row", "column", "to_row", "to_column"}
+COUNTED = {"row", "column", "to_row", "to_column", "layer"}
 _ERRORS = {unit: 1.0 for kind in KINDS for unit in [*UNITS[kind], "%"]}  # of one size: the kind tells the unit's
 _HEADS = {**UNITS, "branch": _NUMBERS, ERROR: _ERRORS}
-_SYMBOLS = {"f": "frequency", "k": "wavenumber", "wave_number": "wavenumber", "λ": "wavelength", "t": "time"}
+_SYMBOLS = {"f": "frequency", "k": "wavenumber", "wave_number": "wavenumber", "λ": "wavelength", "t": "time"} | {
+    word.format(axis=axis, along=along): f"{name}_{axis}"
+    for name, (_, words) in _MOTIONS.items()
+    for axis, along in zip("xyz", "uvw", strict=True)
+    for word in words
+}
+# In the plane a sphere turns about z alone, and tables leave out the axis
+_SYMBOLS |= {"rotation": "rotation_z", "theta": "rotation_z", "spin": "spin_z", "theta_t": "spin_z"}
 
 
 @dataclass(frozen=True)
@@ -65,8 +87,9 @@ class Point:
     branch : "" for the nearest.
     wavenumber : with its `unit`, "rad/row" or "rad/m".
     direction : degrees, None for that of the scene.
-    amplitude, time : m and s, of a second harmonic.
+    amplitude, time : m and s, of a second harmonic; the time of a trace too.
     row, column, to_row, to_column : of an impact, counted from 0; a column of −1 is that of the striker.
+    layer : of a trace, which has row and column too; −1 where there is one.
     """
 
     kind: str
@@ -83,10 +106,16 @@ class Point:
     column: int = -1
     to_row: int = -1
     to_column: int = -1
+    layer: int = -1
+
+    @property
+    def of_trace(self) -> bool:
+        """True for the motion of a sphere at a time."""
+        return self.kind in TRACES
 
 
-def read(file: str | Path) -> tuple[list[Point], Table]:
-    """Return the points of a table, and the table as it was understood.
+def read(file: str | Path, only: Collection[str] = ()) -> tuple[list[Point], Table]:
+    """Return the points of a table, and the table as it was understood; `only` names the kinds that are taken.
 
     Raises GranularError for a file that cannot be read, and for what is not understood.
     """
@@ -96,21 +125,40 @@ def read(file: str | Path) -> tuple[list[Point], Table]:
             raise ValueError(f"has no measured column; it needs {_or(KINDS, '_UNIT')}")
         if not table.rows:
             raise ValueError("has a head and no points")
+        left = KINDS.keys() - only if only else frozenset[str]()
         points = [
-            _point(line, [(column, cell) for column, cell in zip(table.columns, cells, strict=True) if cell])
+            point
             for line, cells in table.rows
+            for point in _points(
+                line,
+                [
+                    (column, cell)
+                    for column, cell in zip(table.columns, cells, strict=True)
+                    if cell and column.quantity not in left
+                ],
+            )
         ]
     except ValueError as error:
         raise TableError(f"{file}: {error}") from None
     return points, table
 
 
-def _point(line: int, cells: list[tuple[Column, str]]) -> Point:
+def _points(line: int, cells: list[tuple[Column, str]]) -> Iterator[Point]:
+    """Yield the point of a row, or those of several traces."""
     there = {column.quantity: (column.unit, cell) for column, cell in cells if column.quantity != ERROR}
     kinds = [name for name in there if name in KINDS]
-    if len(kinds) != 1:
+    if not kinds or (len(kinds) > 1 and not set(kinds) <= TRACES.keys()):
         raise ValueError(f"line {line}: must have one value of {_or(KINDS)}, and has {_or(kinds) or 'none'}")
-    kind = kinds[0]
+    every = set[str]().union(*(UNITS[kind] for kind in kinds))
+    for kind in kinds:
+        own = {name: each for name, each in there.items() if name == kind or name not in kinds}
+        # An error in a unit of another trace in the row is of that trace
+        other = every - UNITS[kind].keys()
+        errors = [each for each in cells if each[0].quantity != ERROR or each[0].unit not in other]
+        yield _point(line, kind, own, errors)
+
+
+def _point(line: int, kind: str, there: dict[str, tuple[str, str]], cells: list[tuple[Column, str]]) -> Point:
     needed, allowed = KINDS[kind]
     if lacking := needed - there.keys():
         raise ValueError(f"line {line}: a {kind} needs {_or(lacking)}")
@@ -118,9 +166,10 @@ def _point(line: int, cells: list[tuple[Column, str]]) -> Point:
         raise ValueError(f"line {line}: a {kind} takes no {_or(other)}")
     if {"wavenumber", "wavelength"} <= there.keys():
         raise ValueError(f"line {line}: has a wavenumber and a wavelength; give one of the two")
-    numbers = {name: _number(line, name, *each) for name, each in there.items() if name != "branch"}
+    positive = {"wavelength", "amplitude"} if kind in TRACES else {"wavelength", "amplitude", "time"}
+    numbers = {name: _number(line, name, *each, name in positive) for name, each in there.items() if name != "branch"}
     value = numbers.pop(kind)
-    if value <= 0:
+    if value <= 0 and kind not in TRACES:
         raise ValueError(f"line {line}: {kind} = {there[kind][1]}: must be above 0")
     place = {name: int(each) if name in COUNTED else each for name, each in numbers.items()}
     rows = "wavelength" not in place and there.get("wavenumber", ("rad/row",))[0] == "rad/row"
@@ -137,13 +186,14 @@ def _point(line: int, cells: list[tuple[Column, str]]) -> Point:
     )
 
 
-def _number(line: int, name: str, unit: str, cell: str) -> float:
+def _number(line: int, name: str, unit: str, cell: str, positive: bool) -> float:
     """Return a cell in SI units."""
     value = value_of(cell)
     whole = name not in COUNTED or (value >= 0 and value == int(value))
-    if not np.isfinite(value) or not whole or (name in ("wavelength", "amplitude", "time") and value <= 0):
+    early = value <= 0 if positive else name == "time" and value < 0
+    if not np.isfinite(value) or not whole or early:
         kind = f"a {name.removeprefix('to_')}, counted from 0" if name in COUNTED else "a finite number"
-        above = " above 0" if name in ("wavelength", "amplitude", "time") else ""
+        above = " above 0" if positive else ""
         raise ValueError(f"line {line}: {name} = {cell!r}: must be {kind}{above}")
     return value * UNITS[name][unit]
 
@@ -155,6 +205,8 @@ def _error(line: int, kind: str, value: float, cells: list[tuple[Column, str]]) 
     if len(given) != len(fitting) or len(given) > 1:
         allowed = _or([*(f"error_{unit}" for unit in UNITS[kind]), "error_%"])
         raise ValueError(f"line {line}: the error of a {kind} must be in one of {allowed}")
+    if kind in TRACES and [unit for unit, _ in fitting] == ["%"]:
+        raise ValueError(f"line {line}: error_%: a {kind} passes through 0; give its error in a unit")
     for unit, cell in fitting:
         size = value_of(cell) * (value / 100 if unit == "%" else UNITS[kind][unit])
         if not 0 < size < np.inf:

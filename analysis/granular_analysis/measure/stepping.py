@@ -5,7 +5,7 @@ contacts, the walls, the drives and the steps are those of this package.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -130,14 +130,16 @@ class NetworkEngine:
             raise SceneError(str(error), because="not built") from error
 
 
-def first_of(scene: Scene) -> tuple[FirstSnapshot, float]:
-    """Return the network with which the run of a scene begins, and its time step in units of the deck; nothing is run.
+def first_of(scene: Scene) -> tuple[FirstSnapshot, Setting]:
+    """Return the network with which the run of a scene begins, and its setting; nothing is run.
 
     Raises SceneError for a scene with ``time.tolerance``, which has no step, and TheoryError for what the network does
     not hold.
     """
+    if scene.wave is None:  # which spheres are recorded changes no motion
+        scene = replace(scene, output=replace(scene.output, rows=(), spheres=()))
     setting = setting_of(scene)
-    return _first(setting), setting.step
+    return _first(setting), setting
 
 
 def _first(setting: Setting) -> FirstSnapshot:

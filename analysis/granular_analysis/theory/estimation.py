@@ -27,6 +27,7 @@ from scipy.optimize import least_squares
 from scipy.special import ndtri, stdtrit
 
 Floats = NDArray[np.float64]
+Function = Callable[[Floats], Floats]
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 LOSSES: tuple[str, ...] = get_args(Loss)
 COVERAGE = 0.95
@@ -69,6 +70,10 @@ class Parameter:
     def value(self, inner: float) -> float:
         """Return the value of a number that is fitted."""
         return float(np.exp(inner)) if self.logarithmic else inner * self._size
+
+    def slope(self, value: float) -> float:
+        """Return how fast the value changes with the number that is fitted."""
+        return value if self.logarithmic else self._size
 
     @property
     def _size(self) -> float:
@@ -113,6 +118,7 @@ def estimate(
     measured: ArrayLike,
     errors: ArrayLike | None = None,
     loss: Loss = "linear",
+    jacobian: Callable[[Floats], Floats] | None = None,
 ) -> Estimate:
     """Return the parameters with which a model meets measured values best.
 
@@ -124,6 +130,7 @@ def estimate(
     errors : (N,) standard deviations; None: one unknown error for all.
     loss : "linear" for plain least squares; the others of `scipy.optimize.least_squares` weigh down what is farther
         than about one σ, and need errors.
+    jacobian : slopes of the model by its values, (P,) → (N, P); None: differences.
 
     Raises
     ------
@@ -138,7 +145,7 @@ def estimate(
         raise ValueError(f"{len(data)} points do not determine {len(parameters)} keys{more} ({names})")
     if loss != "linear" and errors is None:
         raise ValueError(f"loss = {loss!r}: needs the errors of the points, which say what an outlier is")
-    search = _Search(tuple(parameters), model, data, loss)
+    search = _Search(tuple(parameters), model, data, loss, jacobian)
     if errors is None:
         guess = _GUESS * (float(np.abs(data).max()) or 1.0)
         unit = guess * max(search.best(np.full(len(data), guess)).scatter, _ROUNDING)
@@ -176,6 +183,7 @@ class _Search:
     model: Callable[[Floats], Floats]
     data: Floats
     loss: Loss
+    jacobian: Callable[[Floats], Floats] | None
 
     def best(self, sigma: Floats) -> _Minimum:
         """Return the minimum for errors σ (N,)."""
@@ -188,13 +196,28 @@ class _Search:
             found = (self.model(self.values(np.clip(inner, low, high))) - self.data) / sigma
             return np.where(np.isfinite(found), found, refused)
 
+        def slopes(inner: Floats) -> Floats:
+            assert self.jacobian is not None
+            values = self.values(np.clip(inner, low, high))
+            sizes = [each.slope(value) for each, value in zip(self.parameters, values, strict=True)]
+            return np.asarray(self.jacobian(values) * sizes / sigma[:, None])
+
         convex: Loss = "linear" if self.loss == "linear" else "soft_l1"  # one minimum; that of "cauchy" is near it
-        held = self._solved(lambda inner: np.append(residuals(inner), (inner - start) / WIDE), start, convex, _NEAR)
+        prior = np.eye(len(start)) / WIDE
+        held = self._solved(
+            lambda inner: np.append(residuals(inner), (inner - start) / WIDE),
+            lambda inner: np.vstack([slopes(inner), prior]),
+            *(start, convex, _NEAR),
+        )
         _, sizes, rows = np.linalg.svd(held.jac[: len(self.data)], full_matrices=False)
         seen = rows[sizes * WIDE > 1]
         if not len(seen):
             return _Minimum(held.x, residuals(held.x), held.jac[: len(self.data)], seen)
-        free = self._solved(lambda along: residuals(held.x + along @ seen), np.zeros(len(seen)), self.loss, _EXACT)
+        free = self._solved(
+            lambda along: residuals(held.x + along @ seen),
+            lambda along: slopes(held.x + along @ seen) @ seen.T,
+            *(np.zeros(len(seen)), self.loss, _EXACT),
+        )
         found, jacobian = held.x + free.x @ seen, free.jac @ seen
         self._refuse_edges((found <= low) | (found >= high) | self._ends(found), found)
         return _Minimum(found, residuals(found), jacobian, seen)
@@ -216,10 +239,11 @@ class _Search:
         """Return the values of what is fitted."""
         return np.array([each.value(x) for each, x in zip(self.parameters, inner, strict=True)])
 
-    def _solved(self, residuals: Callable[[Floats], Floats], start: Floats, loss: Loss, tolerance: float) -> Any:
+    def _solved(self, residuals: Function, slopes: Function, start: Floats, loss: Loss, tolerance: float) -> Any:
         ends = dict.fromkeys(("xtol", "ftol", "gtol"), tolerance)
-        slopes = "3-point" if tolerance == _EXACT else "2-point"
-        found = least_squares(residuals, start, jac=slopes, loss=loss, **ends)
+        by_differences = "3-point" if tolerance == _EXACT else "2-point"
+        jac = by_differences if self.jacobian is None else slopes
+        found = least_squares(residuals, start, jac=jac, loss=loss, **ends)
         if found.status < 1:
             names = ", ".join(each.name for each in self.parameters)
             raise ValueError(f"the search for {names} does not end: start nearer, or free fewer keys")

@@ -39,8 +39,6 @@ from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.network_factors import Run
 from granular_analysis.theory.network_gradient import Record, gradient, record
 
-__all__ = ["Design", "Goal", "improved"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 _SPREAD = 0.1  # Densities of a start differ from 1 by at most this share
@@ -284,7 +282,8 @@ def improved(
             noted(found)
         made.append(found)
         if not made[0].value > 0:
-            raise TheoryError(made[0].why or "the objective is 0 at the start")
+            why = made[0].why or "the objective is 0"
+            raise TheoryError(f"at the start {why}: take a smaller wave, or another start")
         if found.value > best[0]:
             best = found.value, densities
         if not found.value > 0:
@@ -311,5 +310,5 @@ def _tried(design: Design, scaling: Scaling, numbers: Floats, densities: Floats)
     try:
         value, slope = design.evaluated(densities)
     except TheoryError as error:
-        return Evaluation(np.nan, np.zeros_like(numbers), str(error))
+        return Evaluation(np.nan, np.zeros_like(numbers), str(error).partition("; the gradient")[0])
     return Evaluation(value, scaling.back(numbers, slope))

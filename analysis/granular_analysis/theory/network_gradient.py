@@ -20,7 +20,7 @@ velocity for a jump ΔF at the speed v. Contacts of Hertz that are not sheared h
 Source: A. Griewank and A. Walther, Evaluating Derivatives (2008), chapters 3 and 12.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import log, sqrt
 from typing import Any, NamedTuple
@@ -40,7 +40,7 @@ from granular_analysis.theory.network_tangents import combined, dot, less, scale
 from granular_analysis.theory.network_traced import on_device
 from granular_analysis.theory.network_verlet import Carried, seen, slip_ratios, stepped
 
-__all__ = ["Record", "bytes_of_gradient", "derivative", "events", "gradient", "hessian_product", "record"]
+__all__ = ["Record", "bytes_of_gradient", "derivative", "events", "gradient", "hessian_product", "jacobian", "record"]
 
 Floats = NDArray[np.float64]
 
@@ -62,6 +62,7 @@ class Record(NamedTuple):
 
 
 Objective = Callable[[Record], Any]
+Start = tuple[Given, Factors]
 
 
 def _traced(objective: Objective) -> Partial:
@@ -207,6 +208,23 @@ def _slope_along(plan: Plan, objective: Objective, given: Given, factors: Factor
     return jax.jvp(jax.grad(_number(plan, objective, given), has_aux=True), (factors,), (direction,), has_aux=True)
 
 
+@partial(jax.jit, static_argnums=0)
+def _along_given(plan: Plan, objective: Objective, start: Start, ways: Start) -> Any:
+    leaves, tree = jax.tree.flatten(start)
+    smooth = [n for n, each in enumerate(leaves) if jnp.issubdtype(each.dtype, jnp.floating)]
+
+    def number(values: list[Any]) -> tuple[Any, tuple[_Looks, _Looks]]:
+        every = list(leaves)
+        for n, each in zip(smooth, values, strict=True):
+            every[n] = each
+        found, looks = _marched(plan, *jax.tree.unflatten(tree, every))
+        return objective(found), looks
+
+    here, along = ([jax.tree.leaves(each)[n] for n in smooth] for each in (start, ways))
+    slopes: Any = jax.vmap(lambda way: jax.jvp(number, (here,), (way,), has_aux=True), out_axes=(None, 0, None))
+    return slopes(along)
+
+
 def record(run: Run, factors: Factors) -> Record:
     """Return the record of a run, in arrays of NumPy.
 
@@ -268,6 +286,24 @@ def derivative(
     )
     _refuse(_events(run, *looks), kinks)
     return value, slope
+
+
+def jacobian(
+    run: Run, objective: Objective, factors: Factors, ways: Sequence[Start], *, kinks: bool = False
+) -> tuple[Floats, Floats]:
+    """Return what is read off the record (N,), and its slopes (N, P) along changes of all numbers of a run.
+
+    Parameters
+    ----------
+    ways : P changes of `Run.given` and of the factors; those of whole numbers, as indices, count for nothing.
+
+    Other parameters, and what is refused, as of `gradient`.
+    """
+    start = run.given, on_device(dict(factors))
+    stacked = jax.tree.map(lambda *each: jnp.stack(each), *ways)
+    value, slopes, looks = _along_given(run.plan(factors), _traced(objective), start, stacked)
+    _refuse(_events(run, *looks), kinks)
+    return np.asarray(value), np.asarray(slopes).T
 
 
 def hessian_product(

@@ -17,7 +17,7 @@ from granular_analysis.theory.network import Network
 from granular_analysis.theory.network_gradient import Record
 from granular_analysis.theory.network_state import Pairs
 
-__all__ = ["across", "amplitude", "energy", "farthest", "largest", "misfit", "motion", "second_harmonic"]
+__all__ = ["amplitude", "across", "energy", "largest", "misfit"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]

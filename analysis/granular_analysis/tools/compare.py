@@ -15,6 +15,9 @@ A run without a wave, of strikers or a state, has no p, q and φ: all motions th
 network, displacements and velocities in both directions and spins. Of a wave in space these are the displacement and
 the rotation of its recorded sphere along each axis.
 
+Dumps that were adopted without a scene have a witness (`granular_analysis.measure.witness`), where their law is known:
+it is said where they part from it, and what of that the time step and the digits of the dump explain.
+
 Each run gets a figure ``compare.png`` in its folder, and of several runs it is said what differs between their scenes;
 the finished runs of a sweep are a line each, with what was varied in front, and one figure, ``compare.png`` in its
 folder: the largest of each signal over what was varied, with theory beside it (`granular_analysis.tools.curves`).
@@ -45,7 +48,7 @@ from granular_analysis.measure.signals import (
     signals_of,
 )
 from granular_analysis.measure.swept import Swept
-from granular_analysis.plotting import save, write
+from granular_analysis.plotting import in_one_line, save, write
 from granular_analysis.second_harmonic import ALONG_Y
 from granular_analysis.theory.catalogue import CRYSTAL, NETWORK, REFERENCES
 from granular_analysis.theory.choice import Trajectory, beyond, holding, trajectory, wave_of
@@ -53,6 +56,7 @@ from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.wave import Wave
 from granular_analysis.tools import curves
 from granular_lmp.runs.record import Record
+from granular_lmp.runs.unnamed import Unnamed, is_unnamed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -386,6 +390,25 @@ def _title(error: dict[str, float | None], name: str) -> str:
     return "zero by symmetry" if value is None else f"relative error {value:.1e}"
 
 
+def _of_unnamed(options: argparse.Namespace) -> int:
+    """Compare adopted dumps with their witness; returns the exit status."""
+    from granular_analysis.measure.witness import table as witness_table  # takes SciPy
+    from granular_analysis.measure.witness import witness
+
+    if options.theory:
+        raise SystemExit(f"--theory {options.theory}: is for the run of a scene; an unnamed crystal has its witness")
+    found = []
+    for folder in options.runs:
+        with in_one_line(folder):
+            crystal = Unnamed.load(folder)
+            beside = witness(crystal)
+        print(witness_table(crystal, beside))
+        found.append({"folder": folder} | asdict(beside))
+    if options.json:
+        write(Path(options.json), json.dumps(found, indent=2) + "\n")
+    return 0
+
+
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -396,6 +419,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--json", metavar="FILE", help="write the comparisons as JSON")
     parser.add_argument("--force", action="store_true", help="take runs that did not finish, too")
     options = parser.parse_args(argv)
+    if any(map(is_unnamed, options.runs)):
+        return _of_unnamed(options)
     swept = Swept.load(options.runs[0]) if len(options.runs) == 1 else None
     folders = swept.folders if swept else options.runs
     comparisons, records = [], [load(folder, unfinished=options.force) for folder in folders]

@@ -1,11 +1,13 @@
 """Keys of a scene from measured points, with 95 % intervals, and the scene that meets them, ready to run.
 
-    granular-analysis fit DATA.csv SCENE --free KEY [KEY ...] [--loss LOSS] [-o FIGURE] [--json FILE] [--scene FILE]
+    granular-analysis fit DATA.csv SCENE --free KEY [KEY ...] [--only KIND ...] [--loss LOSS] [-o FIGURE]
+        [--json FILE] [--scene FILE]
 
 DATA.csv has a row for each point: a frequency at a wave number, an amplitude of a second harmonic, an arrival or a
-speed of the front of an impact (`granular_analysis.measure.points`). The scene, a file or the name of a shipped one,
-gives every other number and where the search starts. If points have no error, their scatter tells it. If they have, the
-table says how well the model meets them: χ² a degree of freedom, 1 if both are right.
+speed of the front of an impact, the motion of a sphere at a time (`granular_analysis.measure.points`). The scene, a
+file or the name of a shipped one, gives every other number and where the search starts. If points have no error, their
+scatter tells it. If they have, the table says how well the model meets them: χ² a degree of freedom, 1 if both are
+right.
 """
 
 import argparse
@@ -18,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular_analysis.measure.fitting import Fit, summary
-from granular_analysis.measure.points import KINDS, UNITS, read
+from granular_analysis.measure.points import KINDS, TRACES, UNITS, Point, read
 from granular_analysis.measure.surface import Film, is_surface_wave
 from granular_analysis.plotting import in_one_line, letter, save, scene_of, write, write_scene
 from granular_analysis.theory.estimation import LOSSES, Estimate
@@ -36,6 +38,7 @@ _FAR = 5.0  # residual that is reported
 _MOVED = 100.0  # factor between a key and its start that is reported
 _UNLIKELY = 1e3  # χ² a degree of freedom, and its inverse, that are reported
 _LINES = 200  # wave numbers of a branch in the figure
+_DRAWN = 6  # traces in the figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,15 +67,44 @@ def table(fitted: Fitted) -> str:
         "",
         f"{'line':>5} {'kind':22}{'branch':>7}{'measured':>13}{'fitted':>13}{'residual':>10}",
     ]
+    predicted = fit.predicted(found.values)
     for point, branch, value, residual in zip(
-        fit.points, fit.branches(found.values), fit.predicted(found.values), found.residuals, strict=True
+        fit.points, fit.branches(found.values), predicted, found.residuals, strict=True
     ):
+        if point.of_trace:
+            continue
         unit, size = _unit(point.kind, point.value)
         lines.append(
             f"{point.line:5} {f'{point.kind}, {unit}':22}{branch:>7}{point.value / size:13.6g}{value / size:13.6g}"
             f"{residual:10.2f}"
         )
-    return "\n".join([*lines, "residuals are in standard deviations of a point"])
+    for (kind, *_), chosen in _of_traces(fit).items():
+        first, values = fit.points[chosen[0]], np.array([fit.points[n].value for n in chosen])
+        largest = int(np.argmax(np.abs(values)))
+        unit, size = _unit(kind, values[largest])
+        scatter = np.sqrt(np.mean(found.residuals[chosen] ** 2))
+        lines.append(
+            f"{first.line:5} {f'{kind}, {unit}':22}{_place(first):>7}{values[largest] / size:13.6g}"
+            f"{predicted[chosen[largest]] / size:13.6g}{scatter:10.2f}"
+        )
+    lines.append("residuals are in standard deviations of a point")
+    if any(each.of_trace for each in fit.points):
+        lines.append("a trace stands with row/column, its largest value, and the root mean square of its residuals")
+    return "\n".join(lines)
+
+
+def _place(point: Point) -> str:
+    """Return row, column and layer of a point of a trace, as far as it has them."""
+    return "/".join(str(each) for each in (point.row, point.column, point.layer) if each >= 0)
+
+
+def _of_traces(fit: Fit) -> dict[tuple[str, int, int, int], list[int]]:
+    """Return which points are of each trace, by kind, row, column and layer."""
+    found: dict[tuple[str, int, int, int], list[int]] = {}
+    for n, each in enumerate(fit.points):
+        if each.of_trace:
+            found.setdefault((each.kind, each.row, each.column, each.layer), []).append(n)
+    return found
 
 
 def _verdict(fitted: Fitted) -> list[str]:
@@ -85,6 +117,7 @@ def _verdict(fitted: Fitted) -> list[str]:
         said = [f"chi2 = {found.chi_squared:.4g} a degree of freedom, of {found.freedom}"]
     else:
         said = ["as many keys as points: the points cannot test the model"]
+    said += [f"slopes of traces are differences of runs: {each}" for each in fitted.fit.remarks]
     said += _unlikely(fitted)
     worst = int(np.argmax(np.abs(found.residuals)))
     if abs(found.residuals[worst]) > _FAR:
@@ -109,8 +142,13 @@ def unlikely_units(fit: Fit, columns: Sequence[Column]) -> list[str]:
     """Return a sentence on each kind of point that is about a thousand times what the start gives, or a thousandth."""
     said, pairs = [], list(zip(fit.points, fit.at_start, strict=True))
     for kind in dict.fromkeys(each.kind for each in fit.points):
-        factors = [each.value / value for each, value in pairs if each.kind == kind and value > 0]
-        if factors and _thousands(factor := float(np.median(factors))):
+        own = np.array([(each.value, value) for each, value in pairs if each.kind == kind]).T
+        factors = own[0][own[1] > 0] / own[1][own[1] > 0]
+        factor = float(np.median(factors)) if len(factors) else 0.0
+        if kind in TRACES:
+            size = np.linalg.norm(own, axis=1)
+            factor = float(size[0] / size[1]) if size[1] else 0.0
+        if _thousands(factor):
             said.append(f"{kind} is {factor:.2g} times what the start gives{_perhaps(columns, kind, kind, factor)}")
     return said
 
@@ -149,7 +187,7 @@ def _perhaps(columns: Sequence[Column], quantity: str, kind: str, factor: float)
 def _unit(kind: str, value: float) -> tuple[str, float]:
     """Return the unit of a kind in which a value is at least 1, and its size."""
     ordered = sorted(UNITS[kind].items(), key=lambda each: each[1])
-    return next(((name, size) for name, size in reversed(ordered) if value >= size), ordered[0])
+    return next(((name, size) for name, size in reversed(ordered) if abs(value) >= size), ordered[0])
 
 
 def figure(fitted: Fitted) -> "Figure":
@@ -162,6 +200,8 @@ def figure(fitted: Fitted) -> "Figure":
     kinds = [each.kind for each in fit.points]
     if set(kinds) == {"frequency"}:
         _branches(fitted, left)
+    elif traces := _of_traces(fit):
+        _records(fitted, [*traces.values()][:_DRAWN], left)
     else:
         predicted = fit.predicted(found.values)
         for kind in dict.fromkeys(kinds):
@@ -201,6 +241,20 @@ def _branches(fitted: Fitted, axes: "Axes") -> None:
     axes.set(xlabel="wave number, rad per row", ylabel=f"frequency, {unit}")
 
 
+def _records(fitted: Fitted, traces: Sequence[Sequence[int]], axes: "Axes") -> None:
+    """Draw measured and fitted traces over time, one above the other, each over its largest measured value."""
+    fit, predicted = fitted.fit, fitted.fit.predicted(fitted.found.values)
+    second = fitted.scene.scale.time
+    for height, chosen in enumerate(traces):
+        own = [fit.points[n] for n in chosen]
+        times, values = np.array([(each.time / second, each.value) for each in own]).T
+        largest = 2 * np.abs(values).max() or 1.0
+        axes.plot(times, height + values / largest, "o", color="0.6", ms=2)
+        axes.plot(times, height + predicted[list(chosen)] / largest, color=f"C{height}", lw=1)
+        axes.annotate(f"{own[0].kind} {_place(own[0])}", (times[0], height + 0.5), fontsize=7, va="center")
+    axes.set(xlabel="time, t0", yticks=[])
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(
@@ -215,6 +269,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     changes_argument(parser, "sphere.poisson_ratio=0.3")
     parser.add_argument("--free", nargs="+", required=True, metavar="KEY", help="keys of the scene that are fitted")
     parser.add_argument(
+        "--only",
+        nargs="+",
+        default=[],
+        choices=sorted(KINDS),
+        metavar="KIND",
+        help="take these columns of values alone",
+    )
+    parser.add_argument(
         "--loss", choices=LOSSES, default="linear", help="linear: least squares; the others give outliers less weight"
     )
     parser.add_argument("-o", "--output", metavar="FIGURE", help="draw points, fit and residuals: PNG, PDF or SVG")
@@ -222,7 +284,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--scene", dest="fitted", metavar="FILE", help="write the fitted scene, ready to run")
     options = parser.parse_args(arguments)
     with in_one_line():
-        scene, (points, measured) = scene_of(options.scene, options), read(options.data)
+        scene, (points, measured) = scene_of(options.scene, options), read(options.data, options.only)
         print(measured.understood)
         fit = Fit(scene, points, tuple(options.free), options.loss)
         print("".join(f"{each}\n" for each in unlikely_units(fit, measured.columns)), end="")

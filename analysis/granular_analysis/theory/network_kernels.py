@@ -1,0 +1,117 @@
+"""How the record of weak waves depends on each contact and sphere, by one run for each number that is recorded.
+
+Where waves are so weak that forces are linear in the motion, and loads on contacts at rest may be left out, a change of
+stiffness k → k(1 + p) of contact c changes the displacement that is recorded at a sphere m along an axis by
+
+    ∂u_m(t)/∂p_c = −k ∫ ẽ_c(t − s) e_c(s) ds
+
+with the stretch e_c of the contact in the run, and ẽ_c in a run in which an impulse of 1 strikes the sphere m along
+that axis: forces of the contacts have an energy, so that what m feels of c is what c feels of m. The slip takes the
+place of the stretch for the shear stiffness, and for the density of a sphere the momenta do:
+∂u_m(t)/∂p_i = −∫ [m u̇̃_i·u̇_i + I ω̃_i ω_i] ds. The pull of a contact changes both of its stiffnesses by a third of its
+own relative change, as the overlap at rest goes with its power 2/3.
+
+Integrals are sums over the samples of a run, by fast Fourier transforms. So all columns of the Jacobian take a run for
+each recorded row, where `granular_analysis.theory.network_gradient.derivative` takes one or two for each column.
+
+When it breaks: it errs by the share of the wave in the overlaps at rest, and by (ωh)²/12 for samples h apart. It leaves
+out friction that slides. A search that takes it as its curvature, with the exact gradient, errs by none of it.
+
+Source: A. Tarantola, Geophysics 49, 1259 (1984).
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+
+from granular_analysis.theory import network_compiled, network_verlet
+from granular_analysis.theory.loops import library
+from granular_analysis.theory.network import Network
+from granular_analysis.theory.network_factors import Run
+from granular_analysis.theory.network_state import Pairs, loaded
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.intp]
+# By factor the powers with which the stiffnesses of a contact along its normal and across go with it
+STIFFENS = {"normal_stiffness": (1.0, 0.0), "shear_stiffness": (0.0, 1.0), "adhesion": (1 / 3, 1 / 3)}
+FACTORS = (*STIFFENS, "density")
+_SMALL = 1e-4  # of the overlap, by which a slope is taken, and which an impulse moves a sphere
+
+
+def kernels(run: Run, name: str, owners: Integers, errors: Floats) -> Iterator[tuple[int, int, Floats]]:
+    """Yield the row of the motion, the number of the recorded sphere, and the slopes (T + 1, P) of its record.
+
+    Parameters
+    ----------
+    run : Run
+    name : one of `FACTORS`.
+    owners : (P,) the pairs, or the spheres, whose factors are varied.
+    errors : (T + 1, 2f, n) of the record, inf where it is not needed: rows without any are left out.
+    """
+    network, state = run.network, run.state
+    still = replace(network, drives=(), held=network.mobility[0] == 0)
+    weights = _weights(network, state.pairs, name, owners)
+    length = next_fast_len(2 * run.samples + 1, real=True)
+    there = rfft(_features(run, network, state.motion, name, owners) * weights, length, axis=1)
+    apart = run.step * run.every
+    small = _SMALL * float(np.abs(state.pairs.overlap).min())
+    needed = np.asarray(np.isfinite(errors).any(axis=0))
+    for number, sphere in enumerate(run.spheres):
+        for axis in range(network.dimension):
+            if not needed[[axis, axis + network.freedoms], number].any():
+                continue
+            motion = np.zeros_like(state.motion)
+            if still.mobility[axis, sphere]:
+                motion[network.freedoms + axis, sphere] = small / apart
+            here = _features(run, still, motion, name, owners)
+            here[:, 0] /= 2
+            # Of an impulse 1, which gives a sphere the velocity 1/m
+            size = apart**2 / small / network.mass[sphere]
+            found = -size * irfft((there * rfft(here, length, axis=1)).sum(axis=0), length, axis=0)[: run.samples + 1]
+            for row, slopes in ((axis, found), (axis + network.freedoms, np.gradient(found, apart, axis=0))):
+                if needed[row, number]:
+                    yield row, number, slopes
+
+
+def _motions(run: Run, network: Network, motion: Floats) -> Floats:
+    """Return the motion of all spheres at each sample, (T + 1, 2f, N)."""
+    by = network_verlet if library() is None else network_compiled
+    begun = loaded(network, motion)
+    return np.array([*by.march(network, begun, run.step, run.samples * run.every, run.every)])
+
+
+def _features(run: Run, network: Network, motion: Floats, name: str, owners: Integers) -> Floats:
+    """Return what is multiplied, (K, T + 1, P): stretch and slips of contacts, or velocities and spins of spheres."""
+    found, d, pairs = _motions(run, network, motion), network.dimension, run.state.pairs
+    if name == "density":
+        return np.moveaxis(found[:, network.freedoms :, owners], 1, 0)
+    first, second = pairs.first[owners], pairs.second[owners]
+    normal = pairs.apart[:, owners] / pairs.length[owners]
+    way = found[:, :d, second] - found[:, :d, first]
+    radii = pairs.radii[:, owners]
+    turn = radii[0] * found[:, d : network.freedoms, first] + radii[1] * found[:, d : network.freedoms, second]
+    stretch = np.einsum("tdp,dp->tp", way, normal)
+    if d == 2:
+        slips = way[:, 1] * normal[0] - way[:, 0] * normal[1] - turn[:, 0]
+        return np.stack([stretch, slips])
+    across = way - stretch[:, None] * normal - np.cross(turn, normal[None], axis=1)
+    return np.stack([stretch, *np.moveaxis(across, 1, 0)])
+
+
+def _weights(network: Network, pairs: Pairs, name: str, owners: Integers) -> Floats:
+    """Return what the products are multiplied by, (K, 1, P)."""
+    if name == "density":
+        d, turns = network.dimension, network.freedoms - network.dimension
+        inertia = network.inertia if network.rotation else 0 * network.inertia
+        return np.stack([network.mass[owners]] * d + [inertia[owners]] * turns)[:, None]
+    closed = np.ones(len(pairs.overlap), dtype=bool)
+    ends = [pairs.overlap * (1 + sign * _SMALL) for sign in (-1, 1)]
+    low, high = (pairs.normal.repulsion(each, pairs.normal.radius(each, closed), closed) for each in ends)
+    normal = (high - low) / (ends[1] - ends[0])
+    shear = pairs.B * pairs.normal.radius(pairs.overlap, closed)
+    powers = STIFFENS[name]
+    found = [powers[0] * normal] + [powers[1] * shear] * (1 if network.dimension == 2 else 3)
+    return np.stack(found)[:, None, owners]

@@ -1,0 +1,193 @@
+"""Image a crystal by what was recorded of a few of its spheres: which contacts or spheres differ from its scene.
+
+    granular-analysis image RECORDS SCENE [RECORDS SCENE ...] --of QUANTITY [--noise SHARE] [-o DIR]
+
+RECORDS are a run folder with monitors, or a table of traces (`granular_analysis.measure.imaging`). SCENE is the crystal
+as it is thought to be, with the sources that made the record; each record has its own, and all have one crystal. DIR
+holds map.csv, the factor of each contact or sphere with its error by noise and the width of a point's image; image.png;
+and log.csv, a line for each weight.
+"""
+
+import argparse
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_analysis.measure.stepping import NetworkEngine
+from granular_analysis.plotting import in_one_line, letter, save, scene_of, write_csv
+from granular_analysis.theory.imaging import WEIGHTS, Image, Trial, widths
+from granular_lmp.cli.arguments import changes_argument
+from granular_lmp.cli.output import interruptible
+
+if TYPE_CHECKING:  # slow to import, and the last needs JAX
+    from matplotlib.axes import Axes
+    from matplotlib.collections import Collection
+    from matplotlib.figure import Figure
+
+    from granular_analysis.measure.imaging import Sought
+
+Floats = NDArray[np.float64]
+MAP, LOG, PICTURE = "map.csv", "log.csv", "image.png"
+QUANTITIES = ("contact.normal_stiffness", "contact.shear_stiffness", "adhesion", "density")
+MICRO = 1e6
+LEAST = 0.05  # difference from 1 that the colours show at least
+_SEEN = 0.1  # share of a point that its image must hold at its place
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument(
+        "shots",
+        nargs="+",
+        metavar="RECORDS SCENE",
+        help="run folder or table of traces, and the scene of the crystal as it is thought to be; more of both in turn",
+    )
+    changes_argument(parser, "time.duration=60.0")
+    parser.add_argument("--of", required=True, choices=QUANTITIES, help="what is imaged")
+    parser.add_argument(
+        "--noise",
+        type=float,
+        metavar="SHARE",
+        help="standard deviation of the errors over the root mean square of the record; chooses the weight of the "
+        "penalty (default: unknown, the corner of the L-curve does)",
+    )
+    parser.add_argument(
+        "--penalty",
+        choices=["tikhonov", "tv"],
+        default="tikhonov",
+        help="small differences everywhere, or few edges: the total variation (default: tikhonov)",
+    )
+    parser.add_argument(
+        "--within",
+        nargs=2,
+        type=float,
+        default=[0.1, 5.0],
+        metavar=("LOW", "HIGH"),
+        help="bounds of the factors (default: 0.1 5)",
+    )
+    parser.add_argument("--device", choices=["jax", "gpu"], default="jax", help="all cores of this machine, or a card")
+    parser.add_argument("-o", "--output", default="image", metavar="DIR", help="folder (default: image)")
+    options = parser.parse_args(argv)
+    if len(options.shots) % 2:
+        parser.error("give RECORDS and SCENE in turn")
+    if find_spec("jax") is None:
+        raise SystemExit("image: needs JAX: pip install 'granular-lmp[jax]'")
+    folder = Path(options.output)
+    if there := [name for name in (MAP, LOG, PICTURE) if (folder / name).exists()]:
+        raise SystemExit(f"{folder}: holds {there[0]}; give another folder, or move it away")
+    with in_one_line():
+        NetworkEngine.on(options.device)
+        sought = _sought(options)
+        print(f"{len(sought.owners)} values of {options.of}, {sought.points} numbers of {len(sought.shots)} records")
+        found = _searched(sought, options, folder)
+        resolved, errors = found.resolution()
+    width = widths(resolved, len(sought.owners) / len(sought.first.network.position), sought.first.network.dimension)
+    print(said(sought, found, resolved, errors, width))
+    head, rows = table(sought, found, resolved, errors, width)
+    write_csv(folder / MAP, head, rows)
+    save(figure(sought, found), folder / PICTURE)
+    return 0
+
+
+def _sought(options: argparse.Namespace) -> "Sought":
+    from granular_analysis.measure.imaging import Shot, Sought, Traces  # needs JAX
+
+    pairs = zip(options.shots[::2], options.shots[1::2], strict=True)
+    noise = 1.0 if options.noise is None else options.noise
+    shots = [Shot.of(Traces.read(records), scene_of(scene, options), noise) for records, scene in pairs]
+    return Sought(shots, options.of)
+
+
+def _searched(sought: "Sought", options: argparse.Namespace, folder: Path) -> Image:
+    """Return the image, and write a line of the log for each weight as soon as it is known."""
+    rows: list[list[object]] = []
+    with interruptible() as progress:
+
+        def told(trial: Trial) -> None:
+            trouble = sought.trouble(trial.values)
+            rows.append([trial.weight, trial.misfit / sought.points, trial.penalty, trial.gradients, trouble])
+            write_csv(folder / LOG, ["weight", "chi2_a_point", "penalty", "gradients", "kinks"], rows)
+            if progress:
+                progress(len(rows), max(WEIGHTS, len(rows)), None)
+
+        return sought.image(options.penalty, known=options.noise is not None, bounds=tuple(options.within), told=told)
+
+
+def said(sought: "Sought", found: Image, resolved: Floats, errors: Floats, width: Floats) -> str:
+    """Return what the image shows, in words."""
+    values, seen = found.values, np.diag(resolved) > _SEEN
+    ends = {name: int(at(values)) for name, at in (("lowest", np.argmin), ("highest", np.argmax))}
+    places = {name: ", ".join(f"{1e6 * each:.3g}" for each in sought.places[at]) for name, at in ends.items()}
+    lines = [
+        f"chi2 = {found.chi_squared:.4g} a point at the weight {found.best.weight:.4g}: {found.reason}",
+        *(f"{name} factor {values[at]:.3f} ± {errors[at]:.2g} at ({places[name]}) µm" for name, at in ends.items()),
+        f"{np.count_nonzero(seen)} of {len(values)} are seen, with more than {_SEEN:.0%} of a point in its place",
+    ]
+    if seen.any():
+        lines.append(
+            f"where they are, the image of a point is {np.median(width[seen]):.2g} spheres wide, and a factor has an "
+            f"error by noise of {np.median(errors[seen]):.2g} (medians)"
+        )
+    if trouble := sought.trouble(values):
+        lines.append(f"in the run of the image {trouble}: its records have kinks, and the image may be wrong there")
+    return "\n".join(lines)
+
+
+def table(
+    sought: "Sought", found: Image, resolved: Floats, errors: Floats, width: Floats
+) -> tuple[list[str], list[list[object]]]:
+    """Return the head and the rows of the map: places in rows, columns and m, factor, error, resolution."""
+    row, column = sought.sites
+    ends = sought.ends
+    of_spheres = (ends[:, 0] == ends[:, 1]).all()
+    which = ["row", "column"] if of_spheres else ["row_i", "column_i", "row_j", "column_j"]
+    axes = [f"{axis}_m" for _, axis in zip(range(sought.places.shape[1]), "xyz", strict=False)]
+    columns: list[list[object]] = []
+    for end in ends.T[:1] if of_spheres else ends.T:
+        columns += [row[end].tolist(), column[end].tolist()]
+    columns += [*sought.places.T.tolist(), found.values.tolist(), errors.tolist()]
+    columns += [np.diag(resolved).tolist(), width.tolist()]
+    head = [*which, *axes, "factor", "error", "share_in_place", "width_spheres"]
+    return head, [list(each) for each in zip(*columns, strict=True)]
+
+
+def draw_map(axes: "Axes", sought: "Sought", values: Floats) -> "Collection":
+    """Draw values along contacts or on spheres, with the spheres that were measured; return what has the colours."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.colors import CenteredNorm
+
+    network, unit = sought.first.network, sought.first.scales.metre * MICRO
+    middle, place = sought.places[:, :2] * MICRO, network.position[:, :2] * unit
+    norm = CenteredNorm(1.0, max(float(np.abs(values - 1).max()), LEAST))
+    if (sought.ends[:, 0] == sought.ends[:, 1]).all():
+        drawn: Collection = axes.scatter(middle[:, 0], middle[:, 1], c=values, cmap="RdBu_r", norm=norm, s=12)
+    else:
+        half = place[sought.ends[:, 0]] - middle
+        lines = np.stack([middle + half, middle - half], axis=1)
+        drawn = LineCollection([*lines], array=values, cmap="RdBu_r", norm=norm, linewidths=2)
+        axes.add_collection(drawn)
+    axes.plot(*place[np.unique([each.run.spheres for each in sought.shots])].T, "^k", markersize=4)
+    axes.set(xlabel="x, µm", ylabel="y, µm", aspect="equal")
+    return drawn
+
+
+def figure(sought: "Sought", found: Image) -> "Figure":
+    """Return the map with its monitors, and the curve of the penalty over χ²."""
+    from matplotlib.figure import Figure
+
+    drawing = Figure(figsize=(9, 4.2), layout="constrained")
+    left, right = drawing.subplots(1, 2, width_ratios=[1.4, 1])
+    drawing.colorbar(draw_map(left, sought, found.values), ax=left, label=f"factor of {sought.of}")
+    chi = [each.misfit / sought.points for each in found.trials]
+    penalties = [max(each.penalty, 1e-12) for each in found.trials]
+    right.loglog(chi, penalties, "o", color="0.5", markersize=4)
+    right.loglog(chi[found.chosen], penalties[found.chosen], "o", color="tab:red", label="the image")
+    right.set(xlabel="chi² a point", ylabel="penalty")
+    right.legend(frameon=False)
+    letter((left, right))
+    return drawing

@@ -1,0 +1,381 @@
+"""Make the run folder of an unnamed crystal from foreign dumps of LAMMPS (`granular_lmp.runs.unnamed`).
+
+One snapshot of each dump is in memory at a time. What the dumps do not say is never guessed: it is asked for by name.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import field
+from itertools import chain
+from math import inf, isfinite, pi
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import RunFolderError
+from granular_lmp.foreign.laws import Law
+from granular_lmp.foreign.reading import Spheres
+from granular_lmp.frozen import dataclass
+from granular_lmp.lammps.binary_dump import binary_head, binary_snapshots
+from granular_lmp.lammps.custom_dump import PLACES, Frame, Say, frames
+from granular_lmp.lammps.outputs import UNNAMED, SnapshotPlace, keep_latest, writable
+from granular_lmp.runs.directory import absolute
+from granular_lmp.runs.folder import clear, locked
+from granular_lmp.runs.formats import FORMAT
+from granular_lmp.runs.seal import files_of
+from granular_lmp.runs.status import write_status
+from granular_lmp.runs.unnamed import ENTRY, Unnamed
+from granular_lmp.scene.schema import allowed_names
+from granular_lmp.units import STYLES, Units
+from granular_lmp.version import __version__
+
+__all__ = ["adopt_dump"]
+
+Floats = NDArray[np.float64]
+
+# Columns of the folder's dump behind the places, and their dimension in mass, length and time
+_VECTORS = {"v": (0, 1, -1), "omega": (0, 0, -1), "f": (1, 1, -2)}
+_PLACE = ("xu", "yu", "zu")
+_COARSE = 1e-3  # of the largest displacement: with fewer than three digits a second harmonic is noise
+_NAMED = 5  # spheres that come or go, by number in a sentence
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of a foreign run beside its dumps, in the units of the dump; None is what must be in the dump.
+
+    Attributes
+    ----------
+    units : str, optional
+        Style of LAMMPS: si, cgs, micro, nano or lj.
+    timestep : float, optional
+        Time of one step.
+    radius, density : sequence of float, optional
+        One number, or one for each type of spheres.
+    laws : mapping of (int, int) to Law
+        The law of each pair of types, where it is known: the witness takes it.
+    spheres : Spheres, optional
+        Radii and masses of a deck, by ``id``, where neither dump nor `radius` and `density` say them.
+    acting : sequence of str
+        What else acts on spheres: commands of the deck that no witness knows.
+    pushes : mapping of int to (float, float, float)
+        Constant forces on spheres, by ``id``.
+    """
+
+    units: str | None = None
+    timestep: float | None = None
+    radius: Sequence[float] | None = None
+    density: Sequence[float] | None = None
+    laws: Mapping[tuple[int, int], Law] = field(default_factory=dict)
+    spheres: Spheres | None = None
+    acting: Sequence[str] = ()
+    pushes: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.units is not None and self.units not in STYLES:
+            raise RunFolderError(f"units = {self.units!r}: {allowed_names(self.units, STYLES)}")
+        for name in ("timestep", "radius", "density"):
+            values = getattr(self, name)
+            for value in () if values is None else np.atleast_1d(values):
+                if not (value > 0 and isfinite(value)):
+                    raise RunFolderError(f"{name} = {float(value)!r}: must be a number above 0")
+
+
+def adopt_dump(
+    dumps: Sequence[str | Path], folder: str | Path, known: Known | None = None, *, force: bool = False
+) -> Unnamed:
+    """Make the run folder of an unnamed crystal from the dumps of one run, which are not touched.
+
+    Parameters
+    ----------
+    dumps : sequence of path
+        Dumps of spheres. Those with the same columns follow one another; those with others are joined to them by step
+        and ``id``.
+    folder : path
+        The run folder.
+    known : Known, optional
+        What the dumps do not say.
+    force : bool
+        Replace the files of an earlier run in `folder`.
+
+    Raises
+    ------
+    RunFolderError
+        If a dump cannot be read, something must be known that is not, or no sphere is in all snapshots.
+    """
+    place = absolute(folder)
+    reading = _Reading(known or Known())
+    paths = [absolute(each) for each in dumps]
+    snapshots = _joined(paths, reading.say)
+    first = next(snapshots, None)
+    if first is None:
+        raise RunFolderError(f"{paths[0]}: holds no whole snapshot")
+    reading.begin(first)  # what must be known is asked for before a folder is made
+    with locked(place, make=True, force=force):
+        clear(place)
+        with writable(place), (place / UNNAMED).open("wb") as stream:
+            try:
+                for frame in chain([first], snapshots):
+                    reading.write(frame, stream)
+                described = reading.described(paths)
+            except BaseException:
+                (place / UNNAMED).unlink()
+                with suppress(OSError):  # it holds files of the user
+                    place.rmdir()
+                raise
+        keep_latest(place / UNNAMED, (SnapshotPlace(*each) for each in _places(place / UNNAMED)))
+        info = {
+            "format": FORMAT,
+            "status": "finished",
+            "message": None,
+            "name": place.name,
+            "versions": {"granular_lmp": __version__, "numpy": np.__version__},
+            ENTRY: described,
+            "remarks": reading.remarks,
+        }
+        write_status(place, info | {"files": files_of(place)})
+    return Unnamed.load(place)
+
+
+def _in_si(law: Law, units: Units) -> dict[str, Any]:
+    """Return what ``run.json`` says of a law, in SI units (of units lj in these); a damping also as it stands."""
+    pressure = {"mass": 1, "length": -1, "time": -2}
+    return {
+        "normal": law.normal,
+        "young": units.si(law.young, **pressure),
+        "poisson": law.poisson,
+        "gamma": units.si(law.gamma, mass=1, time=-2),
+        "tangential": law.tangential,
+        "shear_stiffness": None if law.shear_stiffness is None else units.si(law.shear_stiffness, **pressure),
+        "shear_damping": law.shear_damping,
+        "friction": law.friction,
+        "mixed": law.mixed,
+        "damping_law": law.damping_law,
+        "damping": law.damping,
+        "viscosity": units.si(law.damping, mass=1, time=-1),
+    }
+
+
+def _by_id(values: Floats, known: Spheres, ids: Floats) -> Floats:
+    """Return values of the spheres of a deck for those with some numbers."""
+    order = np.argsort(known.id)
+    place = np.minimum(np.searchsorted(known.id[order], ids), len(order) - 1)
+    if not np.array_equal(known.id[order][place], ids):
+        missing = int(ids[known.id[order][place] != ids][0])
+        raise RunFolderError(f"id {missing}: is in the dump, but not among the spheres of the deck at its start")
+    return np.asarray(values[order][place])
+
+
+def _places(path: Path) -> Iterator[tuple[int, int, int, int]]:
+    for each in binary_snapshots(path):
+        yield each.step, len(each.table), each.begin, each.end
+
+
+def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
+    """Yield the snapshots of the dumps of one run; those with other columns are joined by step."""
+    groups: dict[frozenset[str], list[tuple[int, Path]]] = {}
+    for path in paths:
+        first = next(frames(path, lambda _: None), None)
+        if first is None:
+            raise RunFolderError(f"{path}: holds no whole snapshot")
+        groups.setdefault(frozenset(first.columns), []).append((first.step, path))
+    streams = [_following([path for _, path in sorted(each)], say) for each in groups.values()]
+    while True:
+        heads = [next(stream, None) for stream in streams]
+        while len({None if head is None else head.step for head in heads}) > 1:
+            if None in heads:
+                say("the dumps end at different steps; what follows the end of the shortest is left out")
+                return
+            last = max(head.step for head in heads if head is not None)
+            heads = [
+                next(stream, None) if head is not None and head.step < last else head
+                for head, stream in zip(heads, streams, strict=True)
+            ]
+        whole = [head for head in heads if head is not None]
+        if not whole:
+            return
+        yield _merged(whole)
+
+
+def _following(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
+    for path in paths:
+        yield from frames(path, say)
+
+
+def _merged(heads: Sequence[Frame]) -> Frame:
+    """Return one snapshot of several of the same step, with the spheres that are in all of them."""
+    first = heads[0]
+    if len(heads) == 1:
+        return first
+    ids = first.columns["id"]
+    for head in heads[1:]:
+        ids = np.intersect1d(ids, head.columns["id"])
+    finest = sorted(heads, key=lambda head: head.resolution)  # what several dumps hold is taken with most digits
+    columns = {
+        name: values[np.isin(head.columns["id"], ids)]
+        for head in reversed(finest)
+        for name, values in head.columns.items()
+    }
+    digits = [head.resolution for head in finest if any(names[0] in head.columns for names, *_ in PLACES)]
+    time = next((head.time for head in heads if head.time is not None), None)
+    units = next((head.units for head in heads if head.units is not None), None)
+    return Frame(first.step, time, units, first.origin, first.cell, first.periodic, columns, min(digits, default=0.0))
+
+
+class _Reading:
+    """Snapshots that are read one after another, and what is found out about them."""
+
+    def __init__(self, known: Known) -> None:
+        self.known = known
+        self.remarks: list[str] = []
+        self.first: Frame | None = None
+        self.units = STYLES["si"]
+        self.names: list[str] = []  # columns of the folder's dump
+        self.ids = self.before = np.empty(0)  # spheres of the snapshot before, and their places
+        self.resolution = inf
+        self.come_and_go: set[int] = set()
+        self.begun = np.empty((0, 3))  # places in the first snapshot
+        self.largest = 0.0  # displacement from there along an axis
+
+    def say(self, sentence: str) -> None:
+        """Keep a remark."""
+        self.remarks.append(sentence)
+
+    def write(self, frame: Frame, stream: IO[bytes]) -> None:
+        """Write a snapshot into the dump of the folder, in SI units (of units lj in these)."""
+        units, table = self.units, self._table(frame)
+        lacking = [name for name in self.names if name not in table]
+        if lacking:
+            raise RunFolderError(f"step {frame.step}: lacks the column {lacking[0]}, which earlier snapshots have")
+        numbers = np.stack([table[name] for name in self.names], axis=1)
+        bounds = np.stack([frame.origin, frame.origin + np.diag(frame.cell)], axis=1)
+        time = None if frame.time is None else float(units.si(frame.time, time=1))
+        faces = [0 if each else 1 for each in frame.periodic]
+        style = "lj" if units.style == "lj" else "si"
+        bounds = units.si(bounds, length=1)
+        stream.write(binary_head(frame.step, self.names, len(numbers), faces, bounds, units=style, time=time))
+        stream.write(numbers.tobytes())
+
+    def begin(self, frame: Frame) -> None:
+        """Find out units and columns from the first snapshot."""
+        self.first = frame
+        style = self.known.units or frame.units
+        if style is None:
+            raise RunFolderError(f"units are not said in the dump; give units=STYLE, one of {', '.join(STYLES)}")
+        if frame.units not in (None, style):
+            raise RunFolderError(f"units = {style!r}: the dump says units {frame.units}")
+        if style not in STYLES:
+            raise RunFolderError(f"the dump says units {style}: must be one of {', '.join(STYLES)}")
+        if self.known.timestep is None and frame.time is None:
+            raise RunFolderError("the time of a step is not said in the dump; give timestep=VALUE in its units")
+        self.units = STYLES[style]
+        if "vx" not in frame.columns:
+            self.say("the dump holds no velocities; they are differences of places between its snapshots")
+        self.names = [*self._table(frame)]
+
+    def _table(self, frame: Frame) -> dict[str, Floats]:
+        """Return the columns of a snapshot as the folder has them, in SI units."""
+        columns, units = frame.columns, self.units
+        ids = columns["id"]
+        for name, values in columns.items():
+            if not np.isfinite(values).all():
+                where = ids[~np.isfinite(values)][0]
+                raise RunFolderError(f"step {frame.step}: {name} of sphere {where:.0f} is not finite")
+        if len(np.unique(ids)) < len(ids):
+            raise RunFolderError(f"step {frame.step}: several spheres have the same id")
+        table = {"id": ids, "type": columns.get("type", np.ones(len(ids)))}
+        known = self.known.spheres
+        radius = columns.get("radius")
+        if self.known.radius is not None or (radius is None and known is None):
+            radius = self._by_type("radius", self.known.radius, table["type"])
+        elif radius is None and known is not None:
+            radius = _by_id(known.radius, known, ids)
+        assert radius is not None
+        table["radius"] = units.si(radius, length=1)
+        weight = columns.get("mass")
+        if weight is None and self.known.density is None and known is not None:
+            weight = _by_id(known.mass, known, ids)
+        if weight is not None:
+            table["mass"] = units.si(weight, mass=1)
+        elif self.known.density is not None:
+            density = units.si(self._by_type("density", self.known.density, table["type"]), mass=1, length=-3)
+            table["mass"] = 4 / 3 * pi * table["radius"] ** 3 * density
+        places = self._followed(frame)
+        table |= {name: units.si(places[:, axis], length=1) for axis, name in enumerate(_PLACE)}
+        for name, (mass, length, time) in _VECTORS.items():
+            there = [f"{name}{axis}" for axis in "xyz"]
+            if not {*there} & columns.keys():
+                continue
+            for each in there:  # a sheet may have no vz
+                table[each] = units.si(columns.get(each, np.zeros(len(ids))), mass=mass, length=length, time=time)
+        return table
+
+    def _held(self) -> list[int]:
+        """Return the spheres that the deck does not move."""
+        known = self.known.spheres
+        return [] if known is None else known.id[~known.moves].tolist()
+
+    def _by_type(self, name: str, values: Sequence[float] | None, types: Floats) -> Floats:
+        if values is None:
+            raise RunFolderError(f"the {name} of the spheres is not said in the dump; give {name}=VALUE in its units")
+        kinds = int(types.max(initial=1))
+        if len(values) not in (1, kinds) and len(values) < kinds:
+            raise RunFolderError(f"{name}: {len(values)} numbers, but the spheres have {kinds} types")
+        return np.asarray(values, dtype=float)[types.astype(int) - 1 if len(values) > 1 else np.zeros(len(types), int)]
+
+    def _followed(self, frame: Frame) -> Floats:
+        """Return unwrapped places: without image flags by the least images from the snapshot before."""
+        places, wrapped = frame.places()
+        ids = frame.columns["id"]
+        if frame is not self.first:
+            both, here, there = np.intersect1d(ids, self.ids, assume_unique=True, return_indices=True)
+            self._say_changes(frame.step, ids, both)
+            if wrapped:
+                places[here] = self.before[there] + frame.nearest_image(places[here] - self.before[there])
+        else:
+            self.begun = places
+        if len(places) == len(self.begun):
+            self.largest = max(self.largest, float(np.abs(places - self.begun).max(initial=0.0)))
+        self.ids, self.before = ids, places
+        self.resolution = min(self.resolution, frame.resolution)
+        return places
+
+    def _say_changes(self, step: int, ids: Floats, both: Floats) -> None:
+        for verb, others in (("appear", np.setdiff1d(ids, both)), ("vanish", np.setdiff1d(self.ids, both))):
+            if len(others):
+                said = ", ".join(f"{each:.0f}" for each in others[:_NAMED]) + ", …" * (len(others) > _NAMED)
+                self.say(f"step {step}: {len(others)} spheres {verb} (id {said}); they are left out")
+                self.come_and_go |= {int(each) for each in others}
+
+    def described(self, paths: Sequence[Path]) -> dict[str, Any]:
+        """Return what ``run.json`` says of the crystal."""
+        first, units = self.first, self.units
+        assert first is not None
+        if {int(each) for each in self.ids} <= self.come_and_go:
+            raise RunFolderError(f"{paths[0]}: no sphere is in all snapshots")
+        if self.resolution > _COARSE * self.largest:
+            self.say(
+                f"places are printed to {units.si(self.resolution, length=1):.1e} m, and no sphere moves by more than "
+                f"{units.si(self.largest, length=1):.1e} m: displacements and overlaps are rounded; write it with "
+                "dump_modify format float %.15g"
+            )
+        step = 0.0 if self.known.timestep is None else float(units.si(self.known.timestep, time=1))
+        return {
+            "units": units.style,
+            "timestep": step,
+            "dumps": [str(path) for path in paths],
+            "origin": units.si(first.origin, length=1).tolist(),
+            "cell": units.si(first.cell, length=1).tolist(),
+            "periodic": first.periodic.tolist(),
+            "resolution": float(units.si(self.resolution, length=1)),
+            "come_and_go": sorted(self.come_and_go),
+            "laws": [{"types": [*types], **_in_si(law, units)} for types, law in self.known.laws.items()],
+            "held": self._held(),
+            "acting": [*self.known.acting],
+            "pushes": [
+                [number, *(units.si(each, mass=1, length=1, time=-2) for each in force)]
+                for number, force in self.known.pushes.items()
+            ],
+        }

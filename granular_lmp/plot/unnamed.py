@@ -1,0 +1,140 @@
+"""Pictures and movies of an unnamed crystal: a chain at all times, other spheres at one moment or in a movie."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.collections import EllipseCollection
+from matplotlib.colors import LogNorm, Normalize
+from numpy.typing import NDArray
+
+from granular_lmp.errors import ViewError
+from granular_lmp.plot.colours import DARKEST, LIGHTEST, SIDES, Side
+from granular_lmp.plot.motion import speeds_figure
+from granular_lmp.plot.movie import FRAMES_PER_SECOND, MOVIES, refuse_movie, write_movie
+from granular_lmp.plot.signals import Picture, in_si, save
+from granular_lmp.runs.unnamed import Moment, Unnamed
+
+Floats = NDArray[np.float64]
+
+_LOW = 0.3  # height over width, below which the numbers of an axis would stand on one another
+# Quantity of each sphere, its label and its unit
+_QUANTITIES: dict[str, tuple[Callable[[Moment, Floats], Floats], str, str]] = {
+    "speed": (lambda moment, _: np.linalg.norm(moment.velocity, axis=1), "speed", "m/s"),
+    "displacement": (lambda moment, rest: np.linalg.norm(moment.place - rest, axis=1), "displacement", "m"),
+    "x": (lambda moment, rest: moment.place[:, 0] - rest[:, 0], "displacement along $x$", "m"),
+    "y": (lambda moment, rest: moment.place[:, 1] - rest[:, 1], "displacement along $y$", "m"),
+    "z": (lambda moment, rest: moment.place[:, 2] - rest[:, 2], "displacement along $z$", "m"),
+}
+
+
+def draw_unnamed(
+    crystal: Unnamed,
+    path: Path,
+    *,
+    tau: float | None = None,
+    colour: str | None = None,
+    magnify: float | None = None,
+    side: str | None = None,
+    fps: float | None = None,
+    size: tuple[int, int] | None = None,
+) -> None:
+    """Draw an unnamed crystal into a picture, or a movie of all snapshots; arguments as of `granular_lmp.plot.view`.
+
+    Spheres along a line are drawn at all times, unless a time, a colour or a side is given.
+
+    Raises
+    ------
+    ViewError
+        For an unknown colour or side, a time beyond the snapshots, or what does not fit the kind of picture.
+    """
+    movie = path.suffix.lower() in MOVIES
+    if len(crystal.axes) == 1 and not movie and tau is None and colour is None and magnify is None and side is None:
+        save(_over_time(crystal), path, size)
+        return
+    if path.suffix.lower() == ".html":
+        raise ViewError(f"{path}: a page is not drawn of an unnamed crystal; take .png, .pdf, .svg, .gif or .mp4")
+    if movie and tau is not None:
+        raise ViewError("--tau: is not for a movie, which shows all snapshots")
+    numbers = range(len(crystal)) if movie else [_nearest(crystal, tau)]
+    scene = _Spheres(crystal, numbers, colour or "speed", magnify or 0.0, _side(crystal, side))
+    if not movie:
+        scene.show(numbers[0])
+        save(scene.figure, path, size)
+        return
+    refuse_movie(path)
+    write_movie(scene.figure, scene.show, len(crystal), path, scene.colours, fps or FRAMES_PER_SECOND, size)
+
+
+def _over_time(crystal: Unnamed) -> Picture:
+    """Return the picture of spheres on a line at all times."""
+    (axis,) = crystal.axes
+    order = np.argsort(crystal.rest[:, axis])
+    speeds = np.linalg.norm(crystal.stack("velocity"), axis=-1)[:, order]
+    largest = float(speeds.max(initial=0.0)) or 1.0
+    label = f"speed (unit: {_said(crystal, largest, 'm/s')})"
+    figure = speeds_figure(crystal.time, crystal.rest[order, axis], speeds / largest, label)
+    time, place = ("time (s)", f"{'xyz'[axis]} (m)") if crystal.in_si else ("time (lj)", f"{'xyz'[axis]} (lj)")
+    figure.axes[0].set(xlabel=time, ylabel=place)
+    figure.axes[0].set_title(crystal.name, fontsize="medium")
+    return figure
+
+
+def _said(crystal: Unnamed, value: float, unit: str) -> str:
+    return in_si(value, unit) if crystal.in_si else f"{value:.3g}"
+
+
+def _nearest(crystal: Unnamed, time: float | None) -> int:
+    if time is None:
+        return len(crystal) - 1
+    first, last = float(crystal.time[0]), float(crystal.time[-1])
+    if not first <= time <= last:
+        raise ViewError(f"tau = {time!r}: must be from {first:g} to {last:g}, the times of {crystal.folder}")
+    return int(np.argmin(np.abs(crystal.time - time)))
+
+
+def _side(crystal: Unnamed, name: str | None) -> Side:
+    """Return the side by its name, by default one from which a crystal in a plane is seen as it is."""
+    if name is not None and name not in SIDES:
+        raise ViewError(f"side = {name!r}: must be one of {', '.join(SIDES)}")
+    return SIDES[name] if name else next(each for each in SIDES.values() if {*crystal.axes[:2]} <= {*each.page})
+
+
+class _Spheres:
+    """Figure of the spheres, which `show` moves and colours as in a snapshot."""
+
+    def __init__(self, crystal: Unnamed, numbers: range | list[int], colour: str, magnify: float, side: Side) -> None:
+        if colour not in _QUANTITIES:
+            raise ViewError(f"colour = {colour!r}: must be one of {', '.join(_QUANTITIES)}")
+        self.crystal, self.magnify, self.side = crystal, magnify, side
+        self.value, label, unit = _QUANTITIES[colour]
+        self.colours = "magma_r" if colour == "speed" else "YlOrRd" if colour == "displacement" else "RdBu_r"
+        largest = max(float(np.abs(self.value(crystal[k], crystal.rest)).max(initial=0.0)) for k in numbers) or 1.0
+        norm = Normalize(0.0 if colour == "displacement" else -largest, largest)
+        places, radius = side.flat(crystal.rest), crystal.radius
+        low, high = (places - radius[:, None]).min(axis=0), (places + radius[:, None]).max(axis=0)
+        shape = float(np.clip((high - low)[1] / (high - low)[0], 0.2, 1.5))
+        self.figure = Picture(figsize=(6.5, 1.2 + 5.0 * shape), layout="constrained")
+        axes = self.figure.subplots()
+        self.discs = EllipseCollection(
+            2 * radius, 2 * radius, 0 * radius, units="xy", offsets=places, offset_transform=axes.transData,
+            cmap=self.colours, edgecolors="0.3", linewidths=0.4,
+            norm=LogNorm(LIGHTEST * largest, DARKEST * largest, clip=True) if colour == "speed" else norm,
+        )  # fmt: skip
+        axes.add_collection(self.discs, autolim=False)
+        names = ["xyz"[axis] + (" (m)" if crystal.in_si else " (lj)") for axis in side.page]
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel=names[0], ylabel=names[1])
+        if shape < _LOW:
+            axes.set_yticks([])
+        self.axes = axes
+        said = f"{label} ({unit if crystal.in_si else 'lj'})"
+        self.figure.colorbar(self.discs, ax=axes, label=said, fraction=0.05, pad=0.02)
+
+    def show(self, number: int) -> None:
+        """Draw a snapshot; displacements are drawn only where a factor is given."""
+        moment, rest = self.crystal[number], self.crystal.rest
+        self.discs.set_offsets(self.side.flat(rest + self.magnify * (moment.place - rest)))
+        self.discs.set_array(self.value(moment, rest))
+        times = f" × {self.magnify:g}" if self.magnify else ""
+        moved = f", displacements{times}" if times else ""
+        self.axes.set_title(f"{self.crystal.name}, {_said(self.crystal, moment.time, 's')}{moved}", fontsize="medium")

@@ -1,0 +1,159 @@
+"""How decks of any origin are read: LAMMPS's own flow of commands, files, and what is refused."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from granular_lmp.cli.entry import main
+from granular_lmp.errors import DeckError
+from granular_lmp.foreign import interpreter
+from granular_lmp.foreign.apart import read_apart
+from granular_lmp.foreign.interpreter import lines_of, split
+from granular_lmp.foreign.lint import lint
+from granular_lmp.foreign.reading import Reading, read
+from tests.foreign.decks import CHAIN, SHEET
+
+BEGIN = """units lj
+atom_style sphere
+"""
+
+
+def of(folder: Path, text: str, **variables: str) -> Reading:
+    (folder / "in.deck").write_text(text)
+    return read(folder / "in.deck", variables)
+
+
+def said(reading: Reading) -> list[str]:
+    """Return the words that the deck says by a variable of the name *said*."""
+    return [command.words[3] for command in reading.named("variable") if command.words[1] == "said"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('if "2 > 1" then "variable said index yes" else "variable said index no"', ["yes"]),
+        ('if "1 > 2" then "variable said index yes" elif "3 > 2" "variable said index third"', ["third"]),
+        ('if "1 > 2" then "variable said index yes" elif "3 < 2" "" else "variable said index no"', ["no"]),
+        ('if "1 > 2" then "variable said index yes"', []),
+        ("variable n index a b c\nlabel again\nvariable said string ${n}\nnext n\njump SELF again", ["a", "b", "c"]),
+        ('variable n loop 2\nlabel a\nvariable said string "$(v_n*10)"\nnext n\njump SELF a', ["$(v_n*10)"] * 2),
+        ("variable n loop 3\nlabel a\nvariable said string $(v_n*10)\nnext n\njump SELF a", ["10", "20", "30"]),
+        ("include in.part\nvariable said string after", ["within", "after"]),
+        ("jump in.part\nvariable said string after", ["within"]),
+        ('if "1 > 0" then "jump SELF end"\nvariable said string no\nlabel end\nvariable said string yes', ["yes"]),
+        ("variable said string one\nquit\nvariable said string two", ["one"]),
+        ('variable said string "one # two" # three', ["one # two"]),
+        ("variable said &\n   string &  # with a comment\n   long", ["long"]),
+        ('variable said string """one\n  two"""', ["one\n  two"]),
+    ],
+)
+def test_commands_follow_each_other_as_in_lammps(tmp_path: Path, text: str, words: list[str]) -> None:
+    (tmp_path / "in.part").write_text("variable said string within\n")
+    reading = of(tmp_path, f"{BEGIN}{text}\n")
+    assert not reading.stopped
+    assert said(reading) == words
+
+
+def test_a_command_has_its_file_and_the_number_of_its_first_line(tmp_path: Path) -> None:
+    (tmp_path / "in.part").write_text("\n\nvariable said &\nstring within\n")
+    first, second = of(tmp_path, f"{BEGIN}include in.part\n\nvariable said string after\n").commands[-2:]
+    assert (first.file, first.line) == ("in.part", 3)
+    assert (second.file, second.line) == ("in.deck", 5)
+
+
+def test_lines_and_words_are_those_of_lammps() -> None:
+    assert lines_of("a b # c\n\nd & # e\n  f\n'g # h'\n") == [(1, "a b"), (3, "d    f"), (5, "'g # h'")]
+    assert split("""a "b c" 'd "e"' f""") == ("a", "b c", 'd "e"', "f")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "shell touch left",
+        "python f input 0 here \"def f(): open('left', 'w')\"",
+        "variable x python f",
+        "fix x all python/invoke 1 end_of_step f",
+        "fix x all imd 8888",
+        "plugin load left.so",
+        'if "1 > 0" then "shell touch left"',
+        "pair_style python 5.0",
+        "variable s string shell\n${s} touch left",
+    ],
+)
+def test_decks_that_run_programs_are_refused_by_the_line(tmp_path: Path, line: str) -> None:
+    reading = of(tmp_path, f"{BEGIN}{line}\n")
+    assert "may run other programs" in reading.stopped
+    assert f"line {2 + len(line.splitlines())}" in reading.stopped
+    assert not list(tmp_path.rglob("left"))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("label a\njump SELF a\n", "a loop without an end"),
+        ("jump SELF nowhere\n", "no label 'nowhere'"),
+        ("include in.none\n", "cannot be read"),
+        ("pair_style nothing\n", "LAMMPS refuses 'pair_style nothing'"),
+        ("run some\n", "LAMMPS refuses 'run some'"),
+        ("variable a equal ${b}\n", "LAMMPS refuses 'variable a equal ${b}'"),
+    ],
+)
+def test_reading_stops_with_the_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, message: str
+) -> None:
+    monkeypatch.setattr(interpreter, "MOST_COMMANDS", 1000)
+    assert message in of(tmp_path, f"{BEGIN}{text}").stopped
+
+
+def test_variables_of_the_command_line_come_before_those_of_the_deck(tmp_path: Path) -> None:
+    text = f"{BEGIN}variable n index 3\nvariable said string ${{n}}\n"
+    assert said(of(tmp_path, text)) == ["3"]
+    assert said(of(tmp_path, text, n="5")) == ["5"]
+
+
+def test_a_name_like_a_program_is_no_program(tmp_path: Path) -> None:
+    lines = "variable python index 1\nvariable shell equal 2\nvariable home getenv HOME\n"
+    assert not of(tmp_path, BEGIN + lines).stopped
+
+
+def test_the_longest_step_of_all_long_runs_is_judged(tmp_path: Path) -> None:
+    reading = of(tmp_path, CHAIN + "timestep 3.0e-6\nrun 100\ntimestep 1.0e-7\nrun 100\ntimestep 1.0\nrun 1\n")
+    ((check, finding),) = lint(reading)
+    assert check.name == "time-step"
+    assert str(finding.command) == "timestep 3.0e-6"
+
+
+def test_only_the_first_step_of_a_long_run_is_computed(tmp_path: Path) -> None:
+    reading = of(tmp_path, SHEET.replace("run 2000", "run 1\nrun 100000000\ntimestep 1.0\nrun 0"))
+    assert [(stage.steps, stage.exact) for stage in reading.stages] == [(1, True), (100000000, True), (0, False)]
+    assert reading.start is reading.stages[1]
+    assert reading.start.timestep == 0.025
+
+
+def test_a_deck_that_brings_lammps_down_is_told_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "in.deck").write_text(CHAIN)
+    assert len(read_apart(tmp_path / "in.deck").stages) == 1
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    with pytest.raises(DeckError, match="in.deck: LAMMPS died"):
+        read_apart(tmp_path / "in.deck")
+
+
+def test_the_command_says_what_it_could_not_judge(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("in.lj").write_text("units lj\natom_style atomic\npair_style lj/cut 2.5\n")
+    assert main(["lint", "in.lj"]) == 0
+    assert "met no run" in (errors := capfd.readouterr().err)
+    assert "no deck of pair_style granular" in errors
+    Path("in.bad").write_text("units nothing\n")
+    assert main(["lint", "in.bad"]) == 2
+    assert "in.bad, line 1: LAMMPS refuses 'units nothing'" in capfd.readouterr().err
+    assert main(["lint", "in.none"]) == 2
+    assert "no such deck" in capfd.readouterr().err
+    Path("in.sheet").write_text(SHEET + "pair_style nothing\n")
+    assert main(["lint", "in.sheet", "--json", "--strict"]) == 0
+    shown = capfd.readouterr()
+    assert shown.out.strip() == "[]"
+    assert "what follows was not read" in shown.err

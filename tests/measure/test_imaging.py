@@ -1,0 +1,214 @@
+"""Images of a small sheet by LAMMPS's records at another time step, of exact records, and what is refused."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granular_analysis.theory.imaging import NEAR
+from granular_lmp import Scene, run
+from granular_lmp.errors import GranularError
+from granular_lmp.runs.export import export
+from granular_lmp.runs.record import Record
+
+jax = pytest.importorskip("jax")
+imaging = pytest.importorskip("granular_analysis.measure.imaging", reason="needs JAX")
+kernels = pytest.importorskip("granular_analysis.theory.network_kernels", reason="needs JAX")
+gradients = pytest.importorskip("granular_analysis.theory.network_gradient", reason="needs JAX")
+
+SIDE = 8
+RIM = [(0, 1), (0, 3), (0, 6), (1, 7), (3, 7), (6, 7), (7, 6), (7, 4), (7, 1), (6, 0), (4, 0), (1, 0)]
+SOFT, FACTOR = [[row, column] for row in (3, 4, 5) for column in (3, 4, 5)], 0.6
+PUSHED = {(0, 4): "y", (4, 7): "x", (7, 3): "y", (3, 0): "x"}
+NOISE = 0.03
+
+
+def pushes(amplitude: float) -> list[dict[str, object]]:
+    burst = {"signal": "burst", "frequency": 1.2, "cycles": 1.5, "amplitude": amplitude}
+    return [{"spheres": [list(place)], "force": way, **burst} for place, way in PUSHED.items()]
+
+
+@cache
+def scene() -> Scene:
+    """Return a sheet with free faces that is pushed at its four sides, and of which all spheres are watched."""
+    everywhere = [[row, column] for row in range(SIDE) for column in range(SIDE)]
+    return Scene.from_dict(
+        {
+            "name": "small",
+            "sphere": {
+                "radius": 5e-7,
+                "youngs_modulus": 73e9,
+                "poisson_ratio": 0.17,
+                "work_of_adhesion": 0.063,
+                "density": 2200.0,
+            },
+            "packing": {"lattice": "hexagonal", "rows": SIDE, "columns": SIDE}
+            | dict.fromkeys(("first", "last", "sides"), "free"),
+            "time": {"duration": 24.0, "timestep": 0.15, "sample": 0.45},
+            "source": pushes(0.01),
+            "monitor": [{"name": "all", "spheres": everywhere}],
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a run of LAMMPS with a soft patch, at another time step."""
+    soft = {
+        "time.timestep": 0.09,
+        "inclusion": [{"spheres": SOFT, "density": 2200.0}],
+        "pair": [{"of": [1, 1], "normal_stiffness": FACTOR * scene().sphere.normal_stiffness}],
+    }
+    found = tmp_path_factory.mktemp("runs") / "soft"
+    run(scene().with_values(soft), found)
+    return found
+
+
+@pytest.fixture(scope="module")
+def traces(folder: Path) -> "imaging.Traces":
+    return imaging.Traces.read(folder)
+
+
+def of_rim(traces: "imaging.Traces", noise: float) -> "imaging.Sought":
+    """Return what is sought by the spheres of the rim, with noise; the others measure nothing."""
+    rng = np.random.default_rng(1)
+    keep = [place in RIM for place in zip(traces.row.tolist(), traces.column.tolist(), strict=True)]
+    rms = replace(traces, motion={name: each[:, keep] for name, each in traces.motion.items()}).rms
+    motion = {
+        name: np.where(keep, each + noise * rms * rng.normal(size=each.shape), np.nan)
+        for name, each in traces.motion.items()
+    }
+    return imaging.Sought([imaging.Shot.of(replace(traces, motion=motion), scene(), noise)], "contact.normal_stiffness")
+
+
+def soft_contacts(sought: "imaging.Sought") -> np.ndarray:
+    row, column = sought.sites
+    own = np.isin(row * SIDE + column, [r * SIDE + c for r, c in SOFT])
+    return own[sought.ends].all(axis=1)
+
+
+def test_a_soft_patch_is_imaged_above_the_noise_by_a_record_of_lammps_at_another_step(
+    traces: "imaging.Traces",
+) -> None:
+    sought = of_rim(traces, NOISE)
+    found = sought.image()
+    assert found.chi_squared == pytest.approx(1, abs=NEAR)
+    inside = soft_contacts(sought)
+    assert np.count_nonzero(inside) == 16
+    elsewhere = found.values[~inside]
+    # Four times the scatter elsewhere, of 145 contacts of which one in 16000 would be so by chance
+    assert found.values[inside].mean() < 1 - 4 * elsewhere.std()
+    # To first order it is the patch as the resolution blurs it. A soft contact is stretched more, by at most 1/0.6
+    blurred = found.resolution()[0] @ np.where(inside, FACTOR - 1, 0.0)
+    assert 1 < (found.values[inside].mean() - 1) / blurred[inside].mean() < 1 / FACTOR
+    assert elsewhere.mean() == pytest.approx(1, abs=0.02)
+    assert sought.trouble(found.values) == ""
+
+
+def test_the_kernels_of_weak_waves_give_the_adjoint_gradient(traces: "imaging.Traces") -> None:
+    """The wave is 1e-2 of the overlaps at rest."""
+    sought = of_rim(traces, NOISE)
+    (shot,) = sought.shots
+    motion, expected = gradients.record(shot.run, {}).motion, 0.0
+    for row, sphere, slopes in kernels.kernels(shot.run, sought.name, sought.owners, shot.errors):
+        left = (motion[:, row, sphere] - shot.measured[:, row, sphere]) / shot.errors[:, row, sphere] ** 2
+        expected = expected + 2 * left @ slopes
+    slope = sought.misfit(np.ones(len(sought.owners)))[1]
+    np.testing.assert_allclose(expected, slope, rtol=0, atol=1e-2 * abs(slope).max())
+
+
+def test_the_gradient_of_chi_squared_is_its_difference(traces: "imaging.Traces") -> None:
+    sought = of_rim(traces, NOISE)
+    rng = np.random.default_rng(2)
+    values, way = 1 + 0.1 * rng.normal(size=len(sought.owners)), rng.normal(size=len(sought.owners))
+    slope = sought.misfit(values)[1] @ way
+    ends = [sought.misfit(values + sign * 1e-5 * way)[0] for sign in (-1, 1)]
+    assert slope == pytest.approx((ends[1] - ends[0]) / 2e-5, rel=1e-6)
+
+
+@pytest.mark.more  # it takes as long as the image above
+def test_exact_records_of_all_spheres_give_every_contact_back(traces: "imaging.Traces") -> None:
+    shot = imaging.Shot.of(traces, scene(), 2e-3)
+    sought = imaging.Sought([shot], "contact.normal_stiffness")
+    truth = np.where(soft_contacts(sought), FACTOR, 1.0)
+    exact = np.asarray(gradients.record(shot.run, sought.factors(truth)).motion)
+    found = imaging.Sought([replace(shot, measured=exact)], sought.of).image()
+    # The weight leaves chi2 = 1 of errors of 2e-3 of the record, which are not there
+    np.testing.assert_allclose(found.values, truth, atol=0.05)
+
+
+def test_a_run_folder_and_its_exported_table_are_one_record(folder: Path, tmp_path: Path) -> None:
+    export(Record.load(folder), tmp_path / "all.csv", monitor="all")
+    one, other = (imaging.Shot.of(imaging.Traces.read(each), scene()) for each in (folder, tmp_path / "all.csv"))
+    order = np.lexsort((one.run.spheres,)), np.lexsort((other.run.spheres,))
+    assert (one.run.step, one.run.every, one.run.samples) == (other.run.step, other.run.every, other.run.samples)
+    for name in ("measured", "errors"):
+        found, expected = (getattr(each, name)[..., at] for each, at in zip((other, one), order[::-1], strict=True))
+        finite = np.isfinite(expected)
+        assert np.array_equal(finite, np.isfinite(found))
+        np.testing.assert_allclose(found[finite], expected[finite], rtol=1e-9, atol=1e-12 * abs(expected[finite]).max())
+
+
+TABLE = [f"{10 * n},0,{column},{n * column}" for n in range(4) for column in (1, 2)]
+
+
+@pytest.mark.parametrize(
+    ("head", "lines", "message"),
+    [
+        ("t_ns,row,column,u_kg", TABLE, "column 'u_kg': the unit must be one of u_m, u_mm, u_nm, u_um"),
+        ("t_ns,row,column,height_m", TABLE, "column 'height_m' is unknown"),
+        ("t_ns,row,u_m,column", [line + ",0" for line in TABLE], "cells under 4 heads"),
+        ("t_ns,row,u_m,v_m", TABLE, "has no column column; must have t_UNIT, row and column"),
+        ("t_ns,row,column,theta_rad", TABLE, "has no measured motion"),
+        ("t_ns,row,column,u_nm", TABLE + TABLE[:1], "two lines are of one sphere at one time"),
+        ("t_ns,row,column,u_nm", TABLE[:4], "at least 4 times with equal steps"),
+        ("t_ns,row,column,u_nm", [*TABLE, "35,0,1,0"], "at least 4 times with equal steps"),
+        ("t_ns,row,column,u_nm", ["0,0.5,1,0", *TABLE], "row must be a whole number everywhere"),
+        ("t_ns,row,column,u_nm", [line.replace(",0,2,", ",30,2,") for line in TABLE], "the scene has no sphere there"),
+        ("t_ns,row,column,u_nm", [f"{n},0,1," for n in range(5)], "without a number"),
+        ("t_ns,row,column,w_nm", TABLE, "has w, and the spheres of the scene stay in a plane"),
+    ],
+)
+def test_tables_that_cannot_be_understood_are_refused(
+    head: str, lines: list[str], message: str, tmp_path: Path
+) -> None:
+    (tmp_path / "trace.csv").write_text("\n".join([head, *lines]))
+    with pytest.raises((GranularError, ValueError), match=message):
+        imaging.Shot.of(imaging.Traces.read(tmp_path / "trace.csv"), scene())
+
+
+def test_a_table_at_other_times_is_met_by_a_spline(tmp_path: Path) -> None:
+    """Of a sine of 40 samples a period a spline knows what lies between to (π/20)⁴/384, ten times that at its ends."""
+    t0 = scene().sphere.time_scale
+    times = (0.3 + np.arange(120)) * 0.15 * t0
+    lines = [f"{1e9 * t!r},0,3,{float(np.sin(t / t0))!r}" for t in times.tolist()]
+    (tmp_path / "late.csv").write_text("\n".join(["time (ns),row,column,velocity_y_mm/s", *lines]))
+    shot = imaging.Shot.of(imaging.Traces.read(tmp_path / "late.csv"), scene(), 0.1)
+    at = np.arange(shot.run.samples + 1) * shot.run.step * shot.run.every / shot.first.time
+    rows = np.flatnonzero(np.isfinite(shot.errors).any(axis=(0, 2)))
+    assert rows.tolist() == [4]  # the velocity along y
+    known = np.isfinite(shot.errors[:, 4, 0])
+    assert not known[0]
+    assert known[1:].all()
+    unit = 1e-3 / (shot.first.scales.metre / shot.first.scales.second)
+    np.testing.assert_allclose(shot.measured[1:, 4, 0] / unit, np.sin(at[1:]), atol=2e-5)
+
+
+def test_what_an_image_is_not_made_of_is_refused(traces: "imaging.Traces") -> None:
+    rim = of_rim(traces, NOISE)
+    with pytest.raises(ValueError, match="'stiffness': must be one of contact.normal_stiffness"):
+        imaging.Sought(rim.shots, "stiffness")
+    with pytest.raises(ValueError, match="must be the share of the errors in the records, above 0"):
+        imaging.Shot.of(traces, scene(), 0.0)
+    with pytest.raises(ValueError, match="penalty = 'l1': must be one of tikhonov, tv"):
+        rim.image("l1")
+    with pytest.raises(ValueError, match="bounds 2 and 3: must be below and above 1"):
+        rim.image(bounds=(2.0, 3.0))
+    other = imaging.Shot.of(traces, scene().with_values({"sphere.radius": 4e-7}))
+    with pytest.raises(ValueError, match="is another crystal than small"):
+        imaging.Sought([*rim.shots, other], rim.of)
+    opened = scene().with_values({"source": pushes(5.0)})
+    with pytest.raises(imaging.TheoryError, match=r"contacts opened, first pair \d+; an image needs records without"):
+        imaging.Sought([imaging.Shot.of(traces, opened)], rim.of)

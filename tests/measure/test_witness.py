@@ -1,0 +1,154 @@
+"""The witness of somebody's deck agrees with it, and names what separates the two."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from granular_analysis.cli import main
+from granular_analysis.measure.witness import EXPLAINED, witness
+from granular_analysis.theory.errors import TheoryError
+from granular_lmp.foreign.adopt_dump import Known, adopt_dump
+from granular_lmp.foreign.known import law_of
+from granular_lmp.foreign.laws import Law
+from granular_lmp.runs.unnamed import Unnamed
+from tests.instance import run_deck
+
+# A chain of ten beads of steel that just overlap, the first of which is struck, and a bead off the line
+DECK = """
+units si
+atom_style sphere
+boundary f f f
+newton off
+comm_modify vel yes
+region box block -0.02 0.25 -0.03 0.04 -0.02 0.02
+create_box 1 box
+variable i loop 10
+label beads
+variable x equal (v_i-1)*0.019999
+create_atoms 1 single $x 0 0
+next i
+jump SELF beads
+create_atoms 1 single 0.0899955 0.017319 0
+set group all diameter 0.02 density 7780
+pair_style granular
+pair_coeff * * {law}
+group first id 1
+group free id 2:11
+{start}
+fix 1 all nve/sphere
+timestep {step}
+dump 1 all custom {every} dump.coarse id type x y z vx vy vz
+dump 2 all custom {every} dump.fine id type x y z vx vy vz omegax omegay omegaz
+dump_modify 2 format float %.17g
+run {steps}
+"""
+WORDS = "hertz/material 2e11 0 0.3 tangential mindlin NULL 0.0 0.5"
+STEEL = law_of(WORDS, 1)[1, 1]
+
+
+def made(folder: Path, *, law: str = WORDS, step: float = 2e-7, start: str = "", known: Law = STEEL) -> Path:
+    """Run the deck for 0.2 ms, and adopt its dump with all digits; return the folder of the deck."""
+    folder.mkdir()
+    every = round(4e-6 / step)
+    start = start or "velocity first set 0.1 0.02 0"
+    (folder / "in.beads").write_text(DECK.format(law=law, start=start, step=step, every=every, steps=50 * every))
+    run_deck(folder, "in.beads")
+    for name in ("fine", "coarse"):
+        adopted(folder, name, known, step)
+    return folder
+
+
+def adopted(folder: Path, name: str, law: Law, step: float, **more: object) -> Unnamed:
+    known = Known("si", step, [0.01], [7780.0], {(1, 1): law}, **more)  # type: ignore[arg-type]
+    return adopt_dump([folder / f"dump.{name}"], folder / name, known, force=True)
+
+
+@pytest.fixture(scope="module")
+def beads(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The struck chain, with slip at its contacts."""
+    return made(tmp_path_factory.mktemp("witness") / "beads")
+
+
+def test_the_witness_of_a_deck_agrees_with_it_to_its_step(beads: Path) -> None:
+    found = witness(Unnamed.load(beads / "fine"))
+    assert found.explained
+    assert found.parted is None
+    assert found.steps == 1000
+    assert found.digits == 0
+    # Second order in a step of a two hundredth of the collision: what is left beside the step is far below it
+    assert 1e-7 < found.step < 1e-3
+    assert found.error == pytest.approx(found.step, rel=0.05)
+
+
+def test_a_longer_step_is_named(beads: Path, tmp_path: Path) -> None:
+    found = witness(Unnamed.load(made(tmp_path / "beads", step=2e-6) / "fine"))
+    assert found.explained
+    # The error of a step is of second order
+    assert found.step == pytest.approx(100 * witness(Unnamed.load(beads / "fine")).step, rel=0.2)
+    assert found.error == pytest.approx(found.step, rel=0.05)
+
+
+def test_a_dump_of_six_digits_is_named(beads: Path) -> None:
+    found = witness(Unnamed.load(beads / "coarse"))
+    assert found.explained
+    assert found.digits > 10 * found.step
+    assert found.error < EXPLAINED * found.digits
+
+
+@pytest.mark.parametrize(
+    "other",
+    [replace(STEEL, young=2.1e11), replace(STEEL, tangential="none"), replace(STEEL, friction=0.001)],
+    ids=["stiffer", "without shear", "slippery"],
+)
+def test_another_law_is_not_explained(other: Law, beads: Path, tmp_path: Path) -> None:
+    (tmp_path / "dump.fine").write_bytes((beads / "dump.fine").read_bytes())
+    found = witness(adopted(tmp_path, "fine", other, 2e-7))
+    assert not found.explained
+    assert found.error > 1e-3
+
+
+def test_a_force_of_the_deck_is_not_explained_and_named(tmp_path: Path) -> None:
+    start = "velocity first set 0.1 0.02 0\nfix 2 free addforce 5.0 0 0"
+    folder = made(tmp_path / "beads", start=start)
+    found = witness(adopted(folder, "fine", STEEL, 2e-7, acting=["fix 2 free addforce 5.0 0 0"]))
+    assert not found.explained
+    assert found.parted is not None
+    assert found.reasons == ("the witness leaves out 'fix 2 free addforce 5.0 0 0'",)
+
+
+def test_history_that_a_later_dump_has_lost_is_named(beads: Path, tmp_path: Path) -> None:
+    text = (beads / "dump.fine").read_text()
+    (tmp_path / "dump.fine").write_text(text[text.index("ITEM: TIMESTEP\n500\n") :])
+    found = witness(adopted(tmp_path, "fine", STEEL, 2e-7))
+    assert not found.explained
+    assert found.reasons == ("the first snapshot is of step 500: the slip of its contacts is in no dump",)
+
+
+REFUSED = {
+    "hooke is not built": replace(STEEL, normal="hooke"),
+    "linear_history is not built": replace(STEEL, tangential="linear_history"),
+    "damping viscoelastic is not built": replace(STEEL, damping=50.0),
+    "shear stiffness of its own": replace(STEEL, shear_stiffness=1e11),
+}
+
+
+@pytest.mark.parametrize("why", REFUSED)
+def test_a_law_that_the_network_does_not_hold_is_refused(why: str, beads: Path, tmp_path: Path) -> None:
+    (tmp_path / "dump.fine").write_bytes((beads / "dump.fine").read_bytes())
+    crystal = adopted(tmp_path, "fine", REFUSED[why], 2e-7)
+    with pytest.raises(TheoryError, match=why):
+        witness(crystal)
+
+
+def test_compare_prints_where_deck_and_witness_part(
+    beads: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["compare", str(beads / "fine"), "--json", str(tmp_path / "found.json")]) == 0
+    out = capsys.readouterr().out
+    assert "11 spheres, 1000 steps of 2e-07 s" in out
+    assert "they do not part by 1%" in out
+    assert '"parted": null' in (tmp_path / "found.json").read_text()
+    adopt_dump([beads / "dump.fine"], tmp_path / "lawless", Known("si", 2e-7, [0.01], [7780.0]))
+    with pytest.raises(SystemExit, match="no contact law is known"):
+        main(["compare", str(tmp_path / "lawless")])
