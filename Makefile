@@ -21,7 +21,7 @@
 # make bench (our run beside other codes, with the error of each; with BESIDE=COMMIT also beside an earlier commit of this
 # repository), make scale (cost up to a million spheres),
 # make docs (the documentation site, into site/), make rooms (the drawing of docs/architecture.md),
-# make notebook (the tutorials, executed, into docs/tutorial.ipynb and tutorial-fit.ipynb; half a minute),
+# make notebook (the tutorials, executed, into docs/tutorial*.ipynb; two minutes),
 # make versioned-docs (the site of this version beside those of others, onto the branch gh-pages: RELEASING.md),
 # make engines (sweeps that are cancelled, preempted and killed on a Slurm of this machine, where one can be started),
 # make wheel (what pip installs, into dist/), make packages, floors, readers, tested-docs (of continuous integration: the

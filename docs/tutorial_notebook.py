@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("tutorial", "tutorial-fit")  # of docs/
+PAGES = ("tutorial", "tutorial-fit", "tutorial-doubling")  # of docs/
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"]+)\")?[ \t]*\n(.*?)^```[ \t]*\n", re.MULTILINE | re.DOTALL)
 PICTURE = re.compile(r"(?:-o|--plot) (\S+\.(?:png|gif))")
 SECONDS = 300  # that one cell may take

@@ -16,7 +16,7 @@ from granular_lmp.cli.output import notes_of_log
 DOORS = {
     "branches": "frequencies over wave numbers of anybody's adopted dumps, whose lattice is found by itself",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
-    "design": "which two waves resonate and how compressed; at which numbers of a scene second order does best",
+    "design": "which two waves resonate; at which numbers of a scene second order or a whole run does best",
     "fit": "keys of a scene from measured frequencies, harmonics and arrivals, with 95 % intervals",
     "harmonic": "the coherent second harmonic of any scene or run, perfect or not, with its error",
     "image": "which contacts or spheres of a crystal differ, by what was recorded of a few of its spheres",

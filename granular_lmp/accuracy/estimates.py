@@ -55,8 +55,9 @@ class Estimate:
         self._judgements.append(judge(problem, signals, counts, names))
         if len(records) >= FEWEST:
             before = self._judgements[-2].errors if len(records) > FEWEST else {}
-            last, missed = self._with_steps(counts[-1]), self._missed(counts, names)
-            noise.update(out_of_reach(tolerance, last, signals[-1], before, missed))
+            if missed := self._missed(counts, names):
+                last = self._with_steps(counts[-1])
+                noise.update(out_of_reach(tolerance, last, signals[-1], before, missed))
             refuse_noise(tolerance, noise, counted(problem, signals[-1]))
             names = [name for name in names if name not in noise]
         return replace(self._judgements[-1], errors={name: self._judgements[-1].errors[name] for name in names})

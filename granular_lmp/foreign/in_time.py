@@ -19,19 +19,19 @@ _SKINS = {"lj": 0.3, "real": 2.0, "metal": 2.0, "si": 1e-3, "cgs": 0.1, "electro
 
 
 def _timestep(reading: Reading) -> Command | None:
-    assert reading.start is not None
-    before = reading.commands[: reading.commands.index(reading.start.command)]
+    assert reading.fastest is not None
+    before = reading.commands[: reading.commands.index(reading.fastest.command)]
     return next((each for each in reversed(before) if each.name == "timestep"), None)
 
 
 def _too_long(reading: Reading) -> Iterator[Finding]:
     frequency = fastest(reading)
-    if not frequency or reading.start is None:
+    if not frequency or reading.fastest is None:
         return
-    step = reading.start.timestep
+    step = reading.fastest.timestep
     phase = frequency * step
     if phase > _LONGEST:
-        error = phase**2 / 24
+        error = min(1.0, phase * phase / 24)
         said = "the spheres fly apart" if phase > 2 else f"its frequency is {error:.1%} too high"
         yield Finding(
             _timestep(reading),
@@ -44,10 +44,10 @@ def _too_long(reading: Reading) -> Iterator[Finding]:
 
 def _collision(reading: Reading) -> Iterator[Finding]:
     collision = first_collision(reading)
-    if collision is None or reading.start is None:
+    if collision is None or reading.fastest is None:
         return
     speed, duration = collision
-    step = reading.start.timestep
+    step = reading.fastest.timestep
     if step * STEPS > duration:
         error = _LOSS * (step / duration) ** 2.5 if step * _FEWEST < duration else 1.0
         yield Finding(
@@ -61,17 +61,17 @@ def _collision(reading: Reading) -> Iterator[Finding]:
 
 def _late_damping(reading: Reading) -> Iterator[Finding]:
     rate = fastest_decay(reading)
-    if not rate or reading.start is None:
+    if not rate or reading.fastest is None:
         return
-    error = rate * reading.start.timestep / 2
+    error = rate * reading.fastest.timestep / 2
     if error > _LAG:
         contacts = contacts_of(reading)
         assert contacts is not None
         law = next(law for law, which in reading.law_of(contacts.pairs) if contacts.dashpot[which].any())
         yield Finding(
             law.command,
-            f"in a step of {reading.start.timestep:.4g} the dashpots lag so far that the fastest decay is {error:.1%} "
-            f"too fast, and the vibration {error / 2:.1%}",
+            f"in a step of {reading.fastest.timestep:.4g} the dashpots lag so far that the fastest decay is "
+            f"{error:.1%} too fast, and the vibration {error / 2:.1%}",
             error,
             f"timestep {2 * _LAG / rate:.3g}",
         )

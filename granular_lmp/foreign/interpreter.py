@@ -22,7 +22,8 @@ _WRITING = (
     *("write_coeff", "write_data", "write_dump", "write_restart"),
 )
 _RUNNING_PROGRAMS = ("shell", "python", "plugin", "mdi", "message", "server", "geturl", "kim")
-_STYLES_RUNNING_PROGRAMS = ("python", "python/invoke", "imd", "mdi/qm", "mdi/qmmm", "client/md", "getenv")
+_STYLES_RUNNING_PROGRAMS = ("python", "python/invoke", "imd", "mdi/qm", "mdi/qmmm", "client/md")
+_PLACE_OF_STYLE = {"fix": 3, "variable": 2, "pair_style": 1}
 _READING = ("read_data", "read_restart", "molecule", "pair_coeff", "create_atoms", "region", "fix")
 _BEFORE_OUTPUT = ("file", "append", "overwrite", "out")
 
@@ -136,14 +137,17 @@ class Interpreter:
             return
         command = Command(file, line, words)
         self.commands.append(command)
-        programs = words[0] in _RUNNING_PROGRAMS or set(words[1:4]) & set(_STYLES_RUNNING_PROGRAMS)
-        if programs and words[0] in (*_RUNNING_PROGRAMS, "fix", "variable", "pair_style"):
+        style = words[_PLACE_OF_STYLE[words[0]] :][:1] if words[0] in _PLACE_OF_STYLE else ()
+        if words[0] in _RUNNING_PROGRAMS or set(style) & set(_STYLES_RUNNING_PROGRAMS):
             raise DeckError(
                 f"{where}: '{command}' may run other programs, which is not done here; take the line out of a copy"
             )
         steering = getattr(self, f"_do_{words[0]}", None)
         if steering is not None:
-            steering(command)
+            try:
+                self._asked(where, text, lambda: steering(command))
+            except IndexError as error:
+                raise DeckError(f"{where}: '{command}' lacks a word") from error
         elif words[0] == "minimize" or (words[0] == "run" and words[1:] and words[1].isdecimal()):
             self._asked(where, text, lambda: self._at_run(command, _steps(words)))
         elif words[0] not in _WRITING:
@@ -189,8 +193,8 @@ class Interpreter:
         if self._exhausted:
             self._exhausted = False
             return
+        name, label = command.words[1], command.words[2:]
         path, _ = self._files.pop()
-        name, *label = command.words[1:]
         self._open(path if name == "SELF" else self.folder / name, *label[:1])
 
     def _do_quit(self, _: Command) -> None:

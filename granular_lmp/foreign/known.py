@@ -1,7 +1,10 @@
 """What a foreign deck says of its dumps: which they are, their units, spheres, laws and time step."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.foreign.adopt_dump import Known
@@ -14,6 +17,7 @@ _HARMLESS = (
     *("nve", "setforce", "freeze", "enforce2d", "property/atom", "store", "print"),
     *("ave", "dt/reset", "halt", "balance", "vector", "neigh/history"),
 )
+_ROUNDING = 1e-9  # of the largest contact force
 _DUMPS = ("custom", "custom/gz", "custom/mpiio", "atom", "atom/gz")
 
 
@@ -56,7 +60,8 @@ def known_of(reading: Reading, given: Known) -> tuple[Known, list[str]]:
     remarks = [f"{reading.deck}: {reading.stopped}"] if reading.stopped else []
     if len(others) > 1 and given.timestep is None:
         remarks.append(f"{reading.deck}: changes its time step; times are counted with {start.timestep:g}")
-    acting = [str(fix) for fix in start.fixes if not fix.words[3].startswith(_HARMLESS)]
+    constant = [fix for fix in start.fixes if _is_constant(fix)]
+    acting = [str(fix) for fix in start.fixes if not (fix in constant or fix.words[3].startswith(_HARMLESS))]
     known = Known(
         given.units or reading.units,
         given.timestep or start.timestep,
@@ -65,8 +70,33 @@ def known_of(reading: Reading, given: Known) -> tuple[Known, list[str]]:
         given.laws or reading.laws,
         reading.spheres,
         acting,
+        _pushes(reading) if constant else {},
     )
     return known, remarks
+
+
+def _is_constant(fix: Command) -> bool:
+    """Return whether a fix pushes spheres by forces that never change."""
+    words = fix.words[4:7] if fix.words[3] == "addforce" else fix.words[4:5]
+    known = (fix.words[3] == "addforce" and len(fix.words) == 7) or (fix.words[3] == "gravity" and "v_" not in str(fix))
+    return known and all(re.fullmatch(r"[-+.\deE]+", word) for word in words)
+
+
+def _pushes(reading: Reading) -> dict[int, tuple[float, float, float]]:
+    """Return the forces on spheres at the start that are not those of their contacts, by ``id``."""
+    spheres, pairs = reading.spheres, reading.pairs
+    if spheres is None or pairs is None:
+        return {}
+    outside = spheres.force.copy()
+    np.subtract.at(outside, pairs.i, pairs.force)
+    np.add.at(outside, pairs.j, pairs.force)
+    sizes = np.linalg.norm(outside, axis=1)
+    pushed = np.flatnonzero(spheres.moves & (sizes > _ROUNDING * float(np.abs(pairs.force).max(initial=0.0))))
+    return {
+        int(number): (float(x), float(y), float(z))
+        for number, (x, y, z), size in zip(spheres.id[pushed], outside[pushed], sizes[pushed], strict=True)
+        if size > 0
+    }
 
 
 def law_of(text: str, types: int) -> dict[tuple[int, int], Law]:

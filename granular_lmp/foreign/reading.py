@@ -107,7 +107,7 @@ class Reading:
     data_heads : first line of each data file, by the command that reads it.
     units, dimension, periodic, low, high : units, dimensions, and the box.
     laws : law of each pair of types, the lower one first; empty where it is not known.
-    spheres, pairs : at the beginning of the first long run; None if the deck did not come so far.
+    spheres, pairs : at the beginning of the first long run; None if the deck did not come so far, or has none then.
     """
 
     deck: str
@@ -135,6 +135,12 @@ class Reading:
         return not styles or any(word.startswith("gran") for word in styles[-1].words[1:])
 
     @cached_property
+    def fastest(self) -> Stage | None:
+        """The run of several steps with the longest time step; else `start`."""
+        long = [stage for stage in self.stages if stage.steps is not None and stage.steps > 1]
+        return max(long, key=lambda stage: stage.timestep, default=self.start)
+
+    @cached_property
     def start(self) -> Stage | None:
         """The first run of several steps; else the last of all."""
         return start_of(self.stages)
@@ -144,11 +150,11 @@ class Reading:
         if self.spheres is None:
             return []
         types = np.sort(np.stack((self.spheres.type[pairs.i], self.spheres.type[pairs.j])), axis=0)
-        return [
-            (law, which)
-            for (one, other), law in self.laws.items()
-            if (which := (types[0] == one) & (types[1] == other)).any()
-        ]
+        found: dict[Law, NDArray[np.bool_]] = {}
+        for (one, other), law in self.laws.items():
+            which = (types[0] == one) & (types[1] == other)
+            found[law] = found.get(law, False) | which
+        return [(law, which) for law, which in found.items() if which.any()]
 
 
 def start_of(stages: Sequence[Stage]) -> Stage | None:
@@ -211,7 +217,7 @@ def _read(lmp: Any, path: Path) -> Reading:
         periodic=(bool(box[5][0]), bool(box[5][1]), bool(box[5][2])),
         low=tuple(box[0]),
         high=tuple(box[1]),
-        laws=laws_of(deck.commands, int(lmp.extract_setting("ntypes"))),
+        laws=laws_of(deck.commands[: -1 if stopped else None], int(lmp.extract_setting("ntypes"))),
         **found,
     )
 
@@ -250,9 +256,10 @@ def _run(deck: Interpreter, command: Command, steps: int | None, stages: list[St
     for n, words in enumerate(local):
         lmp.command(_PAIRS.format(n, words))
     lmp.command("run 0 post no")
-    found["spheres"] = spheres = _spheres(lmp, tuple(fixes.values()))
-    ends, between = (np.array(_local(lmp, name)) for name in names)
-    found["pairs"] = _pairs(spheres, ends, between)
+    if lmp.get_natoms():
+        found["spheres"] = spheres = _spheres(lmp, tuple(fixes.values()))
+        ends, between = (np.array(_local(lmp, name)) for name in names)
+        found["pairs"] = _pairs(spheres, ends, between)
     for name in names:
         lmp.command(f"uncompute {name}")
     if short and steps:

@@ -9,6 +9,7 @@ K the stiffnesses. Held spheres have no mobility. Walls that are no planes are l
 """
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from math import sqrt
 
 import numpy as np
@@ -46,6 +47,7 @@ class ContactsAtStart:
     on_wall: bool = False
 
 
+@lru_cache(maxsize=1)
 def contacts_of(reading: Reading) -> ContactsAtStart | None:
     """Return the contacts of a deck whose laws are known, or None if there is none."""
     spheres, pairs = reading.spheres, reading.pairs
@@ -95,6 +97,7 @@ def first_collision(reading: Reading) -> tuple[float, float] | None:
     return None if duration is None else (speed, duration)
 
 
+@lru_cache(maxsize=1)
 def fastest(reading: Reading) -> float | None:
     """Return the largest frequency of the spheres at the start (rad per unit of time), or None without contacts."""
     found = _contacts_and_walls(reading)

@@ -17,7 +17,7 @@ from granular_lmp.frozen import cached_property
 from granular_lmp.rest import remarks, words
 from granular_lmp.rest.echo import echo_at
 from granular_lmp.rest.frequency import hertz_of, wavenumbers_at
-from granular_lmp.rest.holding import AT_REST, LOOSE, Holding
+from granular_lmp.rest.holding import AT_REST, LOOSE, HeldAtRest, Holding
 from granular_lmp.rest.pattern import patterned
 from granular_lmp.rest.shape import Room, decide, declared_shape
 from granular_lmp.rest.space import lattice_of, remarks_on_space, space_of, wall_of
@@ -98,7 +98,7 @@ class Derived(Declaration):
     @property
     def held_at_rest(self) -> bool:
         """True if adhesion or a load holds the spheres at rest, as beside every wave."""
-        return self.holding == AT_REST
+        return isinstance(self.holding, HeldAtRest)
 
     @property
     def units(self) -> AnyUnits:

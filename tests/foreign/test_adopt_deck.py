@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from granular_analysis.measure.witness import witness
+from granular_analysis.theory.errors import TheoryError
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError
 from granular_lmp.foreign.adopt_dump import Known, adopt_dump
@@ -87,6 +88,38 @@ def test_what_else_acts_is_named(deck: Path, tmp_path: Path) -> None:
     (tmp_path / "in.pushed").write_text(deck.read_text().replace("fix 1 free", "fix 2 free viscous 1e-3\nfix 1 free"))
     main(["adopt", str(tmp_path / "in.pushed"), str(deck.parent / "dump.beads"), "-o", str(tmp_path / "run")])
     assert witness(Unnamed.load(tmp_path / "run")).reasons[-1:] == ("the witness leaves out 'fix 2 free viscous 1e-3'",)
+
+
+def test_constant_forces_of_a_deck_are_those_of_its_witness(deck: Path, tmp_path: Path) -> None:
+    fixes = "fix 2 free addforce 0 3e5 0\nfix 3 free gravity 981 vector -1 0 0\nfix 1 free"
+    (tmp_path / "in.pushed").write_text(deck.read_text().replace("fix 1 free", fixes))
+    run_deck(tmp_path, "in.pushed")
+    main(["adopt", str(tmp_path / "in.pushed"), "-o", str(tmp_path / "run")])
+    crystal = Unnamed.load(tmp_path / "run")
+    # 3e5 dyn are 3 N, and the weight of a bead is 4 g by its acceleration
+    assert crystal.known["pushes"][0] == pytest.approx([1, -9.81 * crystal.mass[0], 3.0, 0.0], rel=1e-6)
+    found = witness(crystal)
+    assert found.explained
+    assert not [each for each in found.reasons if "leaves out" in each]
+    assert np.abs(crystal.stack("velocity")[-1, :9, 1]).min() > 1e-3
+
+
+def test_two_materials_are_mixed_as_lammps_does_and_others_refused(deck: Path, tmp_path: Path) -> None:
+    tail = "tangential mindlin NULL 0.0 0.5"
+    laws = f"pair_coeff 1 1 hertz/material 2e12 0 0.3 {tail}\npair_coeff 2 2 hertz/material 5e11 0 0.2 {tail}\n"
+    line = next(each for each in deck.read_text().splitlines(True) if each.startswith("pair_coeff"))
+    sideways = deck.read_text().replace(line, laws).replace("set 10 0 0", "set 10 3 0").replace("10)", "3)")
+    (tmp_path / "in.mixed").write_text(sideways)
+    run_deck(tmp_path, "in.mixed")
+    main(["adopt", str(tmp_path / "in.mixed"), "-o", str(tmp_path / "run")])
+    crystal = Unnamed.load(tmp_path / "run")
+    assert [each["mixed"] for each in crystal.known["laws"]].count(True) == 1
+    assert witness(crystal).explained
+    own = sideways.replace(laws, laws + f"pair_coeff 1 2 hertz/material 1e12 0 0.3 {tail}\n")
+    (tmp_path / "in.own").write_text(own)
+    main(["adopt", str(tmp_path / "in.own"), str(tmp_path / "dump.beads"), "-o", str(tmp_path / "other")])
+    with pytest.raises(TheoryError, match="a law of their own of types 1 and 2 is not built"):
+        witness(Unnamed.load(tmp_path / "other"))
 
 
 def test_what_is_given_counts_beside_a_deck(deck: Path, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from granular_lmp.errors import DeckError
 from granular_lmp.foreign import interpreter
 from granular_lmp.foreign.apart import read_apart
 from granular_lmp.foreign.interpreter import lines_of, split
+from granular_lmp.foreign.lint import lint
 from granular_lmp.foreign.reading import Reading, read
 from tests.foreign.decks import CHAIN, SHEET
 
@@ -76,6 +77,7 @@ def test_lines_and_words_are_those_of_lammps() -> None:
         "fix x all imd 8888",
         "plugin load left.so",
         'if "1 > 0" then "shell touch left"',
+        "pair_style python 5.0",
         "variable s string shell\n${s} touch left",
     ],
 )
@@ -93,6 +95,8 @@ def test_decks_that_run_programs_are_refused_by_the_line(tmp_path: Path, line: s
         ("jump SELF nowhere\n", "no label 'nowhere'"),
         ("include in.none\n", "cannot be read"),
         ("pair_style nothing\n", "LAMMPS refuses 'pair_style nothing'"),
+        ("jump\n", "'jump' lacks a word"),
+        ("next 1*2\n", "LAMMPS refuses 'next 1*2'"),
         ("run some\n", "LAMMPS refuses 'run some'"),
         ("variable a equal ${b}\n", "LAMMPS refuses 'variable a equal ${b}'"),
     ],
@@ -108,6 +112,18 @@ def test_variables_of_the_command_line_come_before_those_of_the_deck(tmp_path: P
     text = f"{BEGIN}variable n index 3\nvariable said string ${{n}}\n"
     assert said(of(tmp_path, text)) == ["3"]
     assert said(of(tmp_path, text, n="5")) == ["5"]
+
+
+def test_a_name_like_a_program_is_no_program(tmp_path: Path) -> None:
+    lines = "variable python index 1\nvariable shell equal 2\nvariable home getenv HOME\n"
+    assert not of(tmp_path, BEGIN + lines).stopped
+
+
+def test_the_longest_step_of_all_long_runs_is_judged(tmp_path: Path) -> None:
+    reading = of(tmp_path, CHAIN + "timestep 3.0e-6\nrun 100\ntimestep 1.0e-7\nrun 100\ntimestep 1.0\nrun 1\n")
+    ((check, finding),) = lint(reading)
+    assert check.name == "time-step"
+    assert str(finding.command) == "timestep 3.0e-6"
 
 
 def test_only_the_first_step_of_a_long_run_is_computed(tmp_path: Path) -> None:
@@ -136,6 +152,12 @@ def test_the_command_says_what_it_could_not_judge(
     Path("in.bad").write_text("units nothing\n")
     assert main(["lint", "in.bad"]) == 2
     assert "in.bad, line 1: LAMMPS refuses 'units nothing'" in capfd.readouterr().err
+    lines = SHEET.splitlines()
+    Path("in.empty").write_text(
+        "\n".join(line for line in lines if not line.startswith(("create_atoms", "set", "velocity")))
+    )
+    assert main(["lint", "in.empty"]) == 0
+    assert "no sphere was there" in capfd.readouterr().err
     assert main(["lint", "in.none"]) == 2
     assert "no such deck" in capfd.readouterr().err
     Path("in.sheet").write_text(SHEET + "pair_style nothing\n")

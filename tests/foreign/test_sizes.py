@@ -11,7 +11,7 @@ import pytest
 from granular_lmp.foreign.in_files import _rounding
 from granular_lmp.foreign.lint import lint
 from granular_lmp.foreign.reading import Reading, read
-from granular_lmp.foreign.vibrations import fastest, fastest_decay
+from granular_lmp.foreign.vibrations import contacts_of, fastest, fastest_decay
 from tests.foreign.decks import BOTH, CHAIN, CONTINUED, JKR, LAYER, OBLIQUE, SHEARED, STIFF_FLOOR
 from tests.instance import silent_lammps
 
@@ -204,3 +204,66 @@ def test_formats_of_dumps_round_as_c_does(text: str, unit: float) -> None:
     written = re.sub("l", "", text) % 12.3456789012345678
     assert len(written.strip()) > 0
     assert abs(float(written) - 12.3456789012345678) <= (unit / 2 or 1.0)
+
+
+LAWS = {
+    "hooke": "pair_style granular\npair_coeff * * hooke 1e7 0.0 tangential linear_history 6e6 0.0 9.0 damping velocity",
+    "hertz": "pair_style granular\npair_coeff * * hertz 1e10 0.0 tangential mindlin 4e9 0.0 9.0 damping velocity",
+    "material": "pair_style granular\npair_coeff * * hertz/material 2e11 0.0 0.3 tangential mindlin NULL 0.0 9.0",
+    "dmt": "pair_style granular\npair_coeff * * dmt 2e11 0.0 0.3 5.0 tangential mindlin 1e11 0.0 9.0 damping velocity",
+    "jkr": "pair_style granular\npair_coeff * * jkr 2e11 0.0 0.3 50.0 tangential mindlin NULL 0.0 9.0 damping velocity",
+    "gran/hooke": "pair_style gran/hooke/history 1e7 NULL 0.0 NULL 9.0 1\npair_coeff * *",
+    "gran/hertz": "pair_style gran/hertz/history 1e10 4e9 0.0 NULL 9.0 1\npair_coeff * *",
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_stiffnesses_are_those_of_the_forces_of_lammps(law: str, tmp_path: Path) -> None:
+    deck = BETWEEN.format(stiffness=STIFFNESS, dashpot=0.0, step=1e-7)
+    start, _, rest = deck.partition("pair_style")
+    deck = f"{start}{LAWS[law]}\ngroup{rest.partition('group')[2]}"
+    deck = deck.replace("create_atoms 1 single 9.99e-3 0.0 0.0\n", "")
+    contacts = contacts_of(read_text(deck, tmp_path))
+    assert contacts is not None
+    way = 1e-10  # of an overlap of 1e-5
+    moved = []
+    for axes in ("{} 0 0", "-{} 0 0", "0 {} 0"):
+        step = deck.replace("set 1e-3 0.0 0.0", f"set {axes.format(way / 1e-7)}").replace("run 400", "run 1 post no")
+        moved.append(after(step.replace("inner nve/sphere", "all nve/noforce"), "f")[0])
+    # The difference of two forces has 1e-10 of them, 1e-5 of the stiffness in the motion of 1e-5 of the overlap
+    assert (moved[1][0] - moved[0][0]) / 2 / way == pytest.approx(contacts.normal[0], rel=1e-5)
+    assert -moved[2][1] / way == pytest.approx(contacts.shear[0] + turned(moved, way), rel=1e-5)
+
+
+def turned(moved: list[Any], way: float) -> float:
+    """Return the stiffness of a push that turns with its contact."""
+    return -float(moved[0][0] + moved[1][0]) / 2 / 9.99e-3
+
+
+def test_spins_after_oblique_impacts_differ_by_what_lint_says() -> None:
+    """Secant and rescaled law, friction 0.5 and 1, beginning 2 to 8 mm off the centre, over the speed of 1 m/s."""
+    for friction, said in ((0.5, 0.03), (1.0, 0.06)):
+        apart = []
+        for off in (2e-3, 4e-3, 6e-3):
+            begun = OBLIQUE.replace("-0.012 0.006", f"-{sqrt(1.00001e-4 - off**2):.17g} {off}")
+            deck = begun.replace("timestep 5e-7", "timestep 2e-7").replace("run 10000", "run 500 post no")
+            spins = [
+                after(deck.replace("mindlin_rescale NULL 0.0 0.5", f"{law} NULL 0.0 {friction}"), "omega")[0, 2]
+                for law in ("mindlin", "mindlin_rescale")
+            ]
+            apart.append(5e-3 * abs(spins[0] - spins[1]))
+        assert max(apart) == pytest.approx(said, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("law", "damping"), [("velocity", 50.0), ("mass_velocity", 3e4), ("viscoelastic", 2e8), ("coeff_restitution", 0.97)]
+)
+def test_dashpots_are_those_of_lammps(law: str, damping: float, tmp_path: Path) -> None:
+    """The decay of a bead between two is half the largest rate, c/m."""
+    deck = BETWEEN.format(stiffness=STIFFNESS, dashpot=damping, step=0.02 / OMEGA)
+    deck = deck.replace("damping velocity", f"damping {law}")
+    rate = fastest_decay(read_text(deck, tmp_path))
+    assert rate
+    _, measured = vibration(deck)
+    # The lag of a step is below 1 %
+    assert measured / (0.02 / OMEGA) == pytest.approx(rate / 2, rel=0.02)

@@ -1,1 +1,1 @@
-"""Each promise of the package on each path: the table of docs/promises.md, asserted."""
+"""Each promise of the package on each path: the table of docs/promises.csv, asserted."""

@@ -1,14 +1,14 @@
-"""The table of docs/promises.md: which test holds a promise on a path, or why none can.
+"""The table of docs/promises.csv: which test holds a promise on a path, or why none can.
 
-``python -m tests.promises.table docs/promises.md`` writes it between the marks of the page.
+``python -m tests.promises.table`` writes it.
 """
 
-import sys
 from pathlib import Path
 
-from tests.pages import placed
+from tests.pages import write_table
 from tests.promises.paths import PATHS
 
+TABLE = Path(__file__).parents[2] / "docs" / "promises.csv"
 SUITE = "tests/promises/test_promises.py"
 # Promise → the test of the suite that holds it
 PROMISES = {
@@ -39,27 +39,17 @@ def covered(promise: str) -> list[str]:
     return [path for path in PATHS if (promise, path) not in {**ELSEWHERE, **NOT}]
 
 
-def written() -> str:
-    """Return the table and its notes in Markdown."""
-    notes: dict[str, int] = {}
+def rows() -> list[list[str]]:
+    """Return the table, its head first; a cell names the test of another file that holds it, or why it is empty."""
 
     def cell(promise: str, path: str) -> str:
-        said = ELSEWHERE.get((promise, path)) or NOT.get((promise, path))
-        if said is None:
-            return "yes"
-        number = notes.setdefault(f"`{said}`" if "::" in said else said, len(notes) + 1)
-        return f"yes ({number})" if "::" in said else f"no ({number})"
+        if elsewhere := ELSEWHERE.get((promise, path)):
+            return f"yes, by {elsewhere}"
+        reason = NOT.get((promise, path))
+        return f"no: {reason}" if reason else "yes"
 
-    head = f"| promise | {' | '.join(PATHS)} |\n|---|{'---|' * len(PATHS)}"
-    rows = [f"| {promise} | {' | '.join(cell(promise, path) for path in PATHS)} |" for promise in PROMISES]
-    return "\n".join([head, *rows, "", *(f"{number}. {said}" for said, number in notes.items())]) + "\n"
-
-
-def current(page: str) -> str:
-    """Return a page with the table as it is now."""
-    return placed(page, "table", written())
+    return [["promise", *PATHS], *([promise, *(cell(promise, path) for path in PATHS)] for promise in PROMISES)]
 
 
 if __name__ == "__main__":
-    page = Path(sys.argv[1])
-    page.write_text(current(page.read_text(encoding="utf-8")), encoding="utf-8")
+    write_table(TABLE, rows())

@@ -28,8 +28,14 @@ FAR = 2.5  # spheres
 ALARM = 0.1  # difference from 1
 SEEN = 0.1  # share of a point in its place
 # Which run, monitors, noise and penalty
-TRIALS = ((0, 24, 0.01, "tikhonov"), (0, 24, 0.05, "tikhonov"), (0, 8, 0.01, "tikhonov"), (0, 8, 0.05, "tikhonov"))
-TRIALS += ((1, 24, 0.01, "tikhonov"), (0, 24, 0.01, "tv"))
+TRIALS = (
+    (0, 24, 0.01, "tikhonov"),
+    (0, 24, 0.05, "tikhonov"),
+    (0, 8, 0.01, "tikhonov"),
+    (0, 8, 0.05, "tikhonov"),
+    (1, 24, 0.01, "tikhonov"),
+    (0, 24, 0.01, "tv"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +77,7 @@ def flaws(sought: Sought, scene: Scene) -> tuple[Floats, NDArray[np.bool_]]:
     whole = sought.shots[0].scene.sphere.normal_stiffness
     truth = np.ones(len(both))
     for number, pair in ((1, scene.pair[0]), (2, scene.pair[1])):
-        truth[(both == number).all(axis=1)] = pair.normal_stiffness / whole
+        truth[(both == number).all(axis=1)] = (pair.normal_stiffness or whole) / whole
     truth[(both == 3).any(axis=1)] = 0.0
     middle = sought.places / (2 * sought.first.radius * sought.first.scales.metre)
     differ = middle[truth != 1]
@@ -96,7 +102,7 @@ def imaged(record: Record, monitors: int, noise: float, penalty: str) -> Found:
 
 def measure(records: Sequence[Record]) -> list[Found]:
     """Return the images of `TRIALS`."""
-    return [imaged(records[which], *how) for which, *how in TRIALS]
+    return [imaged(records[which], monitors, noise, penalty) for which, monitors, noise, penalty in TRIALS]
 
 
 def table(found: Sequence[Found]) -> str:

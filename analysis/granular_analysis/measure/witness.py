@@ -24,6 +24,7 @@ from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.loops import library
 from granular_analysis.theory.network import Law, Material, Network
 from granular_analysis.theory.network_laws import Adhesion
+from granular_analysis.theory.network_outside import Drive
 from granular_analysis.theory.network_state import start
 from granular_lmp.runs.unnamed import Moment, Unnamed
 
@@ -34,6 +35,7 @@ PARTED = 0.01  # of the largest speed: where a sphere is off by this, deck and w
 EXPLAINED = 3.0  # times step and digits: a difference of which this is more has another cause
 _NORMAL: dict[str, Adhesion] = {"hertz/material": "dmt", "dmt": "dmt", "jkr": "jkr"}
 _SHEAR: dict[str, Law] = {"mindlin": "secant", "mindlin/force": "incremental"}
+_MATERIAL = ("young", "poisson", "gamma")
 _ELASTIC = {"none", "linear_nohistory"}
 
 
@@ -139,7 +141,8 @@ def network_of(crystal: Unnamed, first: Moment) -> Network:
     own = [laws[kind, kind] for kind in kinds.tolist() if (kind, kind) in laws]
     if len(own) < len(kinds):
         raise TheoryError(f"the law of two spheres of one type is known for {len(own)} of {len(kinds)} types")
-    _refuse_others(own, {pair: law for pair, law in laws.items() if {*pair} <= {*kinds.tolist()}})
+    there = {pair: law for pair, law in laws.items() if {*pair} <= {*kinds.tolist()}}
+    _refuse_others(own, there)
     law = own[0]
     _, cell, periodic = crystal.cell
     if periodic.any() and not np.array_equal(cell, np.diag(np.diag(cell))):
@@ -163,7 +166,20 @@ def network_of(crystal: Unnamed, first: Moment) -> Network:
         viscosity=law["viscosity"] if law["damping_law"] == "velocity" else 0.0,
         restitution=_restitution(law),
         adhesion=_NORMAL[law["normal"]],
-        shear_mixing="lammps" if law["shear_stiffness"] is None else "mindlin",
+        shear_mixing="lammps" if any(each["mixed"] for each in there.values()) else "mindlin",
+        drives=_pushes(crystal, axes),
+    )
+
+
+def _pushes(crystal: Unnamed, axes: int) -> tuple[Drive, ...]:
+    """Return the constant forces of the deck."""
+    rows = np.array(crystal.known["pushes"]).reshape(-1, 4)
+    there = np.isin(rows[:, 0], crystal.spheres)
+    spheres = np.searchsorted(crystal.spheres, rows[there, 0])
+    return tuple(
+        Drive(spheres, axis, np.ones_like, size=float(np.abs(forces).max()), share=forces)
+        for axis, forces in enumerate(rows[there, 1 : 1 + axes].T)
+        if forces.any()
     )
 
 
@@ -181,10 +197,15 @@ def _refuse_others(own: list[dict[str, Any]], laws: dict[tuple[int, ...], dict[s
             raise TheoryError(f"the tangential law {law['tangential']} is not built; the witness knows {[*_SHEAR]}")
         if law["shear_stiffness"] is not None and law["tangential"] in _SHEAR:
             raise TheoryError("a shear stiffness of its own is not built; the witness knows NULL")
+        if law["tangential"] == "linear_nohistory" and law["damping"] * law["shear_damping"] * law["friction"]:
+            raise TheoryError("a damping of shear without a spring is not built; the witness knows mindlin")
         if law["damping"] and law["damping_law"] not in ("velocity", "coeff_restitution"):
             raise TheoryError(f"damping {law['damping_law']} is not built; the witness knows velocity")
         if law["damping"] and law["tangential"] in _SHEAR and law["shear_damping"] != 1:
             raise TheoryError("a damping of shear of its own is not built; the witness knows 1")
+    for pair, law in laws.items():
+        if not law["mixed"] and any(law[name] != laws[one, one][name] for name in _MATERIAL for one in pair):
+            raise TheoryError(f"a law of their own of types {pair[0]} and {pair[1]} is not built; the witness mixes")
     same = ("normal", "tangential", "friction", "damping_law", "damping")
     if any(each[name] != own[0][name] for each in laws.values() for name in same):
         raise TheoryError("the types differ in more than their material, which is not built")
@@ -221,7 +242,7 @@ def table(crystal: Unnamed, found: Witness) -> str:
         f"{crystal.name}: {len(crystal.spheres)} spheres, {span} steps of {found.timestep:.6g} {time}, "
         f"witness with {FINER} times as many",
         f"relative error of all velocities {found.error:.1e}; the step explains {found.step:.1e}, "
-        f"the digits of the dump {found.digits:.1e}",
+        f"the digits of the dump up to {found.digits:.1e}",
         f"farthest apart: sphere {found.sphere} at {found.time:.6g} {time}, "
         f"by {found.largest:.1e} of the largest speed",
     ]

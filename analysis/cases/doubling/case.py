@@ -1,0 +1,105 @@
+"""Patterns of densities that double sound or focus it, in LAMMPS, and the resonance that doubles it.
+
+    granular-analysis doubling FOLDER [-o FILE]
+
+FOLDER holds the runs of the case: the designed crystals and the uniform ones, each wave with both signs; and a weak
+longitudinal wave with the wave vector 2k in both. Its spectrum says at which frequencies the crystal swings at 2k. In
+the uniform crystal that is the one of the longitudinal branch, far from 2Ω; the pattern moves it there.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from cases.runner import script
+from granular_analysis.measure.designs import read_off
+from granular_analysis.measure.runs import load
+from granular_analysis.plotting import letter
+
+Floats = NDArray[np.float64]
+NAMES = {"doubler": "second-harmonic", "second": "second-harmonic", "focus": "motion:right/left"}
+SOUND = "sound", "sound-uniform"
+FINER = 8  # points of a spectrum between two of the record's own
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the runs have.
+
+    Attributes
+    ----------
+    values : by name, the objective of the designed crystal and of the uniform one.
+    places, densities : (N, 2) in radii and (N,) in the mean, of the first pattern.
+    spectra : of the designed and the uniform crystal, frequencies in rad/t0 and sizes, the largest 1.
+    doubled : 2Ω.
+    """
+
+    values: dict[str, tuple[float, float]]
+    places: Floats
+    densities: Floats
+    spectra: list[tuple[Floats, Floats]]
+    doubled: float
+
+
+def measured(folder: str) -> Found:
+    """Return what the runs in a folder have."""
+    there = Path(folder)
+    values = {}
+    for name, objective in NAMES.items():
+        ends = ["", "-opposite"] if objective == "second-harmonic" else [""]
+        both = [read_off([load(there / f"{name}{kind}{end}") for end in ends], objective) for kind in ("", "-uniform")]
+        values[name] = both[0], both[1]
+    first = load(there / "doubler")
+    densities = first.scene.packing.table.columns["density"] / first.scene.sphere.density
+    spectra = [spectrum(there / each) for each in SOUND]
+    return Found(values, first.snapshots().rest, densities, spectra, 2 * float(first.info["frequency"]))
+
+
+def spectrum(folder: Path) -> tuple[Floats, Floats]:
+    """Return the frequencies of the part of a run that is periodic along its wave, and their sizes."""
+    record = load(folder)
+    snapshots = record.snapshots()
+    spacing = np.ptp(snapshots.rest[:, 1]) / (record.scene.shape.rows - 1)
+    phase = snapshots.rest[:, 1] * record.scene.wavenumber / spacing
+    along = np.mean(snapshots.stack("displacement")[:, :, 1] * np.exp(-1j * phase), axis=1)
+    count = FINER * len(along)
+    sizes = np.abs(np.fft.fft(along * np.hanning(len(along)), count))
+    sizes = sizes + sizes[-np.arange(count)]  # of waves both ways
+    half = slice(count // 2)
+    step = snapshots.tau[1] - snapshots.tau[0]
+    return 2 * np.pi * np.fft.fftfreq(count, step)[half], sizes[half] / sizes[half].max()
+
+
+def table(found: Found) -> str:
+    """Return the numbers as text."""
+    lines = []
+    for name, (designed, uniform) in found.values.items():
+        lines.append(f"{name:10}{designed:10.5g} designed{uniform:12.5g} uniform{designed / uniform:10.4g} times")
+    (at, sizes), (other, others) = found.spectra
+    lines.append(
+        f"2 Omega is {found.doubled:.4f} rad/t0; at 2k sound swings with {at[sizes.argmax()]:.3f} in the pattern, "
+        f"{other[others.argmax()]:.3f} in the uniform crystal"
+    )
+    return "\n".join(lines)
+
+
+def draw(found: Found) -> Figure:
+    """Draw the pattern, and the spectra at 2k."""
+    figure = Figure(figsize=(9.5, 4.2), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    shown = left.scatter(*found.places.T, c=found.densities, s=18, cmap="viridis")
+    figure.colorbar(shown, ax=left, label="density, in that of the uniform crystal")
+    left.set(aspect="equal", xlabel="$x/R$", ylabel="$y/R$")
+    for (at, sizes), colour, label in zip(found.spectra, ("tab:red", "black"), ("pattern", "uniform"), strict=True):
+        right.plot(at, sizes, color=colour, linewidth=1, label=label)
+    right.axvline(found.doubled, color="tab:blue", linestyle="--", linewidth=1, label=r"$2\Omega$")
+    right.set(xlim=(0, 1.2), ylim=(0, 1.05), xlabel=r"frequency, rad/$t_0$", ylabel="longitudinal motion at $2k$")
+    right.legend(frameon=False)
+    letter((left, right))
+    return figure
+
+
+main = script(__name__, measured, table, draw, ("folder", "the runs of the case"))
