@@ -1,5 +1,6 @@
 """Images of a small sheet by LAMMPS's records at another time step, of exact records, and what is refused."""
 
+import csv
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from granular_analysis.theory.imaging import NEAR
+from granular_analysis.tools import image
 from granular_lmp import Scene, run
 from granular_lmp.errors import GranularError
 from granular_lmp.runs.export import export
@@ -212,3 +214,36 @@ def test_what_an_image_is_not_made_of_is_refused(traces: "imaging.Traces") -> No
     opened = scene().with_values({"source": pushes(5.0)})
     with pytest.raises(imaging.TheoryError, match=r"contacts opened, first pair \d+; an image needs records without"):
         imaging.Sought([imaging.Shot.of(traces, opened)], rim.of)
+
+
+@pytest.mark.more  # it takes as long as the image above
+def test_the_command_leaves_map_log_and_picture_and_overwrites_none(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "sheet.toml").write_text(scene().to_toml())
+    words = [str(folder), str(tmp_path / "sheet.toml"), "--of", "contact.normal_stiffness", "--noise", "0.03"]
+    words += ["-o", str(tmp_path / "image")]
+    image.main(words)
+    said = capsys.readouterr().out
+    assert "161 values of contact.normal_stiffness" in said
+    assert "lowest factor 0." in said
+    with (tmp_path / "image" / "map.csv").open() as stream:
+        rows = [*csv.DictReader(stream)]
+    soft = [row for row in rows if all([int(row[f"row_{end}"]), int(row[f"column_{end}"])] in SOFT for end in "ij")]
+    assert (len(rows), len(soft)) == (161, 16)
+    means = [np.mean([float(row["factor"]) for row in of]) for of in (soft, rows)]
+    assert means[0] < 0.8 < means[1] < 1
+    assert {"error", "share_in_place", "width_spheres", "x_m", "y_m"} < rows[0].keys()
+    assert (tmp_path / "image" / "log.csv").read_text().startswith("weight,chi2_a_point,penalty,gradients,kinks")
+    assert (tmp_path / "image" / "image.png").stat().st_size > 1e4
+    with pytest.raises(SystemExit, match="holds map.csv; give another folder"):
+        image.main(words)
+
+
+def test_the_command_says_what_it_lacks(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        image.main(["runs/any", "--of", "density"])
+    assert "give RECORDS and SCENE in turn" in capsys.readouterr().err
+    monkeypatch.setattr(image, "find_spec", lambda _: None)
+    with pytest.raises(SystemExit, match=r"needs JAX: pip install 'granular-lmp\[jax\]'"):
+        image.main(["runs/any", "scene.toml", "--of", "density"])

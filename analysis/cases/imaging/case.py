@@ -1,0 +1,137 @@
+"""Images of a sheet with three flaws by records at its rim: what is resolved, and with which errors.
+
+    granular-analysis imaging RUN RUN [-o FILE]
+
+The runs are LAMMPS's of `flaws.toml`, with stiffnesses as they are thought to be and with a spread of 1 % that the
+images do not know. Noise is added to their records; images start from `sheet.toml`, which has no flaw and another time
+step. A flaw is missed by contacts that are farther than `FAR` from it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from cases.runner import script
+from granular_analysis.measure.imaging import Shot, Sought, Traces
+from granular_analysis.plotting import letter
+from granular_analysis.theory.imaging import Image, widths
+from granular_analysis.tools.image import draw_map
+from granular_lmp.runs.record import Record, Scene
+
+Floats = NDArray[np.float64]
+HERE = Path(__file__).parent
+FAR = 2.5  # spheres
+ALARM = 0.1  # difference from 1
+SEEN = 0.1  # share of a point in its place
+# Which run, monitors, noise and penalty
+TRIALS = (
+    (0, 24, 0.01, "tikhonov"),
+    (0, 24, 0.05, "tikhonov"),
+    (0, 8, 0.01, "tikhonov"),
+    (0, 8, 0.05, "tikhonov"),
+    (1, 24, 0.01, "tikhonov"),
+    (0, 24, 0.01, "tv"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """An image, beside the true factor of each contact (P,) and which contacts are near flaws."""
+
+    name: str
+    sought: Sought
+    image: Image
+    truth: Floats
+    near: NDArray[np.bool_]
+
+    def line(self) -> str:
+        """Return the means over the patch, the line and the hole, and what is elsewhere."""
+        values, truth = self.image.values, self.truth
+        resolved, _ = self.image.resolution()
+        seen = np.diag(resolved) > SEEN
+        width = widths(resolved, len(values) / len(self.sought.first.network.position), 2)[seen]
+        elsewhere = values[~self.near] - 1
+        flaws = [values[truth == each].mean() for each in np.unique(truth[truth != 1])[[1, 2, 0]]]
+        return (
+            f"{self.name:24}" + "".join(f"{each:8.3f}" for each in flaws) + f"{elsewhere.std():10.3f}"
+            f"{np.count_nonzero(np.abs(elsewhere) > ALARM):8d}{np.mean(seen):9.2f}"
+            f"{np.median(width) if len(width) else np.nan:8.2f}{self.image.chi_squared:8.3f}"
+        )
+
+
+def flaws(sought: Sought, scene: Scene) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the true factors of the contacts of the sheet, 0 at the missing sphere, and which are near a flaw."""
+    row, column = sought.sites
+    place = sought.first.network.position / (2 * sought.first.radius)
+    patch, line, hole = scene.inclusion
+    at = place[np.flatnonzero((row == patch.disc[0]) & (column == patch.disc[1]))[0]]
+    kind = np.zeros(len(row), dtype=int)
+    kind[np.linalg.norm(place - at, axis=1) <= patch.disc[2]] = 1
+    for number, each in ((2, line), (3, hole)):
+        kind[np.isin(row * len(row) + column, [r * len(row) + c for r, c in each.spheres])] = number
+    both = kind[sought.ends]
+    whole = sought.shots[0].scene.sphere.normal_stiffness
+    truth = np.ones(len(both))
+    for number, pair in ((1, scene.pair[0]), (2, scene.pair[1])):
+        truth[(both == number).all(axis=1)] = (pair.normal_stiffness or whole) / whole
+    truth[(both == 3).any(axis=1)] = 0.0
+    middle = sought.places / (2 * sought.first.radius * sought.first.scales.metre)
+    differ = middle[truth != 1]
+    apart = np.linalg.norm(middle[:, None] - differ, axis=2).min(axis=1)
+    return truth, apart < FAR
+
+
+def imaged(record: Record, monitors: int, noise: float, penalty: str) -> Found:
+    """Return the image by some of the monitors, with noise."""
+    traces = Traces.of_run(record)
+    every = len(traces.row) // monitors
+    motion = {name: each[:, ::every] for name, each in traces.motion.items()}
+    traces = replace(traces, row=traces.row[::every], column=traces.column[::every], motion=motion)
+    rng = np.random.default_rng(1)
+    noisy = {name: each + noise * traces.rms * rng.normal(size=each.shape) for name, each in traces.motion.items()}
+    shot = Shot.of(replace(traces, motion=noisy), Scene.load(HERE / "sheet.toml"), noise)
+    sought = Sought([shot], "contact.normal_stiffness")
+    spread = ", 1 % spread" if record.scene.disorder.stiffness else ""
+    name = f"{monitors}, {noise:.0%}, {penalty}{spread}"
+    return Found(name, sought, sought.image(penalty), *flaws(sought, record.scene))
+
+
+def measure(records: Sequence[Record]) -> list[Found]:
+    """Return the images of `TRIALS`."""
+    return [imaged(records[which], monitors, noise, penalty) for which, monitors, noise, penalty in TRIALS]
+
+
+def table(found: Sequence[Found]) -> str:
+    """Return a line for each image."""
+    head = f"{'monitors, noise, penalty':24}{'patch':>8}{'line':>8}{'hole':>8}{'elsewhere':>10}"
+    return "\n".join([f"{head}{'alarms':>8}{'seen':>9}{'width':>8}{'chi2':>8}", *(each.line() for each in found)])
+
+
+def draw(found: Sequence[Found]) -> Figure:
+    """Return the flaws and the images beside them, on one scale of colours."""
+    figure = Figure(figsize=(12, 6.4), layout="constrained")
+    panels = figure.subplots(2, 4).ravel()
+    shown = [("the sheet", found[0].truth), *((each.name, each.image.values) for each in found)]
+    for axes, (name, values), each in zip(panels, shown, [found[0], *found], strict=False):
+        drawn = draw_map(axes, each.sought, values)
+        drawn.set_clim(0.5, 1.5)
+        axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
+        axes.set_title(name, fontsize="small")
+    width = panels[-1]
+    for each in found[:4]:
+        resolved, _ = each.image.resolution()
+        own = np.diag(resolved) > SEEN
+        spheres = widths(resolved, len(own) / len(each.sought.first.network.position), 2)[own]
+        width.hist(spheres, bins=np.linspace(0, 8, 33), histtype="step", label=each.name)
+    width.set(xlabel="width of a point's image, spheres", ylabel="contacts")
+    width.legend(fontsize=7, frameon=False)
+    figure.colorbar(drawn, ax=panels.tolist(), label="factor of the normal stiffness", shrink=0.6)
+    letter(panels)
+    return figure
+
+
+main = script(__name__, measure, table, draw, ("runs", "of flaws.toml, without and with a spread"))
