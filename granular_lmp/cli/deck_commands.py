@@ -34,6 +34,8 @@ def _lint(options: Options) -> int:
         remark(f"note: {options.deck}: contacts are judged as they were before a minimization, which was not done")
     if not reading.stages:
         remark(f"note: {options.deck}: LAMMPS met no run, so that contacts and steps could not be judged")
+    elif reading.spheres is None:
+        remark(f"note: {options.deck}: no sphere was there at the first long run, so that no contact could be judged")
     if not reading.is_granular:
         remark(f"note: {options.deck}: this is no deck of pair_style granular or gran/..., and nothing was judged")
     if options.json:

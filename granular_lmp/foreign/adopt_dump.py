@@ -39,6 +39,7 @@ Floats = NDArray[np.float64]
 _VECTORS = {"v": (0, 1, -1), "omega": (0, 0, -1), "f": (1, 1, -2)}
 _PLACE = ("xu", "yu", "zu")
 _COARSE = 1e-3  # of the largest displacement: with fewer than three digits a second harmonic is noise
+_FAR = 0.25  # of a period: half of what could not be told from the opposite way
 _NAMED = 5  # spheres that come or go, by number in a sentence
 
 
@@ -237,6 +238,7 @@ class _Reading:
         self.resolution = inf
         self.come_and_go: set[int] = set()
         self.begun = np.empty((0, 3))  # places in the first snapshot
+        self.far = False
         self.largest = 0.0  # displacement from there along an axis
 
     def say(self, sentence: str) -> None:
@@ -333,7 +335,9 @@ class _Reading:
             both, here, there = np.intersect1d(ids, self.ids, assume_unique=True, return_indices=True)
             self._say_changes(frame.step, ids, both)
             if wrapped:
-                places[here] = self.before[there] + frame.nearest_image(places[here] - self.before[there])
+                way = frame.nearest_image(places[here] - self.before[there])
+                self._say_far(frame, way)
+                places[here] = self.before[there] + way
         else:
             self.begun = places
         if len(places) == len(self.begun):
@@ -341,6 +345,16 @@ class _Reading:
         self.ids, self.before = ids, places
         self.resolution = min(self.resolution, frame.resolution)
         return places
+
+    def _say_far(self, frame: Frame, way: Floats) -> None:
+        """Say once that spheres move so far between two snapshots that the least image may be another."""
+        periods = np.abs(way @ np.linalg.inv(frame.cell)) * frame.periodic
+        if periods.max(initial=0.0) > _FAR and not self.far:
+            self.far = True
+            self.say(
+                f"step {frame.step}: spheres move by {periods.max():.2g} of a period between two snapshots, and their "
+                "image may be another; write the dump with ix iy iz, or with xu yu zu"
+            )
 
     def _say_changes(self, step: int, ids: Floats, both: Floats) -> None:
         for verb, others in (("appear", np.setdiff1d(ids, both)), ("vanish", np.setdiff1d(self.ids, both))):

@@ -31,7 +31,7 @@ def _too_long(reading: Reading) -> Iterator[Finding]:
     step = reading.fastest.timestep
     phase = frequency * step
     if phase > _LONGEST:
-        error = phase**2 / 24
+        error = min(1.0, phase * phase / 24)
         said = "the spheres fly apart" if phase > 2 else f"its frequency is {error:.1%} too high"
         yield Finding(
             _timestep(reading),

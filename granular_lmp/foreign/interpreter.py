@@ -144,7 +144,10 @@ class Interpreter:
             )
         steering = getattr(self, f"_do_{words[0]}", None)
         if steering is not None:
-            steering(command)
+            try:
+                self._asked(where, text, lambda: steering(command))
+            except IndexError as error:
+                raise DeckError(f"{where}: '{command}' lacks a word") from error
         elif words[0] == "minimize" or (words[0] == "run" and words[1:] and words[1].isdecimal()):
             self._asked(where, text, lambda: self._at_run(command, _steps(words)))
         elif words[0] not in _WRITING:
@@ -190,8 +193,8 @@ class Interpreter:
         if self._exhausted:
             self._exhausted = False
             return
+        name, label = command.words[1], command.words[2:]
         path, _ = self._files.pop()
-        name, *label = command.words[1:]
         self._open(path if name == "SELF" else self.folder / name, *label[:1])
 
     def _do_quit(self, _: Command) -> None:

@@ -107,7 +107,7 @@ class Reading:
     data_heads : first line of each data file, by the command that reads it.
     units, dimension, periodic, low, high : units, dimensions, and the box.
     laws : law of each pair of types, the lower one first; empty where it is not known.
-    spheres, pairs : at the beginning of the first long run; None if the deck did not come so far.
+    spheres, pairs : at the beginning of the first long run; None if the deck did not come so far, or has none then.
     """
 
     deck: str
@@ -217,7 +217,7 @@ def _read(lmp: Any, path: Path) -> Reading:
         periodic=(bool(box[5][0]), bool(box[5][1]), bool(box[5][2])),
         low=tuple(box[0]),
         high=tuple(box[1]),
-        laws=laws_of(deck.commands, int(lmp.extract_setting("ntypes"))),
+        laws=laws_of(deck.commands[: -1 if stopped else None], int(lmp.extract_setting("ntypes"))),
         **found,
     )
 
@@ -256,9 +256,10 @@ def _run(deck: Interpreter, command: Command, steps: int | None, stages: list[St
     for n, words in enumerate(local):
         lmp.command(_PAIRS.format(n, words))
     lmp.command("run 0 post no")
-    found["spheres"] = spheres = _spheres(lmp, tuple(fixes.values()))
-    ends, between = (np.array(_local(lmp, name)) for name in names)
-    found["pairs"] = _pairs(spheres, ends, between)
+    if lmp.get_natoms():
+        found["spheres"] = spheres = _spheres(lmp, tuple(fixes.values()))
+        ends, between = (np.array(_local(lmp, name)) for name in names)
+        found["pairs"] = _pairs(spheres, ends, between)
     for name in names:
         lmp.command(f"uncompute {name}")
     if short and steps:

@@ -5,6 +5,7 @@ SI units (of units lj in these) with unwrapped places and spheres in ascending o
 too. A snapshot is read when it is used.
 """
 
+from contextlib import suppress
 from itertools import product
 from math import pi
 from mmap import ACCESS_READ, mmap
@@ -18,7 +19,7 @@ from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.frozen import cached_property, dataclass
 from granular_lmp.lammps.binary_dump import BinarySnapshot, binary_snapshots, snapshot_at
-from granular_lmp.lammps.outputs import STATUS, UNNAMED
+from granular_lmp.lammps.outputs import UNNAMED
 from granular_lmp.runs.readouts import FEWEST_PERIODS, HARMONICS, harmonics
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.seal import refuse_changed
@@ -361,8 +362,10 @@ class Unnamed:
 
 
 def is_unnamed(folder: str | Path) -> bool:
-    """Return whether a folder is the run folder of an unnamed crystal."""
-    return (Path(folder) / STATUS).is_file() and ENTRY in read_status(folder, changed=True)
+    """Return whether a folder is the run folder of an unnamed crystal; of one that cannot be read, False."""
+    with suppress(RunFolderError):
+        return ENTRY in read_status(folder, changed=True)
+    return False
 
 
 def load_any(folder: str | Path) -> Record | Unnamed:

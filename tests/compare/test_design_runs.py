@@ -285,3 +285,37 @@ def test_objectives_of_monitors_are_what_they_say(objective: str) -> None:
     farthest = np.hypot(*np.moveaxis(motion[:, :2, 21:23], 1, 0)).max() / length
     expected = {"largest:high": farthest, "motion:high": high, "motion:low/high": low / high}
     assert found == pytest.approx(expected[objective], rel=1e-12)
+
+
+def test_without_jax_the_command_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("granular_analysis.measure.stepping.find_spec", lambda _: None)
+    with pytest.raises(SystemExit, match=r"needs JAX: pip install 'granular-lmp\[jax\]'"):
+        main(
+            [*["tr_periodic", "--vary", "density", "--within", "0.5", "2", "-o", "no", "--maximize"], "second-harmonic"]
+        )
+
+
+def test_in_space_monitors_have_layers_and_runs_of_lammps_are_read(tmp_path: Path) -> None:
+    monitors = [
+        {"name": "top", "rows": [0, 1], "layers": [1, 1]},
+        {"name": "one", "spheres": [[1, 2]], "layers": [0, 0]},
+    ]
+    short = {"time.duration": 2.0, "time.timestep": 0.1, "time.sample": 0.5, "output.particles": 0.5}
+    given = Scene.load("fcc_transverse").with_values(short | {"monitor": monitors})
+    subject, shape = designs.Subject.of(given), given.shape
+    assert shape.layers > 1
+    height = subject.first.network.position[:, 2]
+    assert set(subject.groups("1x1")) == set(range(shape.layers))
+    apart = height[1] - height[0]  # of two layers; rows in turn are half of it higher
+    assert np.ptp(height[subject.groups("1x1") == 0]) < 0.6 * apart
+    assert len(subject.monitor("top")) == 2 * shape.columns
+    assert height[subject.monitor("top")] == pytest.approx(height[1], abs=0.6 * apart)
+    assert list(subject.monitor("one")) == [(shape.columns + 2) * shape.layers]
+
+    record = run(given, tmp_path / "run")
+    found = designs.read_off([record], "largest:top")
+    ways = record.snapshots().stack("displacement")[:, subject.monitor("top")]
+    assert found == pytest.approx(np.linalg.norm(ways, axis=2).max(), rel=1e-12)
+    rates = record.snapshots().stack("velocity")[:, subject.monitor("one")]
+    square = np.trapezoid((rates**2).sum(axis=2)[:, 0], dx=0.5) / 2.0
+    assert designs.read_off([record], "motion:one") == pytest.approx(square, rel=1e-12)

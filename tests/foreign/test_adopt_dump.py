@@ -197,8 +197,12 @@ def test_spheres_that_come_or_go_are_said_and_left_out(tmp_path: Path) -> None:
 def test_places_are_followed_across_a_face_by_least_images(tmp_path: Path) -> None:
     text = "".join(PLAIN.format(step, 1, "id x y z") + f"7 {x} 0.5 0.5\n" for step, x in enumerate((0.9, 0.1, 0.3)))
     (tmp_path / "dump").write_text(text)
-    places = adopt_dump([tmp_path / "dump"], tmp_path / "run", KNOWN).stack("place")[:, 0, 0]
-    np.testing.assert_allclose(places, [0.9, 1.1, 1.3])
+    found = adopt_dump([tmp_path / "dump"], tmp_path / "run", KNOWN)
+    np.testing.assert_allclose(found.stack("place")[:, 0, 0], [0.9, 1.1, 1.3])
+    assert not any("image may be another" in each for each in found.info["remarks"])
+    (tmp_path / "dump").write_text(text.replace("7 0.3 ", "7 0.45 "))
+    found = adopt_dump([tmp_path / "dump"], tmp_path / "far", KNOWN)
+    assert any("step 2: spheres move by 0.35 of a period" in each for each in found.info["remarks"])
 
 
 @pytest.mark.parametrize(
@@ -374,7 +378,7 @@ def test_memory_does_not_grow_with_the_snapshots(tmp_path: Path) -> None:
     places = np.random.default_rng(1).random((count, 3))
     table = "".join(f"{n + 1} {x:.6f} {y:.6f} {z:.6f}\n" for n, (x, y, z) in enumerate(places))
     peaks = []
-    for snapshots in (2, 6):
+    for snapshots in (3, 9):  # the first, the one before and the present one are in memory
         path = tmp_path / f"dump{snapshots}.gz"
         with gzip.open(path, "wt", compresslevel=1) as stream:
             for step in range(snapshots):
@@ -384,6 +388,6 @@ def test_memory_does_not_grow_with_the_snapshots(tmp_path: Path) -> None:
         peaks.append(tracemalloc.get_traced_memory()[1] / count)
         tracemalloc.stop()
         assert (len(found), len(found.spheres)) == (snapshots, count)
-    # Bytes a sphere: two snapshots of seven columns and what sorts and follows them; 1e6 spheres take half a gigabyte
+    # Bytes a sphere: three snapshots and what sorts and follows them; 1e6 spheres take half a gigabyte
     assert max(peaks) < 500
     assert peaks[1] < 1.1 * peaks[0]

@@ -95,6 +95,8 @@ def test_decks_that_run_programs_are_refused_by_the_line(tmp_path: Path, line: s
         ("jump SELF nowhere\n", "no label 'nowhere'"),
         ("include in.none\n", "cannot be read"),
         ("pair_style nothing\n", "LAMMPS refuses 'pair_style nothing'"),
+        ("jump\n", "'jump' lacks a word"),
+        ("next 1*2\n", "LAMMPS refuses 'next 1*2'"),
         ("run some\n", "LAMMPS refuses 'run some'"),
         ("variable a equal ${b}\n", "LAMMPS refuses 'variable a equal ${b}'"),
     ],
@@ -150,6 +152,12 @@ def test_the_command_says_what_it_could_not_judge(
     Path("in.bad").write_text("units nothing\n")
     assert main(["lint", "in.bad"]) == 2
     assert "in.bad, line 1: LAMMPS refuses 'units nothing'" in capfd.readouterr().err
+    lines = SHEET.splitlines()
+    Path("in.empty").write_text(
+        "\n".join(line for line in lines if not line.startswith(("create_atoms", "set", "velocity")))
+    )
+    assert main(["lint", "in.empty"]) == 0
+    assert "no sphere was there" in capfd.readouterr().err
     assert main(["lint", "in.none"]) == 2
     assert "no such deck" in capfd.readouterr().err
     Path("in.sheet").write_text(SHEET + "pair_style nothing\n")

@@ -125,10 +125,30 @@ def test_history_that_a_later_dump_has_lost_is_named(beads: Path, tmp_path: Path
     assert found.reasons == ("the first snapshot is of step 500: the slip of its contacts is in no dump",)
 
 
+LAWS = [
+    "hertz/material 2e11 50.0 0.3 tangential mindlin NULL 1.0 0.5 damping velocity",
+    "hertz/material 2e11 0.9 0.3 tangential mindlin NULL 1.0 0.5 damping coeff_restitution",
+    "hertz/material 2e11 0 0.3 tangential mindlin/force NULL 0.0 0.1",
+    "hertz/material 2e11 0 0.3 tangential linear_nohistory 0.0 0.0",
+    "hertz/material 2e11 50.0 0.3 tangential linear_nohistory 0.0 0.0 damping velocity",
+    "dmt 2e11 0 0.3 0.5 tangential mindlin NULL 0.0 0.5",
+    "jkr 2e11 0 0.3 0.5 tangential mindlin NULL 0.0 0.5",
+]
+
+
+@pytest.mark.parametrize("words", LAWS)
+def test_each_law_that_the_witness_knows_is_that_of_lammps(words: str, tmp_path: Path) -> None:
+    law = law_of(words, 1)[1, 1]
+    found = witness(Unnamed.load(made(tmp_path / "beads", law=words, known=law) / "fine"))
+    assert found.explained
+    assert found.error < 1e-2
+
+
 REFUSED = {
     "hooke is not built": replace(STEEL, normal="hooke"),
     "linear_history is not built": replace(STEEL, tangential="linear_history"),
     "damping viscoelastic is not built": replace(STEEL, damping=50.0),
+    "without a spring is not built": replace(STEEL, tangential="linear_nohistory", damping=1.0, shear_damping=1.0),
     "shear stiffness of its own": replace(STEEL, shear_stiffness=1e11),
 }
 

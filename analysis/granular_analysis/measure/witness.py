@@ -197,6 +197,8 @@ def _refuse_others(own: list[dict[str, Any]], laws: dict[tuple[int, ...], dict[s
             raise TheoryError(f"the tangential law {law['tangential']} is not built; the witness knows {[*_SHEAR]}")
         if law["shear_stiffness"] is not None and law["tangential"] in _SHEAR:
             raise TheoryError("a shear stiffness of its own is not built; the witness knows NULL")
+        if law["tangential"] == "linear_nohistory" and law["damping"] * law["shear_damping"] * law["friction"]:
+            raise TheoryError("a damping of shear without a spring is not built; the witness knows mindlin")
         if law["damping"] and law["damping_law"] not in ("velocity", "coeff_restitution"):
             raise TheoryError(f"damping {law['damping_law']} is not built; the witness knows velocity")
         if law["damping"] and law["tangential"] in _SHEAR and law["shear_damping"] != 1:
