@@ -194,7 +194,7 @@ def test_intervals_hold_the_truth_in_95_of_100_sets() -> None:
     found = np.abs(departures(200, 0.02))
     modulus, ratio = np.mean(found < 1, axis=0)
     assert 0.92 <= ratio <= 0.98  # two deviations of a share of 200
-    # Poisson's ratio is uncertain by half of itself, over which the model is not linear: that of the modulus is too wide
+    # Poisson's ratio is uncertain by half of itself, over which the model is not linear: the other one is too wide
     assert modulus >= 0.92
     assert np.mean(found[:, 1] < 0.5) < 0.8  # intervals of half the width would be seen
 
