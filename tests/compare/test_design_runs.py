@@ -217,7 +217,7 @@ def test_the_same_command_again_continues_and_any_other_is_refused(folder: Path)
         main(asked(folder, 4))
 
 
-# Differences of so large a step leave 1e-4 of the slope
+# The square of the step leaves 3e-5 of the slopes of these spheres
 @pytest.mark.parametrize("sphere", members(TEN, *TEN[1:]))
 def test_two_runs_of_lammps_with_one_density_changed_have_the_slope(sphere: int, tmp_path: Path) -> None:
     one, step = searched(), 2e-3
@@ -228,7 +228,7 @@ def test_two_runs_of_lammps_with_one_density_changed_have_the_slope(sphere: int,
         records = in_lammps(designs.designed(scene(), changed), tmp_path / str(sign))
         ends.append(designs.read_off(records, "second-harmonic"))
     slope = one.evaluated(densities)[1]
-    assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(slope[sphere], abs=1e-3 * abs(slope).max())
+    assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(slope[sphere], rel=1e-3)
     assert abs(slope[sphere]) > 0.02 * abs(slope).max()
 
 

@@ -38,6 +38,32 @@ def test_kinds_stand_in_one_table(tmp_path: Path) -> None:
     ]
 
 
+def test_the_table_of_a_monitor_and_of_recorded_spheres_is_one_of_traces(tmp_path: Path) -> None:
+    text = "t_s,row,column,u_m,v_m,theta_rad,u_t_m_s,v_t_m_s,theta_t_rad_s\n0,2,1,-1e-11,0,1e-5,0.1,0.2,8\n"
+    assert [(each.kind, each.value) for each in table(tmp_path, text)] == [
+        ("displacement_x", -1e-11),
+        ("displacement_y", 0.0),
+        ("rotation_z", 1e-5),
+        ("velocity_x", 0.1),
+        ("velocity_y", 0.2),
+        ("spin_z", 8.0),
+    ]
+    text = "t_s,row,column,layer,ux_m,uz_m,vy_m_s,spin_rad_s,spinx_rad_s\n1e-9,2,1,3,1,2,3,4,5\n"
+    found = table(tmp_path, text)
+    kinds = ["displacement_x", "displacement_z", "velocity_y", "spin_z", "spin_x"]
+    assert [(each.kind, each.layer) for each in found] == [(each, 3) for each in kinds]
+
+
+def test_a_row_of_traces_has_the_error_of_each_in_its_unit_and_some_may_be_taken(tmp_path: Path) -> None:
+    text = "time_ns,row,displacement_x_nm,velocity_x_mm/s,error_nm,error_mm/s\n2,1,3,4,0.5,0.25\n"
+    found = [(each.kind, each.time, each.error) for each in table(tmp_path, text)]
+    assert found == [("displacement_x", 2e-9, 0.5e-9), ("velocity_x", 2e-9, 0.25e-3)]
+    (only,) = read(tmp_path / "data.csv", ["velocity_x"])[0]
+    assert (only.kind, only.error) == ("velocity_x", 0.25e-3)
+    with pytest.raises(TableError, match="holds no spin_z"):
+        read(tmp_path / "data.csv", ["spin_z"])
+
+
 HEAD = "branch,wavenumber_rad/um,frequency_MHz,error_MHz\n"
 ROWS = "L,1.0,152.6,1.5\nTR,2.0,207.7,2.1\n"
 SPELLINGS = {
@@ -119,6 +145,12 @@ def test_a_file_without_an_end_is_not_read(kind: str, tmp_path: Path) -> None:
         ("frequency_MHz,error_%\n1,0\n", "error = '0': must be a finite number above 0"),
         ("frequency_MHz,error_%\n1\n", "line 2: 1 cells under 2 heads"),
         ("frequency_MHz,arrival_s,row\n1,1,1\n", "line 2: must have one value of"),
+        ("time_s,displacement_x_m\n1,1\n", "line 2: a displacement_x needs row"),
+        ("row,displacement_x_m\n1,1\n", "line 2: a displacement_x needs time"),
+        ("time_s,row,displacement_x_m\n-1,1,1\n", "line 2: time = '-1': must be a finite number"),
+        ("time_s,row,displacement_m\n1,1,1\n", "column 'displacement_m' is unknown; did you mean displacement_"),
+        ("time_s,row,displacement_x_m,error_%\n1,1,1,5\n", "error_%: a displacement_x passes through 0"),
+        ("time_s,row,displacement_x_m,arrival_s\n1,1,1,1\n", "line 2: must have one value of"),
         ("wavenumber_rad/m,wavelength_m,frequency_Hz\n1,1,1\n", "give one of the two"),
     ],
 )

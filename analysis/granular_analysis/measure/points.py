@@ -125,19 +125,14 @@ def read(file: str | Path, only: Collection[str] = ()) -> tuple[list[Point], Tab
             raise ValueError(f"has no measured column; it needs {_or(KINDS, '_UNIT')}")
         if not table.rows:
             raise ValueError("has a head and no points")
-        left = KINDS.keys() - only if only else frozenset[str]()
         points = [
             point
             for line, cells in table.rows
-            for point in _points(
-                line,
-                [
-                    (column, cell)
-                    for column, cell in zip(table.columns, cells, strict=True)
-                    if cell and column.quantity not in left
-                ],
-            )
+            for point in _points(line, [each for each in zip(table.columns, cells, strict=True) if each[1]])
+            if not only or point.kind in only
         ]
+        if not points:
+            raise ValueError(f"holds no {_or(only)}")
     except ValueError as error:
         raise TableError(f"{file}: {error}") from None
     return points, table

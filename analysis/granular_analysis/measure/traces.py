@@ -5,8 +5,8 @@ of a fit have one step in seconds, that of the scene from which it starts, so th
 Between steps motions are Hermite's polynomials of third order of displacement and velocity.
 
 The slope by a key θ is dy/dθ = (∂y/∂g)(dg/dθ), with all numbers g that a run begins with: stiffnesses, overlaps,
-masses, the motion at the start, signals of sources, dashpots. The change of the numbers with the key is a central
-difference of closed forms; that of the whole run with the numbers is exact, by forward mode
+masses, the motion at the start, signals of sources, dashpots. The change of the numbers with the key is a difference of
+closed forms, which costs no run; that of the whole run with the numbers is exact, by forward mode
 (`granular_analysis.theory.network_gradient`, which needs JAX). So every number that a scene takes may be free.
 
 Good values: time.timestep of at most a third of the time in which the fastest motion turns by one radian. When it
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from granular_analysis.measure.outside import sites
 from granular_analysis.measure.points import TRACES, Point
 from granular_analysis.measure.snapshot import FirstSnapshot
-from granular_analysis.measure.stepping import STEPS, first_of
+from granular_analysis.measure.stepping import STEPS, NetworkEngine, first_of
 from granular_analysis.theory.errors import TheoryError
 from granular_analysis.theory.loops import library
 from granular_analysis.theory.network import Network
@@ -37,7 +37,9 @@ __all__ = ["Traces"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
-_APART = 1e-4  # relative change of a key: rounding of overlaps and the third derivative both leave about 1e-8
+# Five-point difference of what a run begins with: forces at rest, which are larger than those of a wave and cancel,
+# leave 1e-9 of a slope by truncation, and overlaps, which are small against radii, 1e-6 at most by rounding
+_APART, _STENCIL, _WEIGHTS = 1e-3, (-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12)
 # Rows of the motion of a sphere in the plane and in space, without those of rates
 _ROWS = {2: ("displacement_x", "displacement_y", "rotation_z"), 3: tuple(TRACES)[:3] + tuple(TRACES)[6:9]}
 _RATES = {"velocity": "displacement", "spin": "rotation"}
@@ -68,8 +70,6 @@ class Traces:
     @cached_property
     def step(self) -> float:
         """Length of a step, s."""
-        if self.scene.time.tolerance is not None:
-            raise TheoryError(f"time.tolerance = {self.scene.time.tolerance:g}: traces need a time.timestep instead")
         return float(self.scene.time.step * self.scene.scale.time)
 
     @cached_property
@@ -151,6 +151,7 @@ class Traces:
         """
         if find_spec("jax") is None:
             raise TheoryError("JAX is not installed: pip install 'granular-lmp[jax]'")
+        NetworkEngine.on("jax")  # keeps what it compiles for the next command
         import jax  # an extra, and slow to import
 
         from granular_analysis.theory import network_gradient
@@ -169,13 +170,13 @@ class Traces:
         run, factors = started(here)
         ways, units = [], []
         for change in np.diag(_APART * np.where(values, np.abs(values), 1.0)):
-            ends = self._begun(at(values + change)), self._begun(at(values - change))
-            (one, of_one), (other, of_other) = map(started, ends)
-            if not (_alike(one, run) and _alike(other, run)):
+            ends = [self._begun(at(values + far * change)) for far in _STENCIL]
+            runs, losses = zip(*map(started, ends), strict=True)
+            if not all(_alike(each, run) for each in runs):
                 raise TheoryError("other spheres may touch, or other effects are on, when a key changes")
-            size = 2 * change.sum()
-            ways.append(jax.tree.map(partial(_slope, size=size), (one.given, of_one), (other.given, of_other)))
-            units.append((ends[0].units - ends[1].units) / size)
+            slope = partial(_slope, size=change.sum())
+            ways.append(jax.tree.map(slope, *((each.given, loss) for each, loss in zip(runs, losses, strict=True))))
+            units.append(_slope(*(each.units for each in ends), size=change.sum()))
         read = jax.tree_util.Partial(_read_off, reading=self._reading)
         found, slopes = network_gradient.jacobian(run, read, factors, ways)
         return np.asarray(slopes * here.units[:, None] + found[:, None] * np.array(units).T)
@@ -228,6 +229,8 @@ def _alike(run: Any, other: Any) -> bool:
     return same and run.network.traits == other.network.traits
 
 
-def _slope(above: Any, below: Any, size: float) -> Any:
-    """Return the slope of an array of numbers; whole numbers stay."""
-    return (above - below) / size if np.issubdtype(above.dtype, np.floating) else above
+def _slope(*values: Any, size: float) -> Any:
+    """Return the slope of an array of numbers by its values at `_STENCIL` times a size; whole numbers stay."""
+    if not np.issubdtype(values[0].dtype, np.floating):
+        return values[0]
+    return sum(weight * each for weight, each in zip(_WEIGHTS, values, strict=True)) / size

@@ -37,6 +37,7 @@ _BESIDE = 1e-5  # a step from the best values to which the model still must have
 _GUESS = 0.01  # share of the largest value that an unknown error is at first
 _ROUNDING = 1e-10  # share of the guess: points without scatter have this error
 _NEAR, _EXACT = 1e-4, 1e-12  # tolerances of a search: relative changes of parameters and of the sum
+_MET = 1e-9  # of one with slopes: it ends within 1e-4 of an interval, before rounding of a model that is a run
 _MIXED = 0.05  # share of a singular vector below which a parameter is none of it
 
 
@@ -216,7 +217,7 @@ class _Search:
         free = self._solved(
             lambda along: residuals(held.x + along @ seen),
             lambda along: slopes(held.x + along @ seen) @ seen.T,
-            *(np.zeros(len(seen)), self.loss, _EXACT),
+            *(np.zeros(len(seen)), self.loss, _EXACT if self.jacobian is None else _MET),
         )
         found, jacobian = held.x + free.x @ seen, free.jac @ seen
         self._refuse_edges((found <= low) | (found >= high) | self._ends(found), found)
