@@ -10,10 +10,12 @@ import pytest
 
 from granular_analysis.theory.imaging import NEAR
 from granular_analysis.tools import image
+from granular_analysis.tools.image import QUANTITIES
 from granular_lmp import Scene, run
 from granular_lmp.errors import GranularError
 from granular_lmp.runs.export import export
 from granular_lmp.runs.record import Record
+from tests.conftest import members
 
 jax = pytest.importorskip("jax")
 imaging = pytest.importorskip("granular_analysis.measure.imaging", reason="needs JAX")
@@ -109,9 +111,10 @@ def test_a_soft_patch_is_imaged_above_the_noise_by_a_record_of_lammps_at_another
     assert sought.trouble(found.values) == ""
 
 
-def test_the_kernels_of_weak_waves_give_the_adjoint_gradient(traces: "imaging.Traces") -> None:
+@pytest.mark.parametrize("of", members(QUANTITIES, *QUANTITIES[1:]))  # each compiles for seconds
+def test_the_kernels_of_weak_waves_give_the_adjoint_gradient(traces: "imaging.Traces", of: str) -> None:
     """The wave is 1e-2 of the overlaps at rest."""
-    sought = of_rim(traces, NOISE)
+    sought = imaging.Sought(of_rim(traces, NOISE).shots, of)
     (shot,) = sought.shots
     motion, expected = gradients.record(shot.run, {}).motion, 0.0
     for row, sphere, slopes in kernels.kernels(shot.run, sought.name, sought.owners, shot.errors):
@@ -196,6 +199,10 @@ def test_a_table_at_other_times_is_met_by_a_spline(tmp_path: Path) -> None:
     assert known[1:].all()
     unit = 1e-3 / (shot.first.scales.metre / shot.first.scales.second)
     np.testing.assert_allclose(shot.measured[1:, 4, 0] / unit, np.sin(at[1:]), atol=2e-5)
+
+
+def test_all_that_the_command_offers_is_known() -> None:
+    assert tuple(imaging.OF) == QUANTITIES
 
 
 def test_what_an_image_is_not_made_of_is_refused(traces: "imaging.Traces") -> None:

@@ -48,6 +48,13 @@ class Found:
     truth: Floats
     near: NDArray[np.bool_]
 
+    @property
+    def title(self) -> str:
+        """Return what its panel is called."""
+        monitors, noise, penalty, *spread = self.name.split(", ")
+        words = [f"{monitors}, {noise}", *(["variation"] if penalty == "tv" else []), *spread]
+        return ", ".join(words)
+
     def line(self) -> str:
         """Return the means over the patch, the line and the hole, and what is elsewhere."""
         values, truth = self.image.values, self.truth
@@ -113,23 +120,23 @@ def table(found: Sequence[Found]) -> str:
 
 def draw(found: Sequence[Found]) -> Figure:
     """Return the flaws and the images beside them, on one scale of colours."""
-    figure = Figure(figsize=(12, 6.4), layout="constrained")
+    figure = Figure(figsize=(10, 5.4), layout="compressed")
     panels = figure.subplots(2, 4).ravel()
-    shown = [("the sheet", found[0].truth), *((each.name, each.image.values) for each in found)]
+    shown = [("the sheet", found[0].truth), *((each.title, each.image.values) for each in found)]
     for axes, (name, values), each in zip(panels, shown, [found[0], *found], strict=False):
         drawn = draw_map(axes, each.sought, values)
-        drawn.set_clim(0.5, 1.5)
+        drawn.set_clim(0.8, 1.2)
         axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
-        axes.set_title(name, fontsize="small")
+        axes.set_title(name, fontsize=9)
     width = panels[-1]
     for each in found[:4]:
         resolved, _ = each.image.resolution()
         own = np.diag(resolved) > SEEN
         spheres = widths(resolved, len(own) / len(each.sought.first.network.position), 2)[own]
-        width.hist(spheres, bins=np.linspace(0, 8, 33), histtype="step", label=each.name)
-    width.set(xlabel="width of a point's image, spheres", ylabel="contacts")
-    width.legend(fontsize=7, frameon=False)
-    figure.colorbar(drawn, ax=panels.tolist(), label="factor of the normal stiffness", shrink=0.6)
+        width.hist(spheres, bins=np.linspace(0, 8, 33), histtype="step", label=each.title)
+    width.set(xlabel="width of an image, spheres", ylabel="contacts", box_aspect=1)
+    width.legend(fontsize=8, frameon=False, handlelength=1)
+    figure.colorbar(drawn, ax=panels.tolist(), label="factor of the normal stiffness", shrink=0.6, extend="both")
     letter(panels)
     return figure
 
