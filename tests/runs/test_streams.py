@@ -21,7 +21,7 @@ from granular_lmp.studies.sweep import sweep
 from tests.cli.test_cli import cli
 from tests.conftest import members
 
-SCRIPTS = sorted(scripts().keys() - {"fit"})  # which takes two files
+SCRIPTS = sorted(scripts().keys() - {"fit", "image"})  # which take two files
 GRANULAR = f"{sys.executable} -m granular_lmp"
 
 

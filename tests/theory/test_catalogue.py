@@ -205,7 +205,7 @@ def test_the_keys_that_are_known_are_those_of_a_scene() -> None:
     keys = {f"{table}.{key}" for table, values in tables.items() if isinstance(values, dict) for key in values}
     # A step excludes a tolerance, the force is of the packing, forces on spheres are recorded without a wave, a table
     # of which nothing is declared is not there, and monitors change no motion, nor does the density of a substrate that
-    # is rigid; a face that is declared is a trait, and so is what makes a crystal one in space, and a late parting
+    # is rigid; a face that is declared is a trait, and so is what makes a crystal one in space, a late parting, a table
     # of measured stiffnesses each key is there where it is declared
     others = {
         "contact.normal_stiffness",
@@ -218,7 +218,7 @@ def test_the_keys_that_are_known_are_those_of_a_scene() -> None:
         "substrate.density",
     }
     in_space = {f"packing.{name}" for name in ("space", "layers", "depth", "orientation")}
-    assert keys - FACES - in_space - {"effects.parting"} | others == KEYS
+    assert keys - FACES - in_space - {"effects.parting", "packing.table"} | others == KEYS
 
 
 def test_departures_are_what_is_not_at_its_default() -> None:
