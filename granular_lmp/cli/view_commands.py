@@ -166,12 +166,14 @@ def _front(options: Options) -> int:
         columns = {name: values.tolist() for name, values in found.columns.items()}
         say_json({"speed_m_s": speed, "speed_error_m_s": error, **columns})
         return 0
-    say(f"speed {speed:.6g} m/s, error {error:.1e} m/s, over {len(found.distance)} spheres")
+    in_si = not isinstance(record, Unnamed) or record.in_si
+    metre, second, velocity = (" m", " s", " m/s") if in_si else ("", "", " in units lj")
+    say(f"speed {speed:.6g}{velocity}, error {error:.1e}{velocity}, over {len(found.distance)} spheres")
     for name, n in (("first", 0), ("last", -1)):
         which = ", ".join(f"{each} {values[n]}" for each, values in found.places.items())
         say(
-            f"{name:5} {which}: at {found.distance[n]:.6g} m, arrival "
-            f"{found.arrival[n]:.6g} s, error {found.error[n]:.1e} s, height {found.height[n]:.4g} m/s"
+            f"{name:5} {which}: at {found.distance[n]:.6g}{metre}, arrival {found.arrival[n]:.6g}{second}, "
+            f"error {found.error[n]:.1e}{second}, height {found.height[n]:.4g}{velocity}"
         )
     return 0
 

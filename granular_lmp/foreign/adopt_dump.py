@@ -109,6 +109,8 @@ def adopt_dump(
     place = absolute(folder)
     reading = _Reading(known or Known())
     paths = [absolute(each) for each in dumps]
+    if inside := [each for each in paths if place in each.parents]:
+        raise RunFolderError(f"{place}: holds the dump {inside[0].name}; choose another folder for the run")
     snapshots = _joined(paths, reading.say)
     first = next(snapshots, None)
     if first is None:
@@ -240,6 +242,7 @@ class _Reading:
         self.begun = np.empty((0, 3))  # places in the first snapshot
         self.far = False
         self.largest = 0.0  # displacement from there along an axis
+        self.deforms = False  # the box, along an axis that is periodic
 
     def say(self, sentence: str) -> None:
         """Keep a remark."""
@@ -248,6 +251,10 @@ class _Reading:
     def write(self, frame: Frame, stream: IO[bytes]) -> None:
         """Write a snapshot into the dump of the folder, in SI units (of units lj in these)."""
         units, table = self.units, self._table(frame)
+        assert self.first is not None
+        if not self.deforms and not np.allclose(frame.cell[frame.periodic], self.first.cell[frame.periodic], rtol=1e-9):
+            self.deforms = True
+            self.say(f"step {frame.step}: the box is another one; contacts and their forces are refused")
         lacking = [name for name in self.names if name not in table]
         if lacking:
             raise RunFolderError(f"step {frame.step}: lacks the column {lacking[0]}, which earlier snapshots have")
@@ -383,6 +390,7 @@ class _Reading:
             "origin": units.si(first.origin, length=1).tolist(),
             "cell": units.si(first.cell, length=1).tolist(),
             "periodic": first.periodic.tolist(),
+            "deforms": self.deforms,
             "resolution": float(units.si(self.resolution, length=1)),
             "come_and_go": sorted(self.come_and_go),
             "laws": [{"types": [*types], **_in_si(law, units)} for types, law in self.known.laws.items()],

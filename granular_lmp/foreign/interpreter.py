@@ -3,7 +3,8 @@
 LAMMPS resolves variables, formulas and files. What steers the order of commands (``include``, ``jump``, ``label``,
 ``next``, ``if``) is done here, so that each command is known with its file, its line and its resolved words. Commands
 that write files are kept and not executed; a fix writes into the working directory of the process. Commands that run
-other programs are refused. Of a run of more than one step only the forces of its first step are computed.
+other programs are refused, and so are those that are not in the list. Of a run of more than one step only the forces of
+its first step are computed.
 """
 
 import re
@@ -19,12 +20,23 @@ _WORD = re.compile(r'"""(.*?)"""|"([^"]*)"|\'([^\']*)\'|(\S+)', re.DOTALL)
 _COMMENT = re.compile(r'("""(?:.|\n)*?"""|"[^"]*"|\'[^\']*\')|#[^\n]*')
 _WRITING = (
     *("print", "log", "echo", "info", "restart", "timer", "dump", "dump_modify", "undump", "rerun"),
-    *("write_coeff", "write_data", "write_dump", "write_restart"),
+    *("write_coeff", "write_data", "write_dump", "write_restart", "balance", "group2ndx"),
 )
-_RUNNING_PROGRAMS = ("shell", "python", "plugin", "mdi", "message", "server", "geturl", "kim")
-_STYLES_RUNNING_PROGRAMS = ("python", "python/invoke", "imd", "mdi/qm", "mdi/qmmm", "client/md")
+_RUNNING_PROGRAMS = ("shell", "python", "plugin", "mdi", "message", "server", "geturl", "kim", "partition")
+_EXECUTED = {
+    *("atom_modify", "atom_style", "boundary", "box", "change_box", "clear", "comm_modify", "comm_style", "compute"),
+    *("compute_modify", "create_atoms", "create_box", "delete_atoms", "dimension", "displace_atoms", "fix"),
+    *("fix_modify", "group", "labelmap", "lattice", "mass", "min_modify", "min_style", "minimize", "molecule"),
+    *("neigh_modify", "neighbor", "newton", "package", "pair_coeff", "pair_modify", "pair_style", "processors"),
+    *("read_data", "read_dump", "read_restart", "region", "replicate", "reset_atoms", "reset_timestep", "run"),
+    *("run_style", "set", "special_bonds", "suffix", "thermo", "thermo_modify", "thermo_style", "timestep"),
+    *("uncompute", "unfix", "units", "variable", "velocity"),
+}
+_STYLES_RUNNING_PROGRAMS = ("python", "python/invoke", "python/move", "imd", "ipi", "mdi/qm", "mdi/qmmm", "client/md")
 _PLACE_OF_STYLE = {"fix": 3, "variable": 2, "pair_style": 1}
-_READING = ("read_data", "read_restart", "molecule", "pair_coeff", "create_atoms", "region", "fix")
+# Commands that read files, and how many of their words are names
+_READING = {"read_data": 1, "read_restart": 1, "read_dump": 1, "molecule": 2, "create_atoms": 1}
+_READING |= {"pair_coeff": 3, "region": 3, "fix": 4}
 _BEFORE_OUTPUT = ("file", "append", "overwrite", "out")
 
 
@@ -120,6 +132,8 @@ class Interpreter:
             self._execute(path.name, *line)
 
     def _open(self, path: Path, label: str | None = None) -> None:
+        if path.exists() and not path.is_file():
+            raise DeckError(f"{path}: is no file")
         try:
             lines = iter(lines_of(path.read_text(encoding="utf-8", errors="replace")))
         except OSError as error:
@@ -137,7 +151,9 @@ class Interpreter:
             return
         command = Command(file, line, words)
         self.commands.append(command)
-        style = words[_PLACE_OF_STYLE[words[0]] :][:1] if words[0] in _PLACE_OF_STYLE else ()
+        style = words[_PLACE_OF_STYLE[words[0]] :] if words[0] in _PLACE_OF_STYLE else ()
+        if words[0] != "pair_style":  # a hybrid one names several
+            style = style[:1]
         if words[0] in _RUNNING_PROGRAMS or set(style) & set(_STYLES_RUNNING_PROGRAMS):
             raise DeckError(
                 f"{where}: '{command}' may run other programs, which is not done here; take the line out of a copy"
@@ -150,8 +166,10 @@ class Interpreter:
                 raise DeckError(f"{where}: '{command}' lacks a word") from error
         elif words[0] == "minimize" or (words[0] == "run" and words[1:] and words[1].isdecimal()):
             self._asked(where, text, lambda: self._at_run(command, _steps(words)))
-        elif words[0] not in _WRITING:
+        elif words[0] in _EXECUTED:
             self._asked(where, text, lambda: self.lmp.command(self._with_paths(text)))
+        elif words[0] not in _WRITING:
+            raise DeckError(f"{where}: '{command}' is a command that is not known here; take the line out of a copy")
 
     def _asked(self, where: str, text: str, ask: Callable[[], Any]) -> Any:
         try:
@@ -168,14 +186,18 @@ class Interpreter:
         if name not in _READING and not (name == "variable" and words[1:2] in (["file"], ["atomfile"])):
             return text
         pieces: list[str] = []
-        for match in _WORD.finditer(text):
+        for number, match in enumerate(_WORD.finditer(text)):
             bare, written = match[4], match[0]
-            word = self.lmp.expand(f"x {bare}")[2:] if bare and "$" in bare else bare or ""
+            word = self.lmp.expand(f"x {bare}")[2:] if bare and "$" in bare else split(written)[0]
             path = self.folder / word
-            if name == "fix" and pieces[-1:] and pieces[-1] in _BEFORE_OUTPUT:
-                written = path.name
-            elif word and (path.is_file() or (name == "read_restart" and "*" in word)):
+            if name == "fix" and number > 1 and words[number - 2] in _BEFORE_OUTPUT:
+                written = f'"{path.name}"'
+            elif number < _READING.get(name, 2) or not word:
+                pass
+            elif path.is_file() or (name == "read_restart" and "*" in word):
                 written = f'"{path}"'
+            elif name == "fix" and (word.startswith("/") or ".." in Path(word).parts):
+                written = f'"{path.name}"'
             pieces.append(written)
         return " ".join(pieces)
 

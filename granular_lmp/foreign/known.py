@@ -15,7 +15,7 @@ from granular_lmp.foreign.reading import Reading
 # Styles of fixes that push no sphere, or of which only spheres that stay know
 _HARMLESS = (
     *("nve", "setforce", "freeze", "enforce2d", "property/atom", "store", "print"),
-    *("ave", "dt/reset", "halt", "balance", "vector", "neigh/history"),
+    *("ave", "halt", "balance", "vector", "neigh/history"),
 )
 _ROUNDING = 1e-9  # of the largest contact force
 _DUMPS = ("custom", "custom/gz", "custom/mpiio", "atom", "atom/gz")
@@ -42,7 +42,8 @@ def dumps_of(reading: Reading) -> list[Path]:
 
 def _files(folder: Path, command: Command) -> list[Path]:
     """Return the files that a dump wrote, one for each step where its name holds an asterisk."""
-    return [path for path in sorted(folder.glob(command.words[5])) if path.is_file()]
+    place = folder / command.words[5]
+    return [path for path in sorted(place.parent.glob(place.name)) if path.is_file()]
 
 
 def known_of(reading: Reading, given: Known) -> tuple[Known, list[str]]:
@@ -61,10 +62,15 @@ def known_of(reading: Reading, given: Known) -> tuple[Known, list[str]]:
     if len(others) > 1 and given.timestep is None:
         remarks.append(f"{reading.deck}: changes its time step; times are counted with {start.timestep:g}")
     constant = [fix for fix in start.fixes if _is_constant(fix)]
-    acting = [str(fix) for fix in start.fixes if not (fix in constant or fix.words[3].startswith(_HARMLESS))]
+    resets = [fix for fix in start.fixes if fix.words[3].startswith("dt/reset")]  # then the dumps must hold their times
+    idle = [*constant, *resets]
+    acting = [str(fix) for fix in start.fixes if not (fix in idle or fix.words[3].startswith(_HARMLESS))]
+    if acting:  # of walls, say, whose forces are not told from constant ones
+        acting += map(str, constant)
+        constant = []
     known = Known(
         given.units or reading.units,
-        given.timestep or start.timestep,
+        given.timestep or (None if resets else start.timestep),
         given.radius,
         given.density,
         given.laws or reading.laws,

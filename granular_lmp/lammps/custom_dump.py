@@ -79,9 +79,14 @@ class Frame:
         RunFolderError
             If there are none.
         """
+        axes = [axis for axis in range(3) if any(names[axis] in self.columns for names, *_ in PLACES)]
         for way in PLACES:
-            if way[0][0] in self.columns:
+            if axes and all(way[0][axis] in self.columns for axis in axes):
                 return way
+        if axes:
+            raise RunFolderError(
+                f"step {self.step}: the dump mixes places; it must have x y z, xu yu zu, or scaled ones"
+            )
         raise RunFolderError(f"step {self.step}: the dump holds no places; it must have x, xu, xs or xsu")
 
     def places(self) -> tuple[Floats, bool]:
@@ -290,6 +295,8 @@ def _text_box(lines: list[str]) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         raise ValueError("its box is of general triclinic form; write it without triclinic/general")
     numbers = np.array([line.split() for line in lines[1:]], dtype=float)
     tilt = numbers[:, 2] if words[:3] == ["xy", "xz", "yz"] else None
+    if len(words) < 3:
+        raise ValueError("its box does not say which faces are periodic, as BOX BOUNDS pp pp pp does")
     periodic = np.array([word == "pp" for word in words[-3:]])
     return _box(numbers[:, :2], tilt, periodic)
 

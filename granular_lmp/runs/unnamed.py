@@ -246,10 +246,21 @@ class Unnamed:
         return np.asarray(self.mass * (np.sum(moment.velocity**2, axis=1) + turning) / 2)
 
     def contacts(self, moment: Moment) -> Contacts:
-        """Return the pairs of spheres that overlap at a moment, across periodic faces of the box too."""
+        """Return the pairs of spheres that overlap at a moment, across periodic faces of the box too.
+
+        Spheres in one plane z touch none across z, which is how LAMMPS in two dimensions has them.
+
+        Raises
+        ------
+        RunFolderError
+            If the box deforms.
+        """
         from scipy.spatial import cKDTree  # kept out of start-up
 
+        if self.known.get("deforms"):
+            raise RunFolderError(f"{self.folder}: its box deforms, and contacts are known of the first box alone")
         origin, cell, periodic = self.cell
+        periodic = periodic & [True, True, bool(np.ptp(moment.place[:, 2]))]
         inside = (moment.place - origin) @ np.linalg.inv(cell)
         place = np.where(periodic, inside % 1.0, inside) @ cell
         tree, reach, found = cKDTree(place), 2 * float(self.radius.max()), []
@@ -355,7 +366,7 @@ class Unnamed:
             if getattr(first, name) is not None
         }
         which = {"time": self.time, "id": ("sphere", self.spheres), "radius": ("sphere", self.radius), "axis": [*"xyz"]}
-        return optional_package("xarray").Dataset(variables, which, {"units": self.known["units"]})
+        return optional_package("xarray").Dataset(variables, which, {"units": "si" if self.in_si else "lj"})
 
     def __repr__(self) -> str:
         return f"<Unnamed {self.name}: {len(self.spheres)} spheres, {len(self)} snapshots>"

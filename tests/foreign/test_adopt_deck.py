@@ -84,6 +84,30 @@ def test_the_witness_of_a_deck_needs_nothing_else(deck: Path, tmp_path: Path) ->
     assert found.error < 1e-3
 
 
+def test_times_of_a_step_that_changes_must_be_in_the_dump(deck: Path, tmp_path: Path) -> None:
+    fixes = "fix 2 free dt/reset 1 NULL 2e-7 1e-6\nfix 1 free"
+    (tmp_path / "in.reset").write_text(deck.read_text().replace("fix 1 free", fixes))
+    asked = ["adopt", str(tmp_path / "in.reset"), str(deck.parent / "dump.beads"), "-o", str(tmp_path / "run")]
+    assert main(asked) == 2
+    assert main([*asked, "--timestep", "2e-7"]) == 0
+
+
+def test_the_path_of_a_dump_may_be_absolute(deck: Path, tmp_path: Path) -> None:
+    text = deck.read_text().replace("dump.beads", str(deck.parent / "dump.beads"))
+    (tmp_path / "in.absolute").write_text(text.replace("dump.coarse", str(deck.parent / "dump.coarse")))
+    assert main(["adopt", str(tmp_path / "in.absolute"), "-o", str(tmp_path / "run")]) == 0
+
+
+def test_forces_of_a_wall_are_not_taken_for_constant_ones(deck: Path, tmp_path: Path) -> None:
+    wall = "fix 3 free wall/gran granular hertz/material 2e12 0 0.3 tangential mindlin NULL 0 0.5 yplane -0.9999 NULL"
+    fixes = f"fix 2 free addforce 0 3e5 0\n{wall}\nfix 1 free"
+    (tmp_path / "in.wall").write_text(deck.read_text().replace("fix 1 free", fixes))
+    main(["adopt", str(tmp_path / "in.wall"), str(deck.parent / "dump.beads"), "-o", str(tmp_path / "run")])
+    known = Unnamed.load(tmp_path / "run").known
+    assert not known["pushes"]
+    assert [each.split()[3] for each in known["acting"]] == ["wall/gran", "addforce"]
+
+
 def test_what_else_acts_is_named(deck: Path, tmp_path: Path) -> None:
     (tmp_path / "in.pushed").write_text(deck.read_text().replace("fix 1 free", "fix 2 free viscous 1e-3\nfix 1 free"))
     main(["adopt", str(tmp_path / "in.pushed"), str(deck.parent / "dump.beads"), "-o", str(tmp_path / "run")])

@@ -256,6 +256,40 @@ def test_what_is_no_dump_of_spheres_is_refused(text: str, why: str, tmp_path: Pa
         adopt_dump([tmp_path / "dump"], tmp_path / "run", KNOWN)
 
 
+def test_a_run_does_not_take_the_place_of_its_dumps(tmp_path: Path) -> None:
+    path = tmp_path / "dump.everything"
+    path.write_text(PLAIN.format(0, 1, "id x y z vx vy vz") + "1 0.5 0.5 0.5 0 0 0\n")
+    with pytest.raises(RunFolderError, match=r"holds the dump dump.everything; choose another folder"):
+        adopt_dump([path], tmp_path, KNOWN, force=True)
+    assert path.is_file()
+
+
+def test_places_of_several_kinds_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "dump.mixed"
+    path.write_text(PLAIN.format(0, 1, "id xu y z") + "1 0.5 0.5 0.5\n")
+    with pytest.raises(RunFolderError, match="mixes places"):
+        adopt_dump([path], tmp_path / "run", KNOWN)
+
+
+@pytest.mark.parametrize("height", [0.0, 1e-3])
+def test_spheres_in_a_plane_touch_none_across_it(height: float, tmp_path: Path) -> None:
+    text = PLAIN.replace("pp ff ff\n0 1\n0 1\n0 1", "ff ff pp\n0 1\n0 1\n-0.005 0.005")
+    path = tmp_path / "dump.plane"
+    path.write_text(text.format(0, 2, "id x y z") + f"1 0.5 0.5 0\n2 0.5199 0.5 {height}\n")
+    found = adopt_dump([path], tmp_path / "run", KNOWN)
+    assert (len(found.contacts(found[0]).overlap) == 1) == (height == 0)
+
+
+def test_contacts_in_a_box_that_deforms_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "dump.pressed"
+    one, other = (PLAIN.format(step, 1, "id x y z") + "1 0.5 0.5 0.5\n" for step in (0, 10))
+    path.write_text(one + other.replace("pp ff ff\n0 1", "pp ff ff\n0 0.9"))
+    found = adopt_dump([path], tmp_path / "run", KNOWN)
+    assert any("the box is another one" in each for each in found.info["remarks"])
+    with pytest.raises(RunFolderError, match="its box deforms"):
+        found.contacts(found[0])
+
+
 def test_values_out_of_range_are_refused() -> None:
     with pytest.raises(RunFolderError, match="units = 'metal': allowed: si, cgs"):
         Known("metal")

@@ -78,6 +78,9 @@ def test_lines_and_words_are_those_of_lammps() -> None:
         "plugin load left.so",
         'if "1 > 0" then "shell touch left"',
         "pair_style python 5.0",
+        "pair_style hybrid zero 1.0 python 5.0",
+        "fix x all ipi left 8888 unix",
+        "partition yes 1 shell touch left",
         "variable s string shell\n${s} touch left",
     ],
 )
@@ -112,6 +115,41 @@ def test_variables_of_the_command_line_come_before_those_of_the_deck(tmp_path: P
     text = f"{BEGIN}variable n index 3\nvariable said string ${{n}}\n"
     assert said(of(tmp_path, text)) == ["3"]
     assert said(of(tmp_path, text, n="5")) == ["5"]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "fix w all ave/time 1 1 1 c_t file {0}",
+        'fix w all ave/time 1 1 1 c_t file "{0}"',
+        'fix w all ave/time 1 1 1 c_t "file" {0}',
+        "variable s string {0}\nfix w all ave/time 1 1 1 c_t file ${{s}}",
+        "balance 1.0 shift x 5 1.1 out {0}",
+        "group2ndx {0}",
+        "write_data {0}",
+    ],
+)
+def test_a_deck_that_is_read_writes_over_no_file(tmp_path: Path, line: str) -> None:
+    place = tmp_path / "precious"
+    place.write_text("mine\n")
+    reading = of(tmp_path, f"{CHAIN}compute t all temp\n{line.format(place)}\ntimestep 1e-7\nrun 2\n")
+    assert not reading.stopped
+    assert place.read_text() == "mine\n"
+
+
+def test_a_command_that_is_not_known_is_refused(tmp_path: Path) -> None:
+    assert "'temper 1 2 3' is a command that is not known here" in of(tmp_path, f"{BEGIN}temper 1 2 3\n").stopped
+
+
+def test_a_file_that_is_called_as_a_fix_is_not_taken_for_it(tmp_path: Path) -> None:
+    (tmp_path / "move").write_text("")
+    text = CHAIN.replace("fix move", "fix  move")
+    assert not of(tmp_path, f"{text}fix move all nve/sphere\n" if "fix  move" not in text else text).stopped
+
+
+def test_a_deck_that_is_no_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "in.folder").mkdir()
+    assert "is no file" in of(tmp_path, f"{BEGIN}include in.folder\n").stopped
 
 
 def test_a_name_like_a_program_is_no_program(tmp_path: Path) -> None:

@@ -200,13 +200,17 @@ class Shot:
         Raises
         ------
         ValueError
-            For places that the crystal lacks or has twice.
+            For places that the crystal lacks or has twice, and a scene that begins with a motion.
         GranularError, TheoryError
             For a scene that the network does not hold.
         """
         if not 0 < noise < np.inf:
             raise ValueError(f"noise = {noise:g}: must be the share of the errors in the records, above 0")
         first, setting = first_of(scene)
+        if np.any(first.state.motion):  # whose part of the resolution is not known
+            raise ValueError(
+                f"{traces.said}: its scene begins with a motion; an image needs a crystal at rest and sources"
+            )
         scales, network = first.scales, first.network
         spheres = _spheres(traces, setting.scene, network.position)
         apart = float(traces.time[1] - traces.time[0]) / scales.second

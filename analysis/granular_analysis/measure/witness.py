@@ -151,7 +151,7 @@ def network_of(crystal: Unnamed, first: Moment) -> Network:
     spins = first.spin if first.spin is not None else np.zeros((1, 3))
     axes = 2 if flat and not spins[:, :2].any() else 3
     still = _still(crystal) | np.isin(crystal.spheres, crystal.known["held"])
-    sheared = law["tangential"] not in _ELASTIC
+    sheared = law["tangential"] not in _ELASTIC and law["friction"] != 0  # LAMMPS bounds the shear force by it
     return Network(
         crystal.rest[:, :axes],
         crystal.radius,
@@ -161,7 +161,7 @@ def network_of(crystal: Unnamed, first: Moment) -> Network:
         still,
         tuple(np.where(periodic, np.diag(cell), np.inf)[:axes]),
         law=_SHEAR[law["tangential"]] if sheared else "secant",
-        friction=law["friction"] or np.inf if sheared else np.inf,
+        friction=law["friction"] if sheared else np.inf,
         shear=sheared,
         viscosity=law["viscosity"] if law["damping_law"] == "velocity" else 0.0,
         restitution=_restitution(law),

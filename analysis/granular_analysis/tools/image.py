@@ -171,7 +171,7 @@ def draw_map(axes: "Axes", sought: "Sought", values: Floats) -> "Collection":
         lines = np.stack([middle + half, middle - half], axis=1)
         drawn = LineCollection([*lines], array=values, cmap="RdBu_r", norm=norm, linewidths=2)
         axes.add_collection(drawn)
-    axes.plot(*place[np.unique([each.run.spheres for each in sought.shots])].T, "^k", markersize=4)
+    axes.plot(*place[np.unique(np.concatenate([each.run.spheres for each in sought.shots]))].T, "^k", markersize=4)
     axes.set(xlabel="x, µm", ylabel="y, µm", aspect="equal")
     return drawn
 
