@@ -185,6 +185,7 @@ MORE |= {"an edge on a fast clock", "a material of another ν", "a law far from 
 MORE |= {"pressed fcc on a fast clock", "a breather on a fast clock", "a breather of lossy contacts"}
 MORE |= {"another law next to pull-off at all steps but the finest", "a breather in a chain that comes loose"}
 MORE |= {"a lost sphere", "a rough sheet with a held sphere", "a struck sheet of lossy contacts"}
+MORE |= {"a slope at the resonance of another ν"}
 MORE |= {"an edge of opening of another adhesion", "the other side of an edge of opening", "orders of a lossy network"}
 MORE |= {"a slope without the jump of a pull", "a slope away from the resonance", "two modes of other slopes"}
 MORE |= {"a network beyond its step", "a network with the works of another law"}

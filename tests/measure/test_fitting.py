@@ -146,6 +146,7 @@ def test_keys_that_make_one_stiffness_leave_poissons_ratio_its_interval() -> Non
     np.testing.assert_allclose(five.intervals[1], two.intervals[1], rtol=1e-3)
 
 
+@pytest.mark.more
 def test_the_speed_of_a_front_tells_the_modulus_of_a_struck_chain() -> None:
     """At a given velocity of the striker the speed of the front goes as E^{2/5}, by the scaling of Hertz's law."""
     chain = Scene.load("solitary_chain")
