@@ -75,13 +75,19 @@ def _against(problem: Problem, name: str, material: int, law: LawPart) -> str:
     return model(sphere, problem.units, **law, shear_modulus=shear_modulus)
 
 
+def freezes(problem: Problem) -> bool:
+    """Return whether held spheres are frozen: the dashpots of a restitution take the masses of both spheres."""
+    return problem.scene.effects.restitution < 1 and bool(problem.rest.atoms.arrays["fixed"].any())
+
+
 def held(problem: Problem) -> list[str]:
-    """Return the lines that freeze held spheres which other spheres hit with dashpots."""
-    if not (problem.on["damping"] and problem.rest.atoms.arrays["fixed"].any()):
+    """Return the lines that freeze held spheres, which takes their forces away; those that are recorded are kept."""
+    if not freezes(problem):
         return []
     return [
         "# dashpots then take the mass of a held sphere as infinite; with its own mass too much would come back",
         "group        held subtract all mobile",
+        *(["fix          borne held store/force"] if problem.scene.output.forces else []),
         "fix          held held freeze",
     ]
 

@@ -8,16 +8,15 @@ from granular_lmp.problem import Problem
 
 def motion(problem: Problem) -> list[str]:
     """Return the block that integrates the motion."""
-    by_mass = problem.scene.effects.restitution < 1  # the dashpot of a viscosity takes no mass
-    return _motion(problem, [], ends.held(problem) if by_mass else [])
+    return _motion(problem, [])
 
 
 def motion_of_meeting(problem: Problem) -> list[str]:
     """Return the block that integrates the motion of spheres that meet, in their plane."""
-    return _motion(problem, start.plane(problem), ends.held(problem))
+    return _motion(problem, start.plane(problem))
 
 
-def _motion(problem: Problem, before: list[str], after: list[str]) -> list[str]:
+def _motion(problem: Problem, before: list[str]) -> list[str]:
     turns, tracks = problem.on["rotation"], problem.on["tracking"]
     integrator = f"nve{'/sphere' if turns else ''}{' update dipole' if tracks else ''}"
     if "bpm/sphere" in style(problem):
@@ -26,6 +25,6 @@ def _motion(problem: Problem, before: list[str], after: list[str]) -> list[str]:
         "# --- motion of the spheres that are not held",
         *before,
         f"fix          move mobile {integrator}",
-        *after,
+        *ends.held(problem),
         *selection.lines("motion", problem),
     ]

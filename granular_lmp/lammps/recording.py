@@ -5,7 +5,7 @@ from granular_lmp.effects import selection
 from granular_lmp.effects.freedoms import axes, turns
 from granular_lmp.lammps.checkpoints import minutes_between
 from granular_lmp.lammps.datafile import id_ranges
-from granular_lmp.lammps.ends import boundary
+from granular_lmp.lammps.ends import boundary, freezes
 from granular_lmp.lammps.guards import verdict
 from granular_lmp.lammps.outputs import CHECKPOINTS
 from granular_lmp.problem import Problem
@@ -83,13 +83,19 @@ def _centre(problem: Problem) -> list[str]:
 
 def _recorded(problem: Problem) -> list[str]:
     """Return the dump of the recorded spheres of a struck crystal."""
-    forces = "".join(f" f{axis}" for axis in axes(problem) if problem.scene.output.forces)
+    forces = [f"f{axis}" for axis in axes(problem) if problem.scene.output.forces]
+    variables, columns, names = [], forces, ""
+    if freezes(problem):  # which leaves 0 in fx of a held sphere
+        variables = [f"variable     {force} atom {force}+f_borne[{number}]" for number, force in enumerate(forces, 1)]
+        columns = [f"v_{force}" for force in forces]
+        names = "".join(f" colname v_{force} {force}" for force in forces)
     seen = "all" if len(problem.rest.recorded) == len(problem.rest.atoms) else "recorded"
     return [
         f"group        recorded id {id_ranges(problem.rest.recorded)}",
         *selection.lines("record", problem),
-        f"dump         record {seen} custom ${{every}} ${{dump}} {sphere_columns(problem)}{forces}",
-        f"dump_modify  record {every_digit(problem)}",
+        *variables,
+        f"dump         record {seen} custom ${{every}} ${{dump}} {' '.join([sphere_columns(problem), *columns])}",
+        f"dump_modify  record {every_digit(problem)}{names}",
     ]
 
 

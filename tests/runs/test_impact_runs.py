@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 import granular_lmp
-from granular_lmp import ImpactRecord, ImpactScene, Record, Scene, run_impact
+from granular_lmp import ImpactRecord, ImpactScene, Record, Scene, run, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import LammpsError, RunFolderError, RunInterrupted
 from granular_lmp.lammps.deck import deck_of
@@ -23,6 +23,9 @@ from granular_lmp.problem import prepare
 from granular_lmp.runs import loop
 from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import read_status
+from granular_lmp.runs.scales import force_of
+from granular_lmp.studies.combine import together
+from granular_lmp.studies.features import KINDS
 
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 20.0})
 SHEET = ImpactScene.load("point_impact").with_values(
@@ -230,3 +233,23 @@ def test_the_door_runs_continues_and_reads_waves_and_impacts_alike(
         assert np.array_equal(again.tau, whole.tau)
         table = granular_lmp.sweep(scene, {"time.sample": [0.5]}, tmp_path / f"{kind}s")
         assert table.having("finished") == table.rows
+
+
+@pytest.mark.parametrize("restitution", [1.0, 0.9])
+@pytest.mark.parametrize("feature", ["pressed sheet", "held"])
+def test_the_force_on_a_held_sphere_is_that_of_its_contacts(feature: str, restitution: float, tmp_path: Path) -> None:
+    impacts = KINDS[1]
+    scene = impacts.scene.with_values(together(impacts.features[feature]))
+    last = scene.shape.rows - 1
+    asked = {"effects.restitution": restitution, "output.forces": True, "striker.1.spheres": [[last - 1, 4]]}
+    watched = [{"name": "face", "rows": [last, last], "what": "contacts"}]
+    record = run(scene.with_values(asked | {"monitor": watched}), tmp_path / "run")
+    place = int(np.flatnonzero((record.row == last) & (record.column == 4))[0])
+    contacts, sphere, scale = record.monitor("face").contacts, int(record.spheres[place]), record.scale
+    sign = np.where(contacts.j == sphere, 1.0, np.where(contacts.i == sphere, -1.0, 0.0))
+    expected = (sign[:, None] * contacts.force).sum(axis=1) * force_of(record.scene)
+    found = record.signals["force"][:, place] * scale.mass * scale.length / scale.time**2
+    # A sum of two contacts in another order; a dashpot pushes by the velocity of half a step ago
+    error = 1e-12 if restitution == 1 else 5e-3
+    np.testing.assert_allclose(found, expected, rtol=0, atol=error * np.abs(expected).max())
+    assert np.ptp(found[:, 1]) > 1.0  # N: the strike arrives
