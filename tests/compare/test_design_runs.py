@@ -89,8 +89,11 @@ def test_a_search_that_was_stopped_continues_to_the_same_bits() -> None:
     again = design.improved(one, one.begin(1), 6, kept[:3], more.append)
     assert np.array_equal(again.densities, whole.densities)
     assert [each.value for each in more] == [each.value for each in kept[3:]]
-    other = design.improved(one, one.begin(1), 6, [each._replace(slope=-each.slope) for each in kept[:3]])
+    mirrored = [each._replace(slope=-each.slope) for each in kept[:3]]
+    other = design.improved(one, one.begin(1), 6, mirrored[:1])
     assert not np.array_equal(other.densities, whole.densities)
+    with pytest.raises(TheoryError, match="evaluation 2 that was kept is of other densities"):
+        design.improved(one, one.begin(1), 6, mirrored)
 
 
 def test_the_slope_of_a_group_is_the_sum_of_those_of_its_spheres_and_of_a_robust_design_the_mean_over_seeds() -> None:
@@ -200,6 +203,11 @@ def test_lammps_runs_what_was_designed_and_has_its_objective(
     assert float(capsys.readouterr().out.split()[-1]) == pytest.approx(log["best"][-1], rel=1e-4)
     with pytest.raises(TheoryError, match="is read off 2 runs, not 1"):
         designs.read_off(records[:1], "second-harmonic")
+    with pytest.raises(TheoryError, match="is read off runs that start with opposite signs"):
+        designs.read_off([records[0], records[0]], "second-harmonic")
+    rare = best.with_values({"output.particles": 2 * best.time.sample, "time.duration": 4 * best.time.sample})
+    with pytest.raises(TheoryError, match=r"output.particles = .*: must be time.sample"):
+        designs.read_off(in_lammps(rare, tmp_path / "rare"), "second-harmonic")
 
 
 def test_the_same_command_again_continues_and_any_other_is_refused(folder: Path) -> None:

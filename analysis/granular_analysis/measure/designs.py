@@ -28,6 +28,7 @@ from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
+_EQUAL = 1e-6  # of the largest motion at the start
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,13 +152,23 @@ def goal_of(subject: Subject, objective: str) -> tuple[Goal, Integers]:
 def read_off(records: Sequence[Record], objective: str) -> float:
     """Return an objective of runs that recorded snapshots at each sample: one for each sign of the start.
 
-    Raises TheoryError for another number of runs.
+    Raises TheoryError for another number of runs, for one whose snapshots are rarer, and for starts of equal sign.
     """
     subject = Subject.of(records[0].scene)
     goal, spheres = goal_of(subject, objective)
     if len(records) != len(goal.signs):
         raise TheoryError(f"{objective}: is read off {len(goal.signs)} runs, not {len(records)}")
-    return goal.of([_motion_of(each, subject.first, spheres) for each in records])[0]
+    for each in records:
+        asked, sample = each.scene.output.particles, each.scene.time.sample
+        if asked != sample:
+            raise TheoryError(
+                f"output.particles = {asked:g}: must be time.sample = {sample:g}, at which a design reads"
+            )
+    motions = [_motion_of(each, subject.first, spheres) for each in records]
+    starts = [sign * each.motion[0] for sign, each in zip(goal.signs, motions, strict=True)]
+    if not all(np.allclose(each, starts[0], rtol=0, atol=_EQUAL * np.abs(starts[0]).max()) for each in starts):
+        raise TheoryError(f"{objective}: is read off runs that start with opposite signs: wave.phase differs by pi")
+    return goal.of(motions)[0]
 
 
 def _motion_of(record: Record, first: FirstSnapshot, spheres: Integers) -> Motion:

@@ -66,10 +66,14 @@ class Goal(NamedTuple):
 
 
 class Evaluation(NamedTuple):
-    """V and its slope by the numbers of the optimizer; V is nan of a run that is refused, with the reason if known."""
+    """V and its slope by the numbers of the optimizer; V is nan of a run that is refused, with the reason if known.
+
+    `numbers` are those of the optimizer.
+    """
 
     value: float
     slope: Floats
+    numbers: Floats
     why: str = ""
 
 
@@ -266,7 +270,8 @@ def improved(
         as if it had not been stopped.
     noted : called with each evaluation that is made.
 
-    Raises TheoryError if the start is refused.
+    Raises TheoryError if the start is refused, and for a kept evaluation of other densities than the search asks for:
+    another version, or another machine, made it.
     """
     scaling, made = design.scaling, list[Evaluation]()
     best: tuple[float, Floats] = -np.inf, start
@@ -277,8 +282,12 @@ def improved(
         if len(made) == most:
             raise _EnoughError
         densities = scaling.of(numbers)
-        found = kept[len(made)] if len(made) < len(kept) else _tried(design, scaling, numbers, densities)
-        if len(made) >= len(kept):
+        if len(made) < len(kept):
+            found = kept[len(made)]
+            if not np.array_equal(found.numbers, numbers):
+                raise TheoryError(f"evaluation {len(made) + 1} that was kept is of other densities; begin anew")
+        else:
+            found = _tried(design, scaling, numbers, densities)
             noted(found)
         made.append(found)
         if not made[0].value > 0:
@@ -310,5 +319,5 @@ def _tried(design: Design, scaling: Scaling, numbers: Floats, densities: Floats)
     try:
         value, slope = design.evaluated(densities)
     except TheoryError as error:
-        return Evaluation(np.nan, np.zeros_like(numbers), str(error).partition("; the gradient")[0])
-    return Evaluation(value, scaling.back(numbers, slope))
+        return Evaluation(np.nan, np.zeros_like(numbers), numbers.copy(), str(error).partition("; the gradient")[0])
+    return Evaluation(value, scaling.back(numbers, slope), numbers.copy())

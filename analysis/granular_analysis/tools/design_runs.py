@@ -32,7 +32,7 @@ class Kept:
 
         Raises TheoryError for a folder that holds another search, or files that are none of it.
         """
-        self.folder, size = folder, int(asked["numbers"]) + 1
+        self.folder, count = folder, int(asked["numbers"])
         path, said = folder / ASKED, json.dumps(asked, indent=2) + "\n"
         if path.is_file():
             if path.read_text(encoding="utf-8") != said:
@@ -44,16 +44,16 @@ class Kept:
         else:
             write(path, said)
         self.path = folder / EVALUATIONS
-        numbers = np.fromfile(self.path, dtype="<f8") if self.path.is_file() else np.empty(0)
-        rows = numbers[: len(numbers) // size * size].reshape(-1, size)
-        self.evaluations = [Evaluation(float(row[0]), row[1:]) for row in rows]
-        with self.path.open("wb") as stream:  # without the rest of one that was not written to its end
-            rows.astype("<f8").tofile(stream)
+        row = np.dtype([("value", "<f8"), ("slope", "<f8", count), ("numbers", "<f8", count)])
+        with self.path.open("ab") as stream:  # without the rest of one that was not written to its end
+            stream.truncate(stream.tell() // row.itemsize * row.itemsize)
+        rows = np.fromfile(self.path, dtype=row)
+        self.evaluations = [Evaluation(float(each["value"]), each["slope"], each["numbers"]) for each in rows]
 
     def add(self, found: Evaluation) -> None:
         """Keep one evaluation more."""
         with self.path.open("ab") as stream:
-            np.concatenate([[found.value], found.slope]).astype("<f8").tofile(stream)
+            np.concatenate([[found.value], found.slope, found.numbers]).astype("<f8").tofile(stream)
         self.evaluations.append(found)
 
     def write_log(self, uniform: float) -> None:
