@@ -45,7 +45,7 @@ _NAMED = 5  # spheres that come or go, by number in a sentence
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of a foreign run beside its dumps, in the units of the dump; None is what must be in the dump.
+    """Knowledge of a foreign run beside its dumps, in the units of the dump; a None must be in the dump.
 
     Attributes
     ----------

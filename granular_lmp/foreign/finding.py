@@ -1,4 +1,4 @@
-"""What a check finds in a deck, and what a check is."""
+"""Findings in a deck, and the checks that make them."""
 
 from collections.abc import Callable, Iterator
 

@@ -1,4 +1,4 @@
-"""What a foreign deck says of its dumps: which they are, their units, spheres, laws and time step."""
+"""The dumps of a foreign deck, with the units, spheres, laws and time step that the deck gives."""
 
 import re
 from collections.abc import Sequence

@@ -76,12 +76,12 @@ class Law:
 
     @property
     def has_history(self) -> bool:
-        """Whether the shear force depends on the slip since the contact began."""
+        """Return whether the shear force depends on the slip since the contact began."""
         return self.tangential not in ("none", "linear_nohistory")
 
     @property
     def adhesive(self) -> bool:
-        """Whether the contact pulls."""
+        """Return whether the contact pulls."""
         return self.normal in ("dmt", "jkr") and self.gamma > 0
 
     def effective(self) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""What can be wrong with a granular wave deck: all checks, one after the other."""
+"""All checks of a granular wave deck, one after the other."""
 
 from granular_lmp.foreign import in_contacts, in_files, in_space, in_time
 from granular_lmp.foreign.finding import Check, Finding

@@ -1,4 +1,4 @@
-"""What LAMMPS knows of a deck of any origin before its first long run: spheres, contacts, laws, time step, integrators.
+"""A deck of any origin as LAMMPS knows it before its first long run: spheres, contacts, laws, time step, integrators.
 
 `read` executes the deck in this process and in a temporary folder: nothing is written beside the deck. A deck can
 bring down the process, so that commands read it by `granular_lmp.foreign.apart`.
@@ -96,7 +96,7 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """What LAMMPS says of a deck.
+    """A deck as LAMMPS knows it.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ class Reading:
 
     @property
     def is_granular(self) -> bool:
-        """Whether the forces are those of a granular pair style, or of a restart file."""
+        """Return whether the forces are those of a granular pair style, or of a restart file."""
         styles = self.named("pair_style")
         return not styles or any(word.startswith("gran") for word in styles[-1].words[1:])
 

@@ -244,7 +244,7 @@ class _Lines:
 
 
 class _Context:
-    """What one snapshot of a file says of all that follow."""
+    """Units and digits of all snapshots of a file, which the first ones give."""
 
     units: str | None = None
     resolution: float = inf

@@ -89,7 +89,7 @@ class Derived(Declaration):
 
     @cached_property
     def holding(self) -> Holding:
-        """What holds the spheres while nothing moves them."""
+        """Return adhesion or a load, or nothing, as that by which spheres rest."""
         sheet = lattice_of(self.packing, self.substrate).sheet
         adhesion, force, touching = self.material.work_of_adhesion, self.packing.contact_force, self.start.touching
         held = self.wave is not None or holds(adhesion, force, sheet=sheet, touching=touching)

@@ -1,4 +1,4 @@
-"""What holds the spheres of a scene while nothing moves them, and what of the scene depends on it.
+"""Adhesion or a load that holds the spheres of a scene at rest, or nothing, and the properties that depend on it.
 
 Adhesion or a load holds spheres at rest, as beside every wave (`AT_REST`). Spheres that just touch are not held, and
 neither is a chain that is pressed together (`LOOSE`): they part without a pull, and fly. A scene is asked once which
@@ -22,7 +22,7 @@ from granular_lmp.scene.without_wave import HELD, NOT_HELD
 
 
 class Spheres(Protocol):
-    """What is asked of a scene."""
+    """Properties of a scene that are read here."""
 
     @property
     def material(self) -> Sphere:
@@ -46,7 +46,7 @@ class Spheres(Protocol):
 
 
 class Holding(ABC):
-    """What holds spheres.
+    """Base of the two ways in which spheres rest.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Whether two features of a scene go together: the deck of a small scene with both is built, or an error says why not.
+"""Answer whether two features of a scene go together: a small deck with both is built, or an error says why not.
 
 Each error is either physics, which stays refused, or not built, which is open, as `granular_lmp.rest.refusals` has it.
 Settings that exclude each other by themselves, two lattices say, are neither.
@@ -22,7 +22,7 @@ _SAID = {
 
 
 class Outcome(NamedTuple):
-    """What becomes of features in one scene: one of the four words, and the message of a refusal."""
+    """Outcome of features in one scene: one of the four words, and the message of a refusal."""
 
     word: str
     message: str = ""

@@ -62,6 +62,11 @@ def test_branches_of_a_dump_are_those_of_theory(way: tuple[float, float, float],
     assert off.max() < 1
 
 
+def test_waves_across_the_plane_of_a_sheet_are_refused(sheet: Both) -> None:
+    with pytest.raises(ValueError, match="all spheres lie in one plane across the direction"):
+        branches(sheet[1], (0.0, 0.0, 1.0))
+
+
 def test_other_spheres_are_seen_by_that_comparison(sheet: Both) -> None:
     record, crystal = sheet
     found = branches(crystal, (0.0, 1.0, 0.0))

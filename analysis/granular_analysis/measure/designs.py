@@ -1,4 +1,4 @@
-"""What a design reads off whole runs of a scene: a scene as a run of factors, and objectives by their names.
+"""Objectives that a design reads off whole runs of a scene, by their names, and the scene as a run of factors.
 
 | objective | what it is |
 |---|---|

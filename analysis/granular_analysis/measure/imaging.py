@@ -260,7 +260,7 @@ def _spheres(traces: Traces, scene: Scene, position: Floats) -> Integers:
 
 @dataclass(frozen=True, eq=False)
 class Sought:
-    """What is imaged, by one or more shots of one crystal.
+    """The quantity that is imaged, by one or more shots of one crystal.
 
     Attributes
     ----------

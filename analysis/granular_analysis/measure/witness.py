@@ -41,7 +41,7 @@ _ELASTIC = {"none", "linear_nohistory"}
 
 @dataclass(frozen=True)
 class Witness:
-    """What separates a deck from its witness.
+    """Departure of a deck from its witness, and its reasons.
 
     Attributes
     ----------

@@ -182,7 +182,7 @@ def widths(resolved: Floats, each: float, dimension: int) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What is minimised.
+    """A sum of misfit and penalty that is minimised.
 
     Attributes
     ----------

@@ -47,7 +47,7 @@ _FAR = 700.0  # e^x is finite
 
 
 class Goal(NamedTuple):
-    """What is to be largest.
+    """A number of a run that is to be largest.
 
     Attributes
     ----------
@@ -229,7 +229,7 @@ def _along(read: Callable[[Record], Any], way: Any, found: Record) -> Any:
 
 
 class Best(NamedTuple):
-    """What a search found.
+    """The result of a search.
 
     Attributes
     ----------

@@ -77,7 +77,7 @@ def branches(crystal: Unnamed, way: Sequence[float] | Floats | None = None) -> B
     Raises
     ------
     ValueError
-        If there are fewer than 8 snapshots, or they are not at even times.
+        If there are fewer than 8 snapshots, uneven times, or spheres that all lie in a plane across the way.
     """
     steps = np.diff(crystal.time)
     if len(crystal) < FEWEST:
@@ -140,6 +140,8 @@ def _wavenumbers(
     """Return wave numbers up to the edge of the zone, a weight for each sphere, and whether they fit into the box."""
     along = places @ ahead
     edge = lattice.zone_edge(ahead)
+    if not np.ptp(along):
+        raise ValueError("all spheres lie in one plane across the direction; choose one along which places differ")
     if not np.isfinite(edge):  # no lattice along the way: half a wave between two spheres
         edge = pi * (len(along) - 1) / float(np.ptp(along))
     sides = np.abs(cell @ ahead)[periodic]
