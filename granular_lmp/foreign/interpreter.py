@@ -26,10 +26,23 @@ _RUNNING_PROGRAMS = ("shell", "python", "plugin", "mdi", "message", "server", "g
 _EXECUTED = {
     *("atom_modify", "atom_style", "boundary", "box", "change_box", "clear", "comm_modify", "comm_style", "compute"),
     *("compute_modify", "create_atoms", "create_box", "delete_atoms", "dimension", "displace_atoms", "fix"),
-    *("fix_modify", "group", "labelmap", "lattice", "mass", "min_modify", "min_style", "minimize", "molecule"),
+    *("fix_modify", "group", "labelmap", "lattice", "mass", "min_modify", "min_style", "molecule"),
     *("neigh_modify", "neighbor", "newton", "package", "pair_coeff", "pair_modify", "pair_style", "processors"),
-    *("read_data", "read_dump", "read_restart", "region", "replicate", "reset_atoms", "reset_timestep", "run"),
-    *("run_style", "set", "special_bonds", "suffix", "thermo", "thermo_modify", "thermo_style", "timestep"),
+    *("read_data", "read_dump", "read_restart", "region", "replicate", "reset_atoms", "reset_timestep"),
+    *(
+        "bond_coeff",
+        "bond_style",
+        "create_bonds",
+        "delete_bonds",
+        "run_style",
+        "set",
+        "special_bonds",
+        "suffix",
+        "thermo",
+        "thermo_modify",
+        "thermo_style",
+        "timestep",
+    ),
     *("uncompute", "unfix", "units", "variable", "velocity"),
 }
 _STYLES_RUNNING_PROGRAMS = ("python", "python/invoke", "python/move", "imd", "ipi", "mdi/qm", "mdi/qmmm", "client/md")
@@ -164,8 +177,10 @@ class Interpreter:
                 self._asked(where, text, lambda: steering(command))
             except IndexError as error:
                 raise DeckError(f"{where}: '{command}' lacks a word") from error
-        elif words[0] == "minimize" or (words[0] == "run" and words[1:] and words[1].isdecimal()):
+        elif words[0] == "minimize" or (words[0] == "run" and re.fullmatch(r"[-+]?\d+", " ".join(words[1:2]))):
             self._asked(where, text, lambda: self._at_run(command, _steps(words)))
+        elif words[0] == "run":  # LAMMPS says what is wrong with it, and executes nothing that stands behind
+            self._asked(where, text, lambda: self.lmp.command(" ".join(words[:2])))
         elif words[0] in _EXECUTED:
             self._asked(where, text, lambda: self.lmp.command(self._with_paths(text)))
         elif words[0] not in _WRITING:

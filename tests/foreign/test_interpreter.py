@@ -137,6 +137,12 @@ def test_a_deck_that_is_read_writes_over_no_file(tmp_path: Path, line: str) -> N
     assert place.read_text() == "mine\n"
 
 
+@pytest.mark.parametrize("steps", ["5", "+5", "0", "-0", "1e1", "v_n"])
+def test_what_a_run_executes_in_between_is_not_executed(tmp_path: Path, steps: str) -> None:
+    of(tmp_path, f'{CHAIN}timestep 1e-7\nvariable n equal 5\nrun {steps} every 1 "shell touch {tmp_path}/left"\n')
+    assert not (tmp_path / "left").exists()
+
+
 def test_a_command_that_is_not_known_is_refused(tmp_path: Path) -> None:
     assert "'temper 1 2 3' is a command that is not known here" in of(tmp_path, f"{BEGIN}temper 1 2 3\n").stopped
 
