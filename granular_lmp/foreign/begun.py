@@ -98,7 +98,7 @@ def begins(tables: Tables, motion: Motion, effects: Effects, times: Sequence[flo
         plain = tables | {"effects": effects(held=held)}
         if moves and (strikers := _strikers(motion)):
             yield _timed(plain | {"striker": strikers}, times)
-        if moves:
+        elif moves:
             yield _timed(plain | {"start": _state(motion, None, touching=touching)}, times)
     yield from _waves(tables | {"effects": effects(held=True)}, motion, times)
     if not motion.indexed.lattice.solid:

@@ -91,7 +91,7 @@ def index(places: Floats, cell: Floats, periodic: NDArray[np.bool_], strain: flo
     found: list[Indexed] = []
     troubles: list[str] = []
     whole = False
-    for turn in sorted(_turns(wide), key=lambda turn: (-np.trace(turn), -turn[1].sum())):
+    for turn in _turns(wide):
         at, edges, around = places @ turn.T, np.abs(turn @ np.diag(cell)), (np.abs(turn) @ periodic).astype(bool)
         for lattice in LATTICES.values():
             if _dimension(lattice) != wide.sum():
@@ -126,16 +126,21 @@ def _axes(lattice: Lattice) -> list[int]:
     return [0, 1, 2][: _dimension(lattice)] if lattice.sheet else [1]
 
 
-def _turns(wide: NDArray[np.bool_]) -> Iterator[Floats]:
-    """Yield the rotations of the axes that make a plane of spheres one of z = const, and a line one along y."""
-    axes = np.flatnonzero(wide)
+def _turns(wide: NDArray[np.bool_]) -> list[Floats]:
+    """Return the rotations of the axes that make a plane of spheres one of z = const, and a line one along y.
+
+    Those that change least come first; of a line there are two, one for each end.
+    """
+    found, axes = [], np.flatnonzero(wide)
     for order in permutations(range(3)):
         if (len(axes) == 1 and order[1] != axes[0]) or (len(axes) == 2 and order[2] in axes):
             continue
         for signs in product((1.0, -1.0), repeat=3):
             turn = np.array(signs)[:, None] * np.eye(3)[list(order)]
             if np.linalg.det(turn) > 0:
-                yield turn
+                found.append(turn)
+    found.sort(key=lambda turn: (-np.trace(turn), -turn[1].sum()))
+    return found if len(axes) > 1 else [*{tuple(turn[1]): turn for turn in reversed(found)}.values()][::-1]
 
 
 def _indexed(

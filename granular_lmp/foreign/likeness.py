@@ -132,6 +132,14 @@ def likeness(reading: Reading, spheres: Spheres, scene: Scene, indexed: Indexed)
         contacts,
     )
     _refuse(found, scene)
+    if found.force > _FORCE:
+        worst = int(np.argmax(np.abs(forces).max(axis=1)))
+        number = spheres.id[spheres.moves][worst]
+        force = np.linalg.norm(spheres.force[spheres.moves][worst])
+        raise SceneError(
+            f"forces at the beginning differ by up to {found.force:.2g} from those of the nearest scene: sphere "
+            f"{number} bears {force:.3g} N in the deck, {np.abs(forces).max():.3g} N other than in the scene"
+        )
     return found
 
 
@@ -168,7 +176,6 @@ def _refuse(found: Likeness, scene: Scene) -> None:
         ("shear stiffnesses of contacts", found.shear, _STIFFNESS),
         ("radii, masses or time steps", found.spheres, _MOTION),
         ("velocities", found.motion, _MOTION),
-        ("forces on spheres", found.force, _FORCE),
     ):
         if value > most:
             raise SceneError(f"{name} at the beginning differ by up to {value:.2g} from those of the nearest scene")
