@@ -194,6 +194,12 @@ def test_dumps_of_one_run_are_joined_by_step_and_number(folder: Path, best: Unna
     np.testing.assert_array_equal(found.stack("place"), best.stack("place"))
 
 
+def test_dumps_that_begin_at_one_step_are_of_two_runs(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "again").write_bytes((folder / "dump unwrapped").read_bytes())
+    with pytest.raises(RunFolderError, match="again: begins at step 0, as dump unwrapped does; dumps of one run"):
+        adopt_dump([folder / "dump unwrapped", tmp_path / "again"], tmp_path / "run", KNOWN)
+
+
 def test_spheres_that_come_or_go_are_said_and_left_out(tmp_path: Path) -> None:
     snapshots = [(0, [1, 2, 3]), (10, [3, 1]), (20, [4, 1, 3])]
     text = "".join(
@@ -242,6 +248,8 @@ REFUSED = {
     "holds no places": ("id vx vy vz", "1 0 0 0", KNOWN),
     "step 0: y of sphere 1 is not finite": ("id x y z", "1 0 nan 0", KNOWN),
     "holds molecules": ("id mol x y z", "1 4 0 0 0", KNOWN),
+    "density = 7780: the dump says 239926 at step 0; leave out density": ("id mass x y z", "1 1.005 0 0 0", KNOWN),
+    "radius = 0.01: the dump says 0.0101 at step 0; leave out radius": ("id radius x y z", "1 0.0101 0 0 0", KNOWN),
     "step 0: .*could not convert string 'no'": ("id x y z", "1 no 0 0", KNOWN),
 }
 
