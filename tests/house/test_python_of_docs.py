@@ -76,7 +76,6 @@ PAGES_OF_PYTHON = [
     "docs/imperfect.md",
     "docs/impacts.md",
     "analysis/cases/solitary/README.md",
-    "docs/chains.md",
     "docs/mixing.md",
     "docs/collisions.md",
     "docs/crystals.md",
