@@ -1,4 +1,4 @@
-"""Waves in crystals of adhesive spheres, through LAMMPS.
+"""Waves in crystals of spheres, through LAMMPS.
 
 A `Scene` declares a simulation, `build` returns its LAMMPS `Deck`, and `run` runs the deck and returns the `Record` of
 the centre sphere::

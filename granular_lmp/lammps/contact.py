@@ -24,7 +24,7 @@ from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, HERTZ, NORMAL_LAWS
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.units import AnyUnits
 
-# The laws differ in the effect of the overlap on the shear force (docs/choosing-a-shear-law.md). "rescaled" is
+# The laws differ in the effect of the overlap on the shear force (docs/contact-laws.md). "rescaled" is
 # "secant" with a shear displacement that shrinks with the contact radius on unloading.
 _MINDLIN = {"secant": "mindlin", "incremental": "mindlin/force", "rescaled": "mindlin_rescale"}
 TANGENTIAL_LAWS = (*_MINDLIN, "none")
@@ -83,7 +83,7 @@ def model(
 
     Notes
     -----
-    *Good values*: see docs/choosing-a-shear-law.md for `shear`. The law breaks down when the overlap is no longer small
+    *Good values*: see docs/contact-laws.md for `shear`. The law breaks down when the overlap is no longer small
     (`granular_lmp.crystal.scale.LARGEST_OVERLAP_RATIO`).
 
     https://docs.lammps.org/pair_granular.html
