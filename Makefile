@@ -10,7 +10,7 @@
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make types (the type checker alone),
 # make processors (the tests that depend on last digits, as on other processors; make test runs them there only),
-# make stability (hard cases, and more members of what make test claims, a few minutes: docs/stability.md),
+# make stability (hard cases, and more members of what make test claims, a few minutes: docs/verification.md),
 # make guards (how often a guard is wrong, of 261 random scenes, ten minutes: docs/verification.md),
 # make ladders (how often a tolerance is missed, of 168 random scenes, and its cost, ten minutes: docs/verification.md),
 # make mutants (each change of the source that a line of the verification manual names fails its test, five minutes:

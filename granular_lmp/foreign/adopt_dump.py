@@ -19,7 +19,7 @@ from granular_lmp.foreign.laws import Law
 from granular_lmp.foreign.reading import Spheres
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.binary_dump import binary_head, binary_snapshots
-from granular_lmp.lammps.custom_dump import PLACES, Frame, Say, frames
+from granular_lmp.lammps.custom_dump import PLACES, Frame, Say, enclosing, frames
 from granular_lmp.lammps.outputs import UNNAMED, SnapshotPlace, keep_latest, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
@@ -259,12 +259,13 @@ class _Reading:
         if lacking:
             raise RunFolderError(f"step {frame.step}: lacks the column {lacking[0]}, which earlier snapshots have")
         numbers = np.stack([table[name] for name in self.names], axis=1)
-        bounds = np.stack([frame.origin, frame.origin + np.diag(frame.cell)], axis=1)
+        bounds, tilt = enclosing(frame.origin, frame.cell)
         time = None if frame.time is None else float(units.si(frame.time, time=1))
         faces = [0 if each else 1 for each in frame.periodic]
         style = "lj" if units.style == "lj" else "si"
-        bounds = units.si(bounds, length=1)
-        stream.write(binary_head(frame.step, self.names, len(numbers), faces, bounds, units=style, time=time))
+        bounds, tilt = units.si(bounds, length=1), units.si(tilt, length=1) if tilt.any() else None
+        head = binary_head(frame.step, self.names, len(numbers), faces, bounds, tilt=tilt, units=style, time=time)
+        stream.write(head)
         stream.write(numbers.tobytes())
 
     def begin(self, frame: Frame) -> None:

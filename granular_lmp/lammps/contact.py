@@ -83,7 +83,7 @@ def model(
 
     Notes
     -----
-    *Good values*: see the page Shear laws for `shear`. The law breaks down when the overlap is no longer small
+    *Good values*: see the page Contact laws for `shear`. The law breaks down when the overlap is no longer small
     (`granular_lmp.crystal.scale.LARGEST_OVERLAP_RATIO`).
 
     https://docs.lammps.org/pair_granular.html

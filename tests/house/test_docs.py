@@ -28,7 +28,7 @@ from granular_lmp.scene.shipped import SHIPPED
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "RELEASING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES += sorted((ROOT / "analysis" / "cases").glob("*/README.md"))
-FORMULA_ERRORS = ROOT / "docs" / "formula-errors.md"
+THEORY = ROOT / "docs" / "theory.md"
 CODE = re.compile(r"^```[^\n]*\n.*?^```[ \t]*$", re.MULTILINE | re.DOTALL)
 
 
@@ -398,7 +398,7 @@ def half_unit(entry: str) -> float:
 
 @pytest.mark.parametrize("wave", WAVES)
 def test_errors_of_the_formulas_on_their_page_are_measured(wave: str) -> None:
-    table = error_table(FORMULA_ERRORS.read_text("utf-8"))
+    table = error_table(THEORY.read_text("utf-8"))
     assert {label for _, label in table} == set(WAVES)
     shown = {formula: cell for (formula, label), cell in table.items() if label == wave}
     assert shown.keys() == measured_errors(wave).keys()
