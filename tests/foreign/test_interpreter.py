@@ -1,13 +1,16 @@
 """How decks of any origin are read: LAMMPS's own flow of commands, files, and what is refused."""
 
+import signal
+import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from granular_lmp.cli.entry import main
 from granular_lmp.errors import DeckError
-from granular_lmp.foreign import interpreter
+from granular_lmp.foreign import apart, interpreter
 from granular_lmp.foreign.apart import read_apart
 from granular_lmp.foreign.interpreter import lines_of, split
 from granular_lmp.foreign.lint import lint
@@ -181,8 +184,38 @@ def test_a_deck_that_brings_lammps_down_is_told_by_its_name(tmp_path: Path, monk
     (tmp_path / "in.deck").write_text(CHAIN)
     assert len(read_apart(tmp_path / "in.deck").stages) == 1
     monkeypatch.setattr(sys, "executable", "/bin/false")
-    with pytest.raises(DeckError, match="in.deck: LAMMPS died"):
+    with pytest.raises(DeckError, match="in.deck: LAMMPS died at the deck: 1"):
         read_apart(tmp_path / "in.deck")
+
+
+@pytest.mark.parametrize(
+    ("end", "said"),
+    [
+        (-signal.SIGSEGV, "LAMMPS died at 'in.deck:3: units si': Segmentation fault"),
+        (-signal.SIGXCPU, "LAMMPS did not finish 'in.deck:3: units si' in 300 s"),
+        (None, "LAMMPS did not finish 'in.deck:3: units si' in 300 s"),
+    ],
+)
+def test_a_command_at_which_lammps_ends_or_hangs_is_told(
+    end: int | None, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(command: list[str], **options: Any) -> Any:
+        """End as a process in which LAMMPS is at the third line."""
+        Path(command[-1]).with_suffix(apart.AT).write_text("in.deck:3: units si")
+        if end is None:
+            raise subprocess.TimeoutExpired(command, options["timeout"])
+        return subprocess.CompletedProcess(command, end, "", "")
+
+    monkeypatch.setattr(subprocess, "run", run)
+    with pytest.raises(DeckError, match=f"in.deck: {said}"):
+        read_apart(tmp_path / "in.deck")
+
+
+def test_the_command_at_which_a_process_is_stands_in_its_file(tmp_path: Path) -> None:
+    told: list[str] = []
+    (tmp_path / "in.deck").write_text(CHAIN)
+    read(tmp_path / "in.deck", tell=lambda command: told.append(str(command)))
+    assert (told[0], told[-1]) == ("units si", "run 5000")
 
 
 def test_the_command_says_what_it_could_not_judge(
