@@ -15,6 +15,7 @@ from granular_lmp.foreign.apart import read_apart
 from granular_lmp.foreign.interpreter import lines_of, split
 from granular_lmp.foreign.lint import lint
 from granular_lmp.foreign.reading import Reading, read
+from granular_lmp.foreign.vibrations import contacts_of
 from tests.foreign.decks import CHAIN, SHEET
 
 BEGIN = """units lj
@@ -171,6 +172,12 @@ def test_the_longest_step_of_all_long_runs_is_judged(tmp_path: Path) -> None:
     ((check, finding),) = lint(reading)
     assert check.name == "time-step"
     assert str(finding.command) == "timestep 3.0e-6"
+
+
+def test_a_negative_stiffness_is_not_judged(tmp_path: Path) -> None:
+    reading = of(tmp_path, SHEET.replace("mindlin NULL 0.0 1.0", "mindlin -1 0.0 1.0"))
+    assert contacts_of(reading) is None
+    assert not lint(reading)
 
 
 def test_only_the_first_step_of_a_long_run_is_computed(tmp_path: Path) -> None:
