@@ -289,6 +289,24 @@ def test_a_first_page_begins_with_the_installation(page: str) -> None:
     assert first[1].strip() == "pip install ."
 
 
+@pytest.mark.parametrize("page", ["README.md", "docs/index.md", "docs/tutorial.md", "the help"])
+def test_the_first_command_is_one_everywhere(page: str) -> None:
+    text = parser().format_help() if page == "the help" else (ROOT / page).read_text("utf-8")
+    first = re.search(r"granular-lmp (?:run|list|init|check|sweep) [^#.`]*[^#.`\s]", text)
+    assert first is not None
+    assert " ".join(first[0].split()) == "granular-lmp run tr_resonant -o runs/first"
+
+
+def test_the_ten_lines_of_the_readme_are_the_scene_of_the_first_command(tmp_path: Path) -> None:
+    block = re.search(r"```toml[^\n]*\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    assert block is not None
+    assert len(re.findall(r"^\w+ =", block[1], re.MULTILINE)) <= 10
+    (tmp_path / "first.toml").write_text(block[1], encoding="utf-8")
+    own, shipped = (Scene.load(each).to_dict() for each in (tmp_path / "first.toml", "tr_resonant"))
+    differ = {table for table in own if own[table] != shipped[table]}
+    assert differ == {"name", "description", "packing"}  # whose rows are as many as the duration needs, or 201
+
+
 def test_every_command_of_a_page_is_one_that_the_programs_take() -> None:
     assert on_pages(refused_commands) == {}
 
