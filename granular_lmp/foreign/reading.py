@@ -6,7 +6,7 @@ bring down the process, so that commands read it by `granular_lmp.foreign.apart`
 
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir
 from pathlib import Path
 from typing import Any
@@ -199,7 +199,9 @@ def start_of(stages: Sequence[Stage]) -> Stage | None:
     return next(long, stages[-1] if stages else None)
 
 
-def read(deck: str | Path, variables: Mapping[str, str] | None = None) -> Reading:
+def read(
+    deck: str | Path, variables: Mapping[str, str] | None = None, tell: Callable[[Command], object] | None = None
+) -> Reading:
     """Return what LAMMPS says of a deck, up to the forces at the beginning of each of its runs.
 
     Parameters
@@ -208,6 +210,8 @@ def read(deck: str | Path, variables: Mapping[str, str] | None = None) -> Readin
         The deck, as ``lmp -in`` takes it.
     variables : mapping of str to str, optional
         Values of its index variables, as ``lmp -var`` takes them.
+    tell : callable, optional
+        Called with each command before LAMMPS executes it.
 
     Raises
     ------
@@ -223,15 +227,15 @@ def read(deck: str | Path, variables: Mapping[str, str] | None = None) -> Readin
     with tempfile.TemporaryDirectory(prefix="granular-lmp-") as folder, chdir(folder):
         lmp = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite", *given])
         try:
-            return _read(lmp, path)
+            return _read(lmp, path, tell)
         finally:
             lmp.close()
 
 
-def _read(lmp: Any, path: Path) -> Reading:
+def _read(lmp: Any, path: Path, tell: Callable[[Command], object] | None) -> Reading:
     stages: list[Stage] = []
     found: dict[str, Any] = {"spheres": None, "pairs": None, "recorded": None}
-    deck = Interpreter(lmp, path, lambda command, steps: _run(deck, command, steps, stages, found))
+    deck = Interpreter(lmp, path, lambda command, steps: _run(deck, command, steps, stages, found), tell)
     stopped = ""
     try:
         deck.read()
