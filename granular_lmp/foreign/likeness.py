@@ -6,7 +6,10 @@ built for it, so that an error in the reading of either shows.
 
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
+from math import isclose
 from pathlib import Path
+from typing import Any
 
 import ase
 import numpy as np
@@ -14,6 +17,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import SceneError
 from granular_lmp.foreign.indexing import Indexed
+from granular_lmp.foreign.outside import Outside, outside_of
 from granular_lmp.foreign.reading import Reading, Spheres, read
 from granular_lmp.foreign.vibrations import effective_radius
 from granular_lmp.frozen import dataclass
@@ -32,6 +36,7 @@ _FORCE = 0.01  # of the largest force on a sphere that moves
 _FAINT = 1e-4  # of the unit of forces: a largest force below is rounding
 _TOUCHING = 1e-8  # overlap over the radius: contacts of less just touch, and rounding parts them
 _SHALLOW = 1e-4  # overlap over the radius at which laws are compared
+_OF_WALL = ("normal", "young", "poisson", "gamma", "friction", "damping_law", "damping", "viscosity")
 _ZERO = np.finfo(float).tiny
 
 
@@ -81,8 +86,10 @@ class Likeness:
         ]
 
 
-def likeness(reading: Reading, spheres: Spheres, scene: Scene, indexed: Indexed) -> Likeness:
+def likeness(reading: Reading, spheres: Spheres, scene: Scene, indexed: Indexed, outside: Outside) -> Likeness:
     """Return the differences of a scene from a foreign deck whose spheres, in SI units, have places in its lattice.
+
+    `outside` is what acts on the spheres of the deck beside their contacts.
 
     Raises
     ------
@@ -118,6 +125,7 @@ def likeness(reading: Reading, spheres: Spheres, scene: Scene, indexed: Indexed)
     # Places that spread push spheres that are struck: what counts is the force that stops them in a unit of time
     struck = 0.0 if scene.form.fills else speed * scale.mass / scale.time
     largest = max(float(np.abs(spheres.force[spheres.moves]).max()), _FAINT * unit, struck)
+    _refuse_walls(_planes(outside, reading, spheres, indexed.turn), _planes_of(own, of_mine, problem), scene)
     contacts, normal, shear = _stiffnesses(reading, own, indexed, problem, order)
     found = Likeness(
         float(distance.max()),
@@ -162,6 +170,57 @@ def _unlike(reading: Reading, spheres: Spheres, own: Reading, of_mine: Callable[
     steps = of_mine(np.full(len(mass), own.start.timestep), 0, 0, 1)[:1] / step
     ratios = np.concatenate([radius / spheres.radius, mass / spheres.mass, steps])
     return float(np.abs(ratios - 1).max())
+
+
+Planes = list[tuple[int, int, float, dict[str, Any]]]
+
+
+def _planes(outside: Outside, reading: Reading, spheres: Spheres, turn: Floats) -> Planes:
+    """Return the walls of a deck along the axes of a scene: axis, side, distance from the spheres in m, and law."""
+    units, found = STYLES[reading.units], []
+    for wall in outside.walls:
+        way = turn[:, wall.axis] * wall.side
+        axis = int(np.argmax(np.abs(way)))
+        surface = (wall.side * spheres.position[:, wall.axis] + spheres.radius).max()
+        away = float(wall.side * units.si(wall.place, length=1) - surface)
+        found.append((axis, int(way[axis]), away, wall.law.in_si(units)))
+    return sorted(found, key=lambda each: each[:2])
+
+
+def _planes_of(own: Reading, of_mine: Callable[..., Floats], problem: Problem) -> Planes:
+    """Return the same of the deck of a scene, whose units may be its own."""
+    mine, units = own.spheres, problem.units
+    assert mine is not None
+    place, radius, found = of_mine(mine.position, 0, 1, 0), of_mine(mine.radius, 0, 1, 0), []
+    for wall in outside_of(own).walls:
+        law, axis = wall.law, wall.axis
+        away = wall.side * wall.place / units.number(1.0, length=1) - (wall.side * place[:, axis] + radius).max()
+        sized = replace(
+            law,
+            young=law.young / units.number(1.0, mass=1, length=-1, time=-2),
+            gamma=law.gamma / units.number(1.0, mass=1, time=-2),
+            damping=law.damping / (units.number(1.0, mass=1, time=-1) if law.damping_law == "velocity" else 1.0),
+        )
+        found.append((axis, wall.side, float(away), sized.in_si(STYLES["si"])))
+    return sorted(found, key=lambda each: each[:2])
+
+
+def _refuse_walls(theirs: Planes, ours: Planes, scene: Scene) -> None:
+    """Refuse a scene whose walls stand elsewhere, or have another law."""
+    if [each[:2] for each in theirs] != [each[:2] for each in ours]:
+        raise SceneError(f"the deck has {len(theirs)} walls, and the nearest scene {len(ours)}")
+    for (axis, _, away, law), (_, _, own, ours_law) in zip(theirs, ours, strict=True):
+        if abs(away - own) > _PLACE * (scene.sphere.static_overlap or scene.scale.length):
+            raise SceneError(
+                f"a wall stands {away:.3g} m beyond the spheres along {'xyz'[axis]}, and in a scene {own:.3g} m"
+            )
+        for name in _OF_WALL:
+            one, other = law[name], ours_law[name]
+            if one != other and not (isinstance(one, float) and isclose(one, other, rel_tol=_MOTION)):
+                raise SceneError(
+                    f"a wall has {name} {one}, and {other} in a scene, whose walls are rigid: twice the Young's "
+                    "modulus of the spheres, and their law"
+                )
 
 
 def _refuse(found: Likeness, scene: Scene) -> None:

@@ -58,9 +58,8 @@ class Spheres:
     id, type : (N,) arrays.
     radius, mass : (N,) arrays.
     position, velocity, spin, force, torque : (N, 3) arrays; forces and torques hold those of all fixes too.
-    moves : (N,) array; whether an integrator moves the sphere: one at rest stays where a fix takes its forces away.
+    moves : (N,) array; whether an integrator moves the sphere.
     turns : (N,) array; whether it turns the sphere.
-    guided : (N,) array; whether a fix sets a force on the sphere that an integrator moves.
     """
 
     id: Integers
@@ -74,7 +73,6 @@ class Spheres:
     torque: Floats
     moves: NDArray[np.bool_]
     turns: NDArray[np.bool_]
-    guided: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -358,39 +356,25 @@ def _spheres(lmp: Any, fixes: tuple[Command, ...]) -> Spheres:
     types, mass, radius = each("type"), each("rmass"), each("radius")
     if mass is None:
         mass = np.array(lmp.numpy.extract_atom("mass"))[types]
-    moves, turns, stays, guided = np.zeros((4, len(types)), dtype=bool)
-    velocity = each("v")
+    moves, turns = np.zeros(len(types), dtype=bool), np.zeros(len(types), dtype=bool)
     for fix in fixes:
         if fix.words[3].startswith(("nve", "nvt", "npt", "nph", "rigid", "move")):
             members = _members(lmp, fix.words[2])
             moves |= members & (fix.words[3] != "nve/noforce")
             turns |= members & ("sphere" in fix.words[3])
-        elif fix.words[3] in ("setforce", "freeze"):
-            members = _members(lmp, fix.words[2])
-            at_rest = ~velocity.any(axis=1) & (fix.words[3] == "freeze" or _all_zero(fix.words[4:7]))
-            stays |= members & at_rest
-            if fix.words[4:6] != ("NULL", "NULL"):  # which holds a sheet in its plane
-                guided |= members & ~at_rest
-    moves &= ~stays
-    guided &= moves
     return Spheres(
         id=each("id").astype(np.int64),
         type=types.astype(np.int64),
         radius=np.zeros(len(types)) if radius is None else radius,
         mass=mass,
         position=each("x"),
-        velocity=velocity,
+        velocity=each("v"),
         spin=np.zeros((len(types), 3)) if (spin := each("omega")) is None else spin,
         force=each("f"),
         torque=np.zeros((len(types), 3)) if (torque := each("torque")) is None else torque,
         moves=moves,
         turns=turns,
-        guided=guided,
     )
-
-
-def _all_zero(words: Sequence[str]) -> bool:
-    return all(re.fullmatch(r"[-+]?0*\.?0*", word) for word in words)
 
 
 def _members(lmp: Any, group: str) -> NDArray[np.bool_]:

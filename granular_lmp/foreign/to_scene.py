@@ -7,13 +7,14 @@ by contact.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattice import CHAIN
-from granular_lmp.crystal.lattices import FREE, HELD, PERIODIC
+from granular_lmp.crystal.lattices import FREE, HELD, PERIODIC, WALL
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.sphere_table import SITE, SphereTable
 from granular_lmp.errors import GranularError, SceneError
@@ -22,6 +23,7 @@ from granular_lmp.foreign.begun import Motion, begins
 from granular_lmp.foreign.indexing import Indexed, index, neighbours
 from granular_lmp.foreign.laws import Law
 from granular_lmp.foreign.likeness import Likeness, likeness
+from granular_lmp.foreign.outside import Outside
 from granular_lmp.foreign.reading import Reading, Spheres, Stage
 from granular_lmp.frozen import dataclass
 from granular_lmp.rest.scene import Scene
@@ -29,14 +31,6 @@ from granular_lmp.units import STYLES, Units
 
 Floats = NDArray[np.float64]
 
-# Fixes that a scene has, or that act on no sphere that moves; setforce and freeze are judged by the spheres they hold
-_SAID = ("nve", "nve/sphere", "enforce2d", "setforce", "freeze", "addforce", "gravity")
-_SILENT = ("property/atom", "print", "halt", "balance", "vector", "ave/", "store/", "neigh/history")
-# Commands that change nothing of what is simulated
-_WITHOUT_EFFECT = (
-    *("run", "dump", "dump_modify", "undump", "restart", "thermo", "thermo_style", "thermo_modify"),
-    *("print", "log", "echo", "info", "variable", "write_data", "write_dump", "write_restart"),
-)
 _SHEARED = {"mindlin": "secant", "mindlin/force": "incremental", "mindlin_rescale": "rescaled"}
 _MATERIAL = ("hertz/material", "dmt", "jkr")
 _PARTS = ("tangential", "damping", "rolling", "twisting", "none")  # words of a law, beside its numbers
@@ -87,7 +81,7 @@ def scene_of(reading: Reading, known: Known, name: str, sample: float) -> Descri
     SceneError
         If no scene describes the crystal; the text says why.
     """
-    spheres, units = _whole(reading, known), STYLES[reading.units]
+    spheres, units = _whole(reading, known.outside), STYLES[reading.units]
     law = _one_law(reading, spheres)
     si = _in_si(spheres, units)
     cell = np.diag(units.si(np.subtract(reading.high, reading.low), length=1))
@@ -120,17 +114,19 @@ def _described(
     failed: GranularError | None = None
     periodic = (np.abs(indexed.turn) @ np.array(reading.periodic) > 0).tolist()
     for sphere, load, touching in _spheres(spheres, law, indexed, units, periodic=periodic[1]):
-        packing = _packing(spheres, indexed, reading, load)
-        _refuse_pushes(known, indexed, packing)
+        packing = _packing(spheres, indexed, reading, load, _walls(known.outside, indexed))
+        _refuse_pushes(known.outside, indexed, packing)
         tables: dict[str, Any] = {"sphere": _given(sphere), "packing": packing}
         tables |= _differing(spheres, indexed, sphere)
         if touching and sphere.work_of_adhesion:
             tables["start"] = {"touching": True}
+        effects = partial(_effects, law, spheres, known.outside, units, indexed)
         try:
-            for more in begins(tables, motion, lambda held: _effects(law, spheres, units, indexed, held=held), times):
+            for more in begins(tables, motion, effects, times):
                 scene = Scene.from_dict(more, name)
                 try:
-                    return Described(scene, indexed, likeness(reading, spheres, scene, indexed), tuple(unsaid))
+                    like = likeness(reading, spheres, scene, indexed, known.outside)
+                    return Described(scene, indexed, like, tuple(unsaid))
                 except GranularError as error:
                     failed = error
         except GranularError as error:
@@ -146,42 +142,26 @@ def _start_of(reading: Reading) -> Stage:
     return reading.start
 
 
-def _whole(reading: Reading, known: Known) -> Spheres:
+def _whole(reading: Reading, outside: Outside) -> Spheres:
     """Return the spheres of a deck; refuse what acts on them beside the contacts and is no key of a scene."""
-    start, spheres = reading.start, reading.spheres
-    if start is None or spheres is None or reading.pairs is None:
+    start, spheres, recorded = reading.start, reading.spheres, reading.recorded
+    if start is None or spheres is None or reading.pairs is None or recorded is None:
         raise SceneError("the deck has no spheres at the beginning of its first long run")
-    if not start.exact:
-        raise SceneError("a run or a minimization comes before its first long one, and is not executed here")
+    if not start.exact or outside.history or recorded.stage is not start:
+        raise SceneError("a run or a minimization comes before the one that is recorded, and is not executed here")
     if reading.units not in STYLES or reading.units == "lj":
         raise SceneError(f"units {reading.units}: a scene is in SI units")
-    _refuse_stages(reading, start)
-    for fix in start.fixes:
-        words = fix.words
-        if words[3] in ("nve", "nve/sphere") and set(words[4:]) - {"update", "dipole"}:
-            raise SceneError(f"'{fix}': no key of a scene says {' '.join(words[4:])}")
-        if words[3] not in _SAID and not words[3].startswith(_SILENT):
-            raise SceneError(f"'{fix}': no key of a scene says what it does")
-    if known.acting:
-        raise SceneError(f"'{known.acting[0]}': no key of a scene says what it does")
-    if spheres.guided.any():
-        raise SceneError("a fix sets the forces on spheres that move, which no key of a scene says")
-    if spheres.velocity[~spheres.moves].any() or spheres.spin[~spheres.moves].any():
-        raise SceneError("spheres have velocities that no fix integrates")
-    if not spheres.moves.any():
-        raise SceneError("no fix moves a sphere")
-    return spheres
-
-
-def _refuse_stages(reading: Reading, start: Stage) -> None:
-    """Refuse commands between the first long run and the last that change what is simulated."""
-    first, last = (
-        next(n for n, command in enumerate(reading.commands) if command is stage.command)
-        for stage in (start, reading.stages[-1])
-    )
-    for command in reading.commands[first:last]:
-        if command.name not in _WITHOUT_EFFECT:
-            raise SceneError(f"'{command}' stands between two runs, and a scene describes one run")
+    resets = [str(fix) for fix in start.fixes if fix.words[3].startswith("dt/reset")]
+    for said in (*outside.others, *resets):
+        raise SceneError(f"'{said}': no key of a scene says what it does")
+    if outside.motions:
+        raise SceneError(f"a fix moves sphere {outside.motions[0].spheres[0]}; say it by a [[source]]")
+    if outside.discs:
+        raise SceneError("discs: the spheres of a scene have the moment of inertia of spheres")
+    moves = ~np.isin(spheres.id, outside.held)
+    if spheres.velocity[~moves].any() or spheres.spin[~moves].any():
+        raise SceneError("spheres that no force moves have velocities")
+    return replace(spheres, moves=moves, turns=moves & outside.rotation)
 
 
 def _in_si(spheres: Spheres, units: Units) -> Spheres:
@@ -323,7 +303,25 @@ def _given(sphere: Sphere) -> dict[str, Any]:
     return table
 
 
-def _packing(spheres: Spheres, indexed: Indexed, reading: Reading, load: Mapping[str, Any]) -> dict[str, Any]:
+def _walls(outside: Outside, indexed: Indexed) -> list[str]:
+    """Return the faces of a crystal at which planes stand; their places and laws are compared later."""
+    names = {(1, -1): "first", (1, 1): "last", (0, -1): "sides", (0, 1): "sides"}
+    found = []
+    for wall in outside.walls:
+        way = indexed.turn[:, wall.axis] * wall.side
+        axis = int(np.argmax(np.abs(way)))
+        face = names.get((axis, int(way[axis])))
+        if face is None:
+            raise SceneError("a plane stands beside the layers of the crystal; say it by a [substrate]")
+        found.append(face)
+    if found.count("sides") == 1:
+        raise SceneError("a plane stands at one side of the crystal; a scene has walls at both sides or none")
+    return found
+
+
+def _packing(
+    spheres: Spheres, indexed: Indexed, reading: Reading, load: Mapping[str, Any], walls: Sequence[str]
+) -> dict[str, Any]:
     """Return the table ``[packing]``: size and faces, which hold just the spheres that no fix moves."""
     lattice, (rows, columns, layers) = indexed.lattice, indexed.shape
     name, _, orientation = lattice.name.partition(" ")
@@ -338,7 +336,7 @@ def _packing(spheres: Spheres, indexed: Indexed, reading: Reading, load: Mapping
         if not periodic[0]:
             faces.append(("sides", (indexed.column == 0) | (indexed.column == columns - 1)))
     for face, there in faces:
-        table[face] = HELD if held[there].all() else FREE
+        table[face] = HELD if held[there].all() else WALL if face in walls else FREE
         expected |= there & (table[face] == HELD)
     if not np.array_equal(held, expected):
         odd = int(spheres.id[held != expected][0])
@@ -351,9 +349,9 @@ def _packing(spheres: Spheres, indexed: Indexed, reading: Reading, load: Mapping
     return {**table, **load}
 
 
-def _refuse_pushes(known: Known, indexed: Indexed, packing: Mapping[str, Any]) -> None:
+def _refuse_pushes(outside: Outside, indexed: Indexed, packing: Mapping[str, Any]) -> None:
     """Refuse constant forces but those that press the free ends of a chain; their size is compared later."""
-    numbers, rows = [*known.pushes], indexed.shape[0]
+    numbers, rows = [*outside.pushes], indexed.shape[0]
     if not numbers:
         return
     ends = [face for face in ("first", "last") if packing.get(face) == FREE]
@@ -387,12 +385,11 @@ def _differing(spheres: Spheres, indexed: Indexed, sphere: Sphere) -> dict[str, 
     return tables
 
 
-def _effects(law: Law, spheres: Spheres, units: Units, indexed: Indexed, *, held: bool) -> dict[str, Any]:
+def _effects(
+    law: Law, spheres: Spheres, outside: Outside, units: Units, indexed: Indexed, *, held: bool
+) -> dict[str, Any]:
     """Return the table ``[effects]`` of a law, and ``[contact]`` for a shear stiffness that was measured."""
-    moving = spheres.moves
-    turns = bool(spheres.turns[moving].all())
-    if not turns and spheres.turns[moving].any():
-        raise SceneError("some spheres turn and others do not (fix nve/sphere beside fix nve)")
+    turns = bool(spheres.turns.any())
     sheared = law.has_history and law.friction > 0
     effects: dict[str, Any] = {}
     if sheared and (held or indexed.lattice.sheet):
@@ -407,6 +404,8 @@ def _effects(law: Law, spheres: Spheres, units: Units, indexed: Indexed, *, held
         effects["viscosity"] = float(units.si(law.damping, mass=1, time=-1))
     if law.damping_law == "coeff_restitution":
         effects["restitution"] = law.damping
+    if law.damping_law == "coeff_restitution" and len(outside.frozen) < np.count_nonzero(~spheres.moves):
+        raise SceneError("held spheres are not frozen (fix freeze), so that dashpots take them for light ones")
     if (law.damping or law.damping_law == "coeff_restitution") and sheared:
         if held and law.shear_damping != 1:
             raise SceneError(f"tangential damping {law.shear_damping:g}: must be 1 in a crystal that is held at rest")

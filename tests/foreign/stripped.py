@@ -79,6 +79,15 @@ def stripped(
         )
         for n, (sphere, force) in enumerate(problem.rest.loads.items())
     ]
+    walls = []
+    for name, at in problem.rest.planes.items():
+        axis, side = "xyz".index(name[0]), 1 if name.endswith("hi") else -1
+        way = turn[:, axis] * side
+        along = int(np.argmax(np.abs(way)))
+        faced = repr(float(way[along] * side * style.number(at * scene.sphere.radius + shift[axis], length=1)))
+        faces_of = f"{faced} NULL" if way[along] < 0 else f"NULL {faced}"
+        rigid = law(scene.with_values({"sphere.youngs_modulus": 2 * scene.sphere.youngs_modulus}), units)
+        walls.append(f"fix {name} all wall/gran granular {rigid} {'xyz'[along]}plane {faces_of}")
     kind = "nve/sphere" if problem.on["rotation"] else "nve"
     step = style.number(float(own.start.timestep) / mine.number(1.0, time=1), time=1) if own.start else 0.0
     text = [
@@ -96,6 +105,8 @@ def stripped(
         "group free subtract all held",
         *(["fix plane all enforce2d"] if flat else []),
         *loads,
+        *walls,
+        *(["fix still held freeze"] if scene.effects.restitution < 1 else []),
         f"fix move free {kind}",
         f"timestep {step!r}",
         *([more] if more else []),
