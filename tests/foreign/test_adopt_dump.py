@@ -3,6 +3,7 @@
 import gzip
 import tracemalloc
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -194,6 +195,12 @@ def test_dumps_of_one_run_are_joined_by_step_and_number(folder: Path, best: Unna
     np.testing.assert_array_equal(found.stack("place"), best.stack("place"))
 
 
+def test_dumps_that_begin_at_one_step_are_of_two_runs(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "again").write_bytes((folder / "dump unwrapped").read_bytes())
+    with pytest.raises(RunFolderError, match="again: begins at step 0, as dump unwrapped does; dumps of one run"):
+        adopt_dump([folder / "dump unwrapped", tmp_path / "again"], tmp_path / "run", KNOWN)
+
+
 def test_spheres_that_come_or_go_are_said_and_left_out(tmp_path: Path) -> None:
     snapshots = [(0, [1, 2, 3]), (10, [3, 1]), (20, [4, 1, 3])]
     text = "".join(
@@ -220,7 +227,8 @@ def test_places_are_followed_across_a_face_by_least_images(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("style", "length", "time"), [("si", 1.0, 1.0), ("cgs", 1e-2, 1.0), ("micro", 1e-6, 1e-6), ("nano", 1e-9, 1e-9)]
+    ("style", "length", "time"),
+    [("si", 1.0, 1.0), ("cgs", 1e-2, 1.0), ("micro", 1e-6, 1e-6), ("nano", 1e-9, 1e-9), ("lj", 1.0, 1.0)],
 )
 def test_a_record_is_in_si_units_whatever_the_style(style: str, length: float, time: float, tmp_path: Path) -> None:
     text = "".join(PLAIN.format(step, 1, "id x y z vx vy vz") + "1 0.25 0 0 3 0 0\n" for step in (0, 10))
@@ -229,7 +237,9 @@ def test_a_record_is_in_si_units_whatever_the_style(style: str, length: float, t
     assert found.rest[0, 0] == pytest.approx(0.25 * length, rel=1e-14)
     assert found.time[1] == pytest.approx(5 * time, rel=1e-14)
     assert found[0].velocity[0, 0] == pytest.approx(3 * length / time, rel=1e-14)
-    density = {"si": 2.0, "cgs": 2e3, "micro": 2e3, "nano": 2e6}[style]  # g/cm³, pg/µm³, ag/nm³
+    density = {"si": 2.0, "lj": 2.0, "cgs": 2e3, "micro": 2e3, "nano": 2e6}[style]  # g/cm³, pg/µm³, ag/nm³
+    assert found.in_si == (style != "lj")
+    assert [*found.si][:3] == (["t", "id", "x"] if style == "lj" else ["t_s", "id", "x_m"])
     assert found.mass[0] == pytest.approx(density * 4 / 3 * np.pi * (0.1 * length) ** 3, rel=1e-13)
 
 
@@ -242,6 +252,8 @@ REFUSED = {
     "holds no places": ("id vx vy vz", "1 0 0 0", KNOWN),
     "step 0: y of sphere 1 is not finite": ("id x y z", "1 0 nan 0", KNOWN),
     "holds molecules": ("id mol x y z", "1 4 0 0 0", KNOWN),
+    "density = 7780: the dump says 239926 at step 0; leave out density": ("id mass x y z", "1 1.005 0 0 0", KNOWN),
+    "radius = 0.01: the dump says 0.0101 at step 0; leave out radius": ("id radius x y z", "1 0.0101 0 0 0", KNOWN),
     "step 0: .*could not convert string 'no'": ("id x y z", "1 no 0 0", KNOWN),
 }
 
@@ -261,13 +273,17 @@ def test_what_is_not_known_is_asked_for_by_name(name: str, tmp_path: Path) -> No
         ("ITEM: TIMESTEP\n0\nITEM: NUMBER OF ENTRIES\n1\n", "local dump"),
         ("units si\nrun 1\n", "line 'units si', expected ITEM"),
         ("", "holds no whole snapshot"),
+        (
+            "ITEM: UNITS\nreal\n" + PLAIN.format(0, 1, "id x y z") + "1 0 0 0\n",
+            "the dump says units real: must be one of si, cgs",
+        ),
         (PLAIN.format(0, 2, "id x y z") + "1 0 0 0\n1 1 0 0\n", "have the same id"),
     ],
 )
 def test_what_is_no_dump_of_spheres_is_refused(text: str, why: str, tmp_path: Path) -> None:
     (tmp_path / "dump").write_text(text)
     with pytest.raises(RunFolderError, match=why):
-        adopt_dump([tmp_path / "dump"], tmp_path / "run", KNOWN)
+        adopt_dump([tmp_path / "dump"], tmp_path / "run", replace(KNOWN, units=None if "real" in text else "si"))
 
 
 def test_a_run_does_not_take_the_place_of_its_dumps(tmp_path: Path) -> None:
@@ -305,8 +321,9 @@ def test_contacts_in_a_box_that_deforms_are_refused(tmp_path: Path) -> None:
 
 
 def test_values_out_of_range_are_refused() -> None:
-    with pytest.raises(RunFolderError, match="units = 'metal': allowed: si, cgs"):
-        Known("metal")
+    for style in ("metal", "real", "electron"):
+        with pytest.raises(RunFolderError, match=f"units = '{style}': allowed: si, cgs"):
+            Known(style)
     with pytest.raises(RunFolderError, match="radius = -1.0: must be a number above 0"):
         Known("si", 1.0, [0.1, -1.0])
 
