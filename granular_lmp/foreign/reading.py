@@ -57,7 +57,7 @@ class Spheres:
     ----------
     id, type : (N,) arrays.
     radius, mass : (N,) arrays.
-    position, velocity, force, torque : (N, 3) arrays; forces and torques hold those of all fixes too.
+    position, velocity, spin, force, torque : (N, 3) arrays; forces and torques hold those of all fixes too.
     moves : (N,) array; whether an integrator moves the sphere.
     turns : (N,) array; whether it turns the sphere.
     """
@@ -68,6 +68,7 @@ class Spheres:
     mass: Floats
     position: Floats
     velocity: Floats
+    spin: Floats
     force: Floats
     torque: Floats
     moves: NDArray[np.bool_]
@@ -368,6 +369,7 @@ def _spheres(lmp: Any, fixes: tuple[Command, ...]) -> Spheres:
         mass=mass,
         position=each("x"),
         velocity=each("v"),
+        spin=np.zeros((len(types), 3)) if (spin := each("omega")) is None else spin,
         force=each("f"),
         torque=np.zeros((len(types), 3)) if (torque := each("torque")) is None else torque,
         moves=moves,
