@@ -24,7 +24,7 @@ def contact_columns(scene: Scene) -> tuple[str, ...]:
 
     They are both spheres; the normal force, repulsive above 0; the tangential force on the first sphere; the vector
     from the second to the first, which needs every digit of a position, as an overlap is the last ones; and where
-    contacts resist rolling the force whose moment is the torque of the roll, the same for both.
+    contacts resist rolling the force whose moment is the rolling torque, the same for both.
     """
     axes = "xyz"[: scene.space]
     tangential, rolling = (tuple(f"{name}_{axis}" for axis in axes) for name in ("tangential", "rolling"))

@@ -55,7 +55,7 @@ def writable(folder: Path) -> Iterator[None]:
         yield
     except FileExistsError as error:
         advice = f"choose another folder or say force=True{advice_to_ranks()}"
-        raise RunFolderError(f"{folder}: is there already; {advice}") from error
+        raise RunFolderError(f"{folder}: exists already; {advice}") from error
     except OSError as error:
         raise RunFolderError(f"{folder}: cannot be written: {one_line(error)}") from error
 

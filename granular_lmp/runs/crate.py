@@ -41,7 +41,7 @@ def write_crate(record: Record, path: Path) -> None:
     if record.folder is None:
         raise RunFolderError(f"{record!r}: belongs to no run folder, and a crate holds one")
     if path.is_dir() and any(path.iterdir()):
-        raise RunFolderError(f"{path}: is there already, and not empty; choose another folder")
+        raise RunFolderError(f"{path}: exists already and is not empty; choose another folder")
     optional_package("rocrate")
     crate = optional_package("rocrate.rocrate").ROCrate(version="1.1")
     crate.metadata.extra_contexts.append(TERMS)

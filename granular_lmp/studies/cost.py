@@ -212,7 +212,7 @@ def _refuse_other(folder: Path, problem: Problem) -> None:
     refuse_long(folder)
     if not (folder / COST).is_file():
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise RunFolderError(f"{folder}: is there already; choose another folder")
+            raise RunFolderError(f"{folder}: exists already; choose another folder")
         return
     try:
         there = scene_asked(folder, json.loads((folder / COST).read_text(encoding="utf-8")))

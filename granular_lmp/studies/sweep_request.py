@@ -26,7 +26,7 @@ def claim(folder: Path, request: dict[str, Any], force: bool) -> None:
         asked = ", ".join(f"{key} ({len(values)})" for key, values in there["over"].items())
         raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say force=True")
     if there is None and not force and any(folder.iterdir()):
-        raise RunFolderError(f"{folder}: is there already; choose another folder or say force=True")
+        raise RunFolderError(f"{folder}: exists already; choose another folder or say force=True")
     if there is None and (folder / STATUS).exists():  # it was the folder of one run
         clear(folder)
     if there != request:

@@ -156,7 +156,7 @@ def test_a_folder_that_is_there_is_run_again_only_by_force(tmp_path: Path) -> No
     scene = periodic("TR", 16, 2, 0.2, time_tolerance=1e-3)
     (tmp_path / "run").mkdir()
     (tmp_path / "run/mine").write_text("kept")
-    with pytest.raises(RunFolderError, match="is there already"):
+    with pytest.raises(RunFolderError, match="exists already"):
         run(scene, tmp_path / "run")
     run(scene.with_values({"time.tolerance": 1e-2}), tmp_path / "run", force=True)
     record = run(scene, tmp_path / "run", force=True)

@@ -121,7 +121,7 @@ def test_what_reads_runs_reads_it(tmp_path: Path, capsys: pytest.CaptureFixture[
     struck = run(scene_of("solitary_chain"), tmp_path / "struck", engine=HERE)
     assert np.ptp(struck.energy()) < 1e-3 * struck.energy()[0]
     assert compare(struck).error["velocity"] < 2e-3
-    assert "the network took the steps of the run too" in compare(struck).notes[0]
+    assert "the network also computed the run" in compare(struck).notes[0]
     run(scene_of("struck_crystal", {"time.duration": 12.0}), tmp_path / "sheet", engine=HERE)
     for folder in ("run", "struck"):
         assert main(["view", str(tmp_path / folder), "-o", str(tmp_path / f"{folder}.png")]) == 0
@@ -259,7 +259,7 @@ def test_the_command_runs_a_scene_and_says_what_is_mistyped(
     for device in ("gpu", "jax"):
         with pytest.raises(SystemExit, match=f"--device {device}: needs JAX: pip install"):
             command(*words, "--device", device)
-    with pytest.raises(RunFolderError, match="is there already"):
+    with pytest.raises(RunFolderError, match="exists already"):
         command(*words)
     with pytest.raises(RunFolderError, match="is finished"):
         command("--resume", str(tmp_path / "run"))

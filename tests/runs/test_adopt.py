@@ -251,7 +251,7 @@ def test_the_command_says_what_the_log_said(left: Left, tmp_path: Path, capsys: 
     assert main(["adopt", str(folder), "-o", str(tmp_path / "adopted")]) == 0
     said = capsys.readouterr()
     assert "24 spheres, 40 steps, 5 records" in said.out
-    assert "note: amplitude = 0.1, as the log says" in said.err
+    assert "note: amplitude = 0.1, from the log" in said.err
     assert main(["adopt", str(folder), "-o", str(tmp_path / "adopted")]) == 2  # it is there already
     assert main(["adopt", str(folder), "-o", str(tmp_path / "adopted"), "--force"]) == 0
     shutil.rmtree(folder)

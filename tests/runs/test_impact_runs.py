@@ -153,9 +153,9 @@ def test_init_writes_an_impact_to_begin_with(tmp_path: Path, capsys: pytest.Capt
     shipped = ImpactScene.load("point_impact")
     assert scene == shipped.with_values({"name": "mine", "description": ""})
     assert "--set time.duration=50.0" in Path(file).read_text()
-    assert "# tolerance = ...              # in place of a timestep" in Path(file).read_text()
+    assert "# tolerance = ...              # in place of timestep" in Path(file).read_text()
     assert main(["init", file, "--from", "point_impact"]) == 2
-    assert "is there already; choose another name" in capsys.readouterr().err
+    assert "exists already; choose another name" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.2])

@@ -321,7 +321,7 @@ def test_a_budget_leaves_the_longest_runs_for_another_call(
 
 def test_a_folder_of_something_else_is_refused(small: Scene, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").touch()
-    with pytest.raises(RunFolderError, match="is there already; choose another folder"):
+    with pytest.raises(RunFolderError, match="exists already; choose another folder"):
         plan(small, tmp_path)
     planned = plan(small, tmp_path / "study", repeats=1)
     measure(replace(planned, settings=[]))

@@ -241,5 +241,5 @@ def test_theory_refuses_what_it_does_not_hold(found: Scatter, tmp_path: Path, mo
     with pytest.raises(ValueError, match="not a folder of granular-lmp scatter"):
         beside_theory.compare(tmp_path)
     monkeypatch.setattr(beside_theory, "traits_of", lambda record: {"effects.damping"})
-    with pytest.raises(ValueError, match=r"effects\.damping: the linear lattice of rows leaves that out"):
+    with pytest.raises(ValueError, match=r"effects\.damping: the linear lattice of rows leaves this out"):
         beside_theory.compare(found.folder)

@@ -453,7 +453,7 @@ def test_another_sweep_is_not_overwritten_unless_forced(small: Scene, tmp_path: 
 
 def test_a_folder_that_is_there_is_left_alone_unless_forced(small: Scene, tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("keep")
-    with pytest.raises(RunFolderError, match="is there already; choose another folder or say force=True"):
+    with pytest.raises(RunFolderError, match="exists already; choose another folder or say force=True"):
         sweep(small, TWO, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
     sweep(small, TWO, tmp_path, force=True)
