@@ -30,7 +30,7 @@ def shaken(sources: Sequence[Source], strikers: Sequence[Striker], start: Start,
     counts = {"source": len(sources), "striker": len(strikers), "state": bool(start.state)}
     said = [f"{count:d} {name}{'s' * (count > 1)}" for name, count in counts.items() if count]
     said += ["noise"] if start.noise else []
-    return " and ".join(said) + (" beside " if wave and wave.known.waves else " in units of ") if said else ""
+    return " and ".join(said) + (" beside " if wave and wave.known.waves else ", in units of the ") if said else ""
 
 
 def across(wave: Wave | None, sources: Sequence[Source], start: Start) -> str:

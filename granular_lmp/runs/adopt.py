@@ -20,6 +20,7 @@ from granular_lmp.effects.case import Case
 from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.lammps.datafile import differences, read
 from granular_lmp.lammps.deck import Deck, data_of, deck_of, written_text
+from granular_lmp.lammps.edits import differing_lines
 from granular_lmp.lammps.guard_results import seen_every
 from granular_lmp.lammps.monitors import monitor_files
 from granular_lmp.lammps.outputs import LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
@@ -248,7 +249,7 @@ def _deck(source: Path, begun: Problem, problem: Problem, log: str) -> Deck:
     data = read(source / names[-1])
     return replace(
         deck,
-        input_text=deck.input_text if text == written_text(begun) else text,
+        input_text=text if differing_lines(written_text(begun), text) else deck.input_text,
         data=deck.data if not differences(data_of(begun), data) else data,
     )
 

@@ -427,7 +427,7 @@ def test_effects_prints_no_infinite_number(capsys: pytest.CaptureFixture[str]) -
     status, out, err = cli(capsys, "effects", "tr_periodic", *words)
     assert status == 0
     assert not {"inf", "nan"} & set((out + err).split())
-    assert "warning: effects.sliding is off, but contacts open, and an open one bears no shear force" in err
+    assert "warning: effects.sliding is off, but contacts open, and an open contact has no shear force" in err
 
 
 @pytest.fixture

@@ -159,7 +159,7 @@ def test_what_is_promised_is_the_largest_reflection_at_the_step_that_runs(step: 
     assert end.reflection == max(found) <= 1e-3
     (effect,) = (each for each in problem.effects if each.name == "quiet_ends")
     assert effect.number == end.reflection
-    assert f"; {end.reflection:.1e} of the amplitude comes back at this step" in build(problem.scene).input_text
+    assert f"; {end.reflection:.1e} of the amplitude is reflected at this step" in build(problem.scene).input_text
 
 
 def test_a_longer_step_takes_more_rows() -> None:

@@ -65,7 +65,8 @@ def test_a_run_of_an_edited_deck_is_another_run_and_says_so(small: Scene, tmp_pa
     assert "edited" not in plain.info
     assert pushed.info["edited"] == [f"+ {PUSH}"]
     assert any(
-        "its deck was edited, and no theory includes the edits; lines that differ: 1" in note for note in compare(pushed).notes
+        "its deck was edited, and no theory includes the edits; lines that differ: 1" in note
+        for note in compare(pushed).notes
     )
     assert not any("edited" in note for note in compare(plain).notes)
 

@@ -440,7 +440,9 @@ def test_a_kernel_that_was_not_built_is_an_error(tmp_path: Path, monkeypatch: py
     with pytest.raises(LammpsMissingError, match="build-kernel"):
         run(short("tr_periodic"), tmp_path / "run", kernel=True)
     late = short("tr_periodic", **{"sphere.adhesion_law": "jkr", "effects.parting": "distance"})
-    with pytest.raises(LammpsMissingError, match=r"parting = .* only the kernel has it: there is no .* build-kernel"):
+    with pytest.raises(
+        LammpsMissingError, match=r"parting = .* only the kernel supports it: there is no .* build-kernel"
+    ):
         run(late, tmp_path / "run")
 
 
@@ -569,7 +571,7 @@ def test_the_commands_build_it_and_take_it(tmp_path: Path, capsys: pytest.Captur
     assert "kernel" not in capsys.readouterr().err
 
 
-TAKEN = "note: the kernel computes the contacts that it knows; --no-kernel turns it off"
+TAKEN = "note: the kernel computes the contacts that it supports;  --no-kernel turns it off"
 ROLLING = ["--set", "effects.rolling_stiffness=1.0", "--set", "effects.rolling_friction=0.1"]
 
 
@@ -578,9 +580,9 @@ def test_what_it_does_not_know_runs_without_it_unless_it_is_demanded(
 ) -> None:
     command = ["run", "tr_damped", "--set", "time.duration=5", *ROLLING, "-o", str(tmp_path / "run")]
     assert main([*command, "--kernel"]) == 2
-    assert "--kernel: the kernel does not know the contact 'dmt" in capsys.readouterr().err
+    assert "--kernel: the kernel does not support the contact 'dmt" in capsys.readouterr().err
     assert main(command) == 0
-    assert "note: LAMMPS computes the contacts: the kernel does not know the contact 'dmt" in capsys.readouterr().err
+    assert "note: LAMMPS computes the contacts: the kernel does not support the contact 'dmt" in capsys.readouterr().err
     assert "kernel" not in read_status(tmp_path / "run")
 
 
@@ -615,7 +617,7 @@ def test_a_sweep_without_a_kernel_is_refused_at_once(
     ("words", "said"),
     [
         ((), " of LAMMPS's loop in a short run just now; about "),
-        (ROLLING, "none: the kernel does not know the contact"),
+        (ROLLING, "none: the kernel does not support the contact"),
     ],
 )
 def test_check_says_what_it_saves(words: Sequence[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -677,7 +679,7 @@ def test_bodies_that_part_late_lose_the_energy_of_the_closed_form(share: float, 
 @pytest.mark.parametrize(
     ("values", "named"),
     [
-        ({}, 'effects.parting = "distance": only the kernel has it; run it without kernel=False'),
+        ({}, 'effects.parting = "distance": only the kernel supports it; run it without kernel=False'),
         ({"sphere.adhesion_law": "dmt"}, 'needs sphere.adhesion_law = "jkr"'),
         ({"effects.rolling_stiffness": 1.0, "effects.rolling_friction": 0.1}, "effects.rolling, which the kernel"),
         ({"disorder.radius": 1e-5}, "is not built for unequal or missing spheres"),

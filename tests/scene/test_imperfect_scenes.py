@@ -187,7 +187,7 @@ def test_spheres_that_nearly_touch_call_for_opening() -> None:
     # With s = 1 a hundredth of the pairs has parted, some of them by less than the wave stretches
     scene = SHEET.with_values({"disorder.radius": 2.5e-4, "wave.amplitude": 0.03})
     found = (finding(scene.with_values({"disorder.seed": seed}), "contact_opening") for seed in range(1, 6))
-    assert any(each.called_for and each.reason.endswith("are near enough to meet") for each in found)
+    assert any(each.called_for and each.reason.endswith("are close enough to meet") for each in found)
 
 
 def test_where_spheres_differ_every_wave_turns_some() -> None:

@@ -93,7 +93,7 @@ def test_check_says_why_it_knows_no_time(
 
 
 LATE = ["--set", "sphere.adhesion_law=jkr", "--set", "effects.parting=distance"]
-ONLY = 'effects.parting = "distance": only the kernel has it'
+ONLY = 'effects.parting = "distance": only the kernel supports it'
 
 
 def test_check_and_build_say_that_a_scene_needs_the_kernel(
