@@ -127,8 +127,8 @@ def refuse(case: Case) -> str:
         cause = (
             f"in a {motion} this strong, contacts slide before they open"
             if not case.scene.imperfections
-            else f"unequal or missing spheres ({case.scene.imperfections}) make a contact so weak that it slides in this "
-            f"{motion}; {weaker} or less disorder helps too"
+            else f"unequal or missing spheres ({case.scene.imperfections}) make a contact so weak that it slides in "
+            f"this {motion}; {weaker} or less disorder helps too"
         )
         return f'effects.friction = "auto": give a number in (0, 1e4]: {cause}'
     return ""

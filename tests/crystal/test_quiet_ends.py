@@ -193,8 +193,8 @@ def test_all_runs_to_a_tolerance_have_one_layer() -> None:
         said += [each for each in part.warnings() if "absorb.rows" in each]
     # Only the steps that are too long for these rows are remarked on, and none is refused
     assert re.fullmatch(
-        rf"absorb\.rows = {whole.rows}: reflect 0\.00\d+ of the wave at time\.timestep = 0\.4, more than absorb\.reflection "
-        r"= 0\.001; use \d+ rows, or a shorter step",
+        rf"absorb\.rows = {whole.rows}: reflect 0\.00\d+ of the wave at time\.timestep = 0\.4, more than "
+        r"absorb\.reflection = 0\.001; use \d+ rows, or a shorter step",
         said[0],
     )
     assert len(said) < 4
