@@ -409,7 +409,7 @@ def test_a_run_of_another_kernel_is_not_continued(stop: Callable[..., None], tmp
     stop(short("tr_periodic", **{"time.duration": 200.0}), tmp_path / "cut", kernel=True)
     status = read_status(tmp_path / "cut")
     write_status(tmp_path / "cut", status | {"kernel": status["kernel"] | {"source_sha256": "another"}})
-    with pytest.raises(RunFolderError, match="ran with another kernel or LAMMPS than those of now"):
+    with pytest.raises(RunFolderError, match="ran with another kernel or LAMMPS than the present ones"):
         resume(tmp_path / "cut")
 
 

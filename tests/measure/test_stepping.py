@@ -148,7 +148,7 @@ def test_a_run_that_is_stopped_continues_to_the_same_bytes(device: str, tmp_path
         stream.write("121 2.0 0.0")
     with pytest.raises(LaunchError, match="continue with: granular-analysis network --resume"):
         resume(tmp_path / "stopped")
-    with pytest.raises(LaunchError, match="is continued there only"):
+    with pytest.raises(LaunchError, match="can only continue there"):
         resume(tmp_path / "stopped", engine=NetworkEngine("another"))
     assert resume(tmp_path / "stopped", engine=by) == whole
     assert files_of(tmp_path / "stopped") == files_of(tmp_path / "whole")

@@ -238,7 +238,7 @@ def test_no_energy_is_said_once_spheres_meet_that_were_no_neighbours() -> None:
     )  # kinetic, v² of 2 in the unit of the impact
     moved[1, sphere] = -0.6 * length  # 1.98 radii from the one across, 2.83 at rest
     into = ImpactRecord(np.arange(2.0), {"displacement": moved, "velocity": velocity}, problem.scene)
-    with pytest.raises(RunFolderError, match="at tau = 1 spheres touch that were no neighbours at rest"):
+    with pytest.raises(RunFolderError, match="at tau = 1 spheres touch that were not neighbours at rest"):
         into.energies()
     found = read_outs({}, into)
     assert found["energy_kept"] is None

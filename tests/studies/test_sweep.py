@@ -472,7 +472,7 @@ def test_the_table_of_another_sweep_is_gone_before_the_first_run(small: Scene, t
 
 
 def test_two_sweeps_do_not_share_a_folder(small: Scene, tmp_path: Path) -> None:
-    with locked(tmp_path / "sweep", make=True), pytest.raises(RunFolderError, match="another run is at work there"):
+    with locked(tmp_path / "sweep", make=True), pytest.raises(RunFolderError, match="another run is in progress there"):
         sweep(small, TWO, tmp_path / "sweep")
 
 
