@@ -102,7 +102,7 @@ def adopt(
         one = f"time.duration = {time.duration!r}" if wave is None else f"wave.amplitude = {wave.amplitude!r}"
         raise RunFolderError(
             f"{source / LOG}: does not print its variables, unlike decks of waves; give the values that differ from "
-            f"the scene with changes={KEY: VALUE}, or one unchanged value, {one}"
+            f"the scene with changes={{KEY: VALUE}}, or one unchanged value, {one}"
         )
     declared.time.clock.refuse_ladder("a deck has one time step; give time.timestep")
     values = said or {}

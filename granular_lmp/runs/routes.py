@@ -37,7 +37,7 @@ _one_at_a_time = threading.Lock()  # for LAMMPS in this process
 
 
 def _renew() -> None:
-    """Renew the lock and the executor in a forked process, as threads of the parent may hold them."""
+    """Renew the lock of LAMMPS in a forked process, as a thread of the parent may hold it."""
     global _one_at_a_time
     _one_at_a_time = threading.Lock()
 
