@@ -1,4 +1,4 @@
-"""Simulate waves in crystals of adhesive spheres with LAMMPS.
+"""Simulate waves in crystals of spheres with LAMMPS.
 
 A `Scene` declares a simulation, `build` returns its LAMMPS `Deck`, and `run` runs the deck and returns the `Record` of
 the centre sphere::
@@ -11,10 +11,9 @@ the centre sphere::
 
 A scene without a wave has sources or strikers; `ImpactScene` is an earlier name for `Scene`.
 
-The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`,
-`studies` and `plot`. Each imports only from those before it (``tests/house/test_independence.py`` holds the
-table). `plot.notebook` draws the notebook card of a scene, a deck, a record or a sweep; this module registers it in
-`card`.
+The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`, `studies`
+and `plot`. Each imports only from those before it. `plot.notebook` draws the notebook card of a scene, a deck, a record
+or a sweep; this module registers it in `card`.
 """
 
 from functools import partial

@@ -24,6 +24,8 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.phases import phase
 
 if TYPE_CHECKING:
+    from granular_lmp.foreign.adopt_dump import Known
+    from granular_lmp.foreign.reading import Reading
     from granular_lmp.rest.scene import Scene
     from granular_lmp.runs.record import Record
 
@@ -149,6 +151,8 @@ def _adopt(options: Options) -> int:
 
 
 def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
+    import numpy as np
+
     from granular_lmp.foreign.adopt_dump import Known, adopt_dump
     from granular_lmp.foreign.apart import read_apart
     from granular_lmp.foreign.known import dumps_of, known_of, law_of
@@ -175,7 +179,30 @@ def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
         remark(f"note: {sentence}")
     end = f"{record.time[0]:.6g} to {record.time[-1]:.6g} {'s' if record.in_si else 'units of time'}"
     say(f"{folder}: {len(record.spheres)} spheres, {len(record)} snapshots, {end}")
+    if decks:
+        _say_scene(Path(f"{folder}.toml"), reading, known, float(np.diff(record.time[:2]).sum()), options)
     return 0
+
+
+def _say_scene(path: Path, reading: "Reading", known: "Known", sample: float, options: Options) -> None:
+    """Write the scene that describes the crystal of a foreign deck, or say why none does."""
+    from granular_lmp.errors import GranularError
+    from granular_lmp.foreign.to_scene import lines, scene_of
+
+    if path.exists() and not options.force:
+        remark(f"note: {path}: exists already, so that no scene was sought; use --force to replace it")
+        return
+    if options.units or options.timestep or options.radius or options.density or options.law:
+        remark("note: no scene is sought where options replace what the deck says")
+        return
+    try:
+        found = scene_of(reading, known, path.stem, sample)
+    except GranularError as error:
+        remark(f"note: no scene describes this crystal: {error}")
+        return
+    found.scene.write(path)
+    for line in lines(found, path):
+        say(line)
 
 
 def _accept(options: Options) -> int:

@@ -88,7 +88,7 @@ class Effect:
     meeting : AmongMeeting, optional
         The effect for spheres that meet, which nothing holds at rest; None if it cannot occur there.
     cost : str
-        Measured factor in computing time (docs/verification.md), or a word if it depends on the scene.
+        Measured factor in computing time (page Verification), or a word if it depends on the scene.
     loss : callable
         Description of the loss without the effect, Case → phrase.
     needs : str
@@ -193,7 +193,7 @@ class Chosen:
     guard : str
         Title of the guard in the deck, or "" if there is none.
     cost : str
-        Cost in time, measured (docs/verification.md).
+        Cost in time, measured (page Verification).
     lost : callable
         Function that computes `loss`, which is slow and rarely needed.
     """

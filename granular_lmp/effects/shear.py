@@ -1,7 +1,7 @@
 """Shear: contacts resist the slip of their spheres with the Mindlin stiffness g = B √δ.
 
 The law, "secant" (as in the paper) or "incremental", determines how a changing overlap affects the shear force
-(docs/choosing-a-shear-law.md).
+(page Contact laws).
 """
 
 from math import inf

@@ -6,7 +6,7 @@ One snapshot of each dump is in memory at a time. What the dumps do not say is n
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import field
-from itertools import chain
+from itertools import chain, pairwise
 from math import inf, isfinite, pi
 from pathlib import Path
 from typing import IO, Any
@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.foreign.laws import Law
+from granular_lmp.foreign.outside import Outside
 from granular_lmp.foreign.reading import Spheres
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.binary_dump import binary_head, binary_snapshots
-from granular_lmp.lammps.custom_dump import PLACES, Frame, Say, frames
+from granular_lmp.lammps.custom_dump import PLACES, Frame, Say, enclosing, frames
 from granular_lmp.lammps.outputs import UNNAMED, SnapshotPlace, keep_latest, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
@@ -28,7 +29,7 @@ from granular_lmp.runs.seal import files_of
 from granular_lmp.runs.status import write_status
 from granular_lmp.runs.unnamed import ENTRY, Unnamed
 from granular_lmp.scene.schema import allowed_names
-from granular_lmp.units import STYLES, Units
+from granular_lmp.units import STYLES
 from granular_lmp.version import __version__
 
 __all__ = ["adopt_dump"]
@@ -40,6 +41,7 @@ _VECTORS = {"v": (0, 1, -1), "omega": (0, 0, -1), "f": (1, 1, -2)}
 _PLACE = ("xu", "yu", "zu")
 _COARSE = 1e-3  # of the largest displacement: with fewer than three digits a second harmonic is noise
 _FAR = 0.25  # of a period: half of what could not be told from the opposite way
+_DIGITS = 3e-5  # relative difference of two densities, whose masses and radii were printed by %g
 _NAMED = 5  # spheres that come or go, by number in a sentence
 
 
@@ -59,10 +61,8 @@ class Known:
         The law of each pair of types, where it is known: the witness takes it.
     spheres : Spheres, optional
         Radii and masses of a deck, by ``id``, where neither dump nor `radius` and `density` say them.
-    acting : sequence of str
-        What else acts on spheres: commands of the deck that no witness knows.
-    pushes : mapping of int to (float, float, float)
-        Constant forces on spheres, by ``id``.
+    outside : Outside
+        What acts on spheres beside their contacts.
     """
 
     units: str | None = None
@@ -71,8 +71,7 @@ class Known:
     density: Sequence[float] | None = None
     laws: Mapping[tuple[int, int], Law] = field(default_factory=dict)
     spheres: Spheres | None = None
-    acting: Sequence[str] = ()
-    pushes: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
+    outside: Outside = field(default_factory=Outside)
 
     def __post_init__(self) -> None:
         if self.units is not None and self.units not in STYLES:
@@ -142,23 +141,13 @@ def adopt_dump(
     return Unnamed.load(place)
 
 
-def _in_si(law: Law, units: Units) -> dict[str, Any]:
-    """Return what ``run.json`` says of a law, in SI units (of units lj in these); a damping also as it stands."""
-    pressure = {"mass": 1, "length": -1, "time": -2}
-    return {
-        "normal": law.normal,
-        "young": units.si(law.young, **pressure),
-        "poisson": law.poisson,
-        "gamma": units.si(law.gamma, mass=1, time=-2),
-        "tangential": law.tangential,
-        "shear_stiffness": None if law.shear_stiffness is None else units.si(law.shear_stiffness, **pressure),
-        "shear_damping": law.shear_damping,
-        "friction": law.friction,
-        "mixed": law.mixed,
-        "damping_law": law.damping_law,
-        "damping": law.damping,
-        "viscosity": units.si(law.damping, mass=1, time=-1),
-    }
+def _refuse_another(step: int, name: str, said: Floats | None, given: Floats) -> None:
+    """Raise RunFolderError where a dump says a quantity and another one was given."""
+    if said is not None and not np.allclose(said, given, rtol=_DIGITS, atol=0.0):
+        worst = int(np.argmax(np.abs(said / given - 1)))
+        raise RunFolderError(
+            f"{name} = {given[worst]:g}: the dump says {said[worst]:g} at step {step}; leave out {name}"
+        )
 
 
 def _by_id(values: Floats, known: Spheres, ids: Floats) -> Floats:
@@ -184,6 +173,12 @@ def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
         if first is None:
             raise RunFolderError(f"{path}: holds no whole snapshot")
         groups.setdefault(frozenset(first.columns), []).append((first.step, path))
+    for each in groups.values():
+        for (step, path), (other, after) in pairwise(sorted(each)):
+            if step == other:
+                raise RunFolderError(
+                    f"{after}: begins at step {step}, as {path.name} does; dumps of one run follow one another"
+                )
     streams = [_following([path for _, path in sorted(each)], say) for each in groups.values()]
     while True:
         heads = [next(stream, None) for stream in streams]
@@ -259,13 +254,14 @@ class _Reading:
         if lacking:
             raise RunFolderError(f"step {frame.step}: lacks the column {lacking[0]}, which earlier snapshots have")
         numbers = np.stack([table[name] for name in self.names], axis=1)
-        bounds = np.stack([frame.origin, frame.origin + np.diag(frame.cell)], axis=1)
+        bounds, tilt = enclosing(frame.origin, frame.cell)
         time = None if frame.time is None else float(units.si(frame.time, time=1))
         faces = [0 if each else 1 for each in frame.periodic]
         style = "lj" if units.style == "lj" else "si"
-        bounds = units.si(bounds, length=1)
-        stream.write(binary_head(frame.step, self.names, len(numbers), faces, bounds, units=style, time=time))
-        stream.write(numbers.tobytes())
+        box, tilts = units.si(bounds, length=1), units.si(tilt, length=1) if tilt.any() else None
+        head = binary_head(frame.step, self.names, len(numbers), faces, box, tilt=tilts, units=style, time=time)
+        stream.write(head)
+        stream.write(numbers.data)
 
     def begin(self, frame: Frame) -> None:
         """Find out units and columns from the first snapshot."""
@@ -302,15 +298,18 @@ class _Reading:
         elif radius is None and known is not None:
             radius = _by_id(known.radius, known, ids)
         assert radius is not None
+        _refuse_another(frame.step, "radius", columns.get("radius"), radius)
         table["radius"] = units.si(radius, length=1)
         weight = columns.get("mass")
         if weight is None and self.known.density is None and known is not None:
             weight = _by_id(known.mass, known, ids)
+        if self.known.density is not None:
+            density = self._by_type("density", self.known.density, table["type"])
+            volume = 4 / 3 * pi * radius**3
+            _refuse_another(frame.step, "density", None if weight is None else weight / volume, density)
+            weight = volume * density if weight is None else weight
         if weight is not None:
             table["mass"] = units.si(weight, mass=1)
-        elif self.known.density is not None:
-            density = units.si(self._by_type("density", self.known.density, table["type"]), mass=1, length=-3)
-            table["mass"] = 4 / 3 * pi * table["radius"] ** 3 * density
         places = self._followed(frame)
         table |= {name: units.si(places[:, axis], length=1) for axis, name in enumerate(_PLACE)}
         for name, (mass, length, time) in _VECTORS.items():
@@ -320,11 +319,6 @@ class _Reading:
             for each in there:  # a sheet may have no vz
                 table[each] = units.si(columns.get(each, np.zeros(len(ids))), mass=mass, length=length, time=time)
         return table
-
-    def _held(self) -> list[int]:
-        """Return the spheres that the deck does not move."""
-        known = self.known.spheres
-        return [] if known is None else known.id[~known.moves].tolist()
 
     def _by_type(self, name: str, values: Sequence[float] | None, types: Floats) -> Floats:
         if values is None:
@@ -393,11 +387,6 @@ class _Reading:
             "deforms": self.deforms,
             "resolution": float(units.si(self.resolution, length=1)),
             "come_and_go": sorted(self.come_and_go),
-            "laws": [{"types": [*types], **_in_si(law, units)} for types, law in self.known.laws.items()],
-            "held": self._held(),
-            "acting": [*self.known.acting],
-            "pushes": [
-                [number, *(units.si(each, mass=1, length=1, time=-2) for each in force)]
-                for number, force in self.known.pushes.items()
-            ],
+            "laws": [{"types": [*types], **law.in_si(units)} for types, law in self.known.laws.items()],
+            "outside": self.known.outside.in_si(units),
         }

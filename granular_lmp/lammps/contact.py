@@ -5,14 +5,14 @@ Between two equal spheres at an overlap δ and a shear displacement ξ act the f
     f_N = A δ^{3/2} − F,   f_S = −B ξ δ^{1/2},   |f_S| ≤ μ (f_N + 2F),   F = 2π w Rc
 
 (`granular_lmp.crystal.sphere`). The torque of f_S on each sphere has the lever arm R − δ/2. Without adhesion F = 0.
-LAMMPS 22Jul2025 differs from these equations as follows, measured in ``tests/validation/test_contact_law.py``:
+LAMMPS 22Jul2025 differs from these equations as follows; tests measure each difference:
 
 * ``coeff_restitution`` gives the requested restitution e up to the error of the time step. ``tsuji`` does not (0.616
   for a requested 0.5) and is not offered here. LAMMPS refuses both with an adhesive law.
 * The sliding limit of Hertz contacts is μ times the normal force *with* its damping part; for DMT contacts it is
-without. * A "jkr" contact begins at overlap 0 and ends at the largest pull; only the kernel can end it at the largest
-distance. * A wall has the material of the spheres, so E* = E/(2(1−ν²)), and G* in the same way; Rc and the lever arm
-are R.
+  without.
+* A "jkr" contact begins at overlap 0 and ends at the largest pull; only the kernel can end it at the largest distance.
+* A wall has the material of the spheres, so E* = E/(2(1−ν²)), and G* in the same way; Rc and the lever arm are R.
 
 https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/fix_wall_gran.html
 """
@@ -25,7 +25,7 @@ from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, HERTZ, NORMAL_LAWS
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.units import AnyUnits
 
-# The laws differ in how the overlap changes the shear force (docs/choosing-a-shear-law.md). "rescaled" is "secant" with
+# The laws differ in how the overlap changes the shear force (page Contact laws). "rescaled" is "secant" with
 # a shear displacement that shrinks with the contact radius during unloading.
 _MINDLIN = {"secant": "mindlin", "incremental": "mindlin/force", "rescaled": "mindlin_rescale"}
 TANGENTIAL_LAWS = (*_MINDLIN, "none")
@@ -84,7 +84,7 @@ def model(
 
     Notes
     -----
-    *Good values*: see docs/choosing-a-shear-law.md for `shear`. The law fails when the overlap is not small
+    *Good values*: see the page Contact laws for `shear`. The law fails when the overlap is not small
     (`granular_lmp.crystal.scale.LARGEST_OVERLAP_RATIO`).
 
     https://docs.lammps.org/pair_granular.html

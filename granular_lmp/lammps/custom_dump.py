@@ -160,15 +160,24 @@ def _frame(
 
 def _box(bounds: Floats, tilt: Floats | None, periodic: NDArray[np.bool_]) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Return corner and edges from the bounds (3, 2) that a dump says, which enclose a tilted box."""
-    low, high = bounds.T.copy()
     xy, xz, yz = tilt if tilt is not None else (0.0, 0.0, 0.0)
-    ends = (0.0, xy, xz, xy + xz)
-    low -= [min(ends), min(0.0, yz), 0.0]
-    high -= [max(ends), max(0.0, yz), 0.0]
+    low, high = (bounds - _overhang(xy, xz, yz)).T
     length = high - low
     length[length == 0] = 1.0  # an atom_style without a third dimension
     cell = np.array([[length[0], 0.0, 0.0], [xy, length[1], 0.0], [xz, yz, length[2]]])
     return low, cell, periodic
+
+
+def enclosing(origin: Floats, cell: Floats) -> tuple[Floats, Floats]:
+    """Return the bounds (3, 2) that a dump says of a box with this corner and these edges, and its tilt xy, xz, yz."""
+    tilt = cell[[1, 2, 2], [0, 0, 1]]
+    return np.stack([origin, origin + np.diag(cell)], axis=1) + _overhang(*tilt), tilt
+
+
+def _overhang(xy: float, xz: float, yz: float) -> Floats:
+    """Return how far a tilted box reaches beyond its corners, (3, 2)."""
+    ends = (0.0, xy, xz, xy + xz)
+    return np.array([[min(ends), max(ends)], [min(0.0, yz), max(0.0, yz)], [0.0, 0.0]])
 
 
 def _binary(path: Path, say: Say) -> Iterator[Frame]:

@@ -2,7 +2,7 @@
 
 Spheres are moved by ``fix move variable``. When LAMMPS computes contact forces, all other spheres have their velocities
 of half a step earlier. A moved sphere therefore gets its last displacement divided by the step as its velocity; with
-its present velocity the error would be of first order in the step (docs/waves.md).
+its present velocity the error would be of first order in the step (page Waves of any form).
 
 A prescribed rotation uses ``fix set``, which sets spins and dipoles at the end of a step. The spin is the rotation of
 the dipole during the next step, when contacts use it.

@@ -24,7 +24,7 @@ def fastest(scene: Scene, usual: float | None = None) -> float:
     source, or at the top of the branches of displacement waves, which bounds free waves. A strike contains every
     frequency up to the highest. s is `granular_lmp.rest.at_rest.swiftness`, 1 in a perfect lattice. Each higher
     harmonic is smaller by a factor of the amplitude. The rotational branch, up to Ω_max, has a thousandth of the motion
-    of contacts if no wall cuts the wave off (docs/effects.md).
+    of contacts if no wall cuts the wave off (page Effects).
     """
     usual = usual_frequency(scene) if usual is None else usual
     own = [each.top(scene.sphere, usual) for each in scene.drives]

@@ -1,6 +1,6 @@
 """Hints for keys that a scene does not have: they are not supported, or another key declares the same.
 
-The reasons are on the page ``docs/reference/not-there.md`` of the repository.
+The reasons are on the page What is not there.
 """
 
 # What to use → words, in lower case, that a user may try as a key
