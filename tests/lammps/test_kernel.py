@@ -616,7 +616,7 @@ def test_a_sweep_without_a_kernel_is_refused_at_once(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), " of LAMMPS's loop in a short run just now; about "),
+        ((), " of the time of the LAMMPS loop in a short run just now; about "),
         (ROLLING, "none: the kernel does not support the contact"),
     ],
 )

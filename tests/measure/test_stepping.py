@@ -256,7 +256,7 @@ def test_the_command_runs_a_scene_and_says_what_is_mistyped(
     assert Sweep.load(swept).scene.time.timestep == 0.1
     assert main(["view", str(swept), "-o", str(tmp_path / "sweep.png")]) == 0
     assert main(["sweep", *words[:3], "--set", "time.timestep=0.1", *over, "-o", str(swept)]) == 2
-    assert "the network (cpu, NumPy) alone continues, not LAMMPS; choose another" in capsys.readouterr().err
+    assert "only the network (cpu, NumPy) can continue, not LAMMPS; choose another" in capsys.readouterr().err
     for device in ("gpu", "jax"):
         with pytest.raises(SystemExit, match=f"--device {device}: needs JAX: pip install"):
             command(*words, "--device", device)

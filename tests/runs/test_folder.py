@@ -214,5 +214,5 @@ def test_build_leaves_nothing_of_a_run(small: Scene, tmp_path: Path, small_toml:
 
 def test_a_sweep_is_resumed_by_its_own_command(small: Scene, tmp_path: Path) -> None:
     sweep(small, {"wave.phase": [0.0]}, tmp_path / "sweep")
-    with pytest.raises(RunFolderError, match="holds a sweep; the same sweep command again does what is missing"):
+    with pytest.raises(RunFolderError, match="holds a sweep; repeat its sweep command to run what is missing"):
         resume(tmp_path / "sweep")

@@ -167,7 +167,7 @@ def test_the_command_sweeps_and_view_draws(
     assert view(folder, tmp_path / "curve.png", column="far_tau") == []
     assert (tmp_path / "curve.png").stat().st_size > 5000
     assert main(["resume", folder]) == 2
-    assert "holds a sweep; the same sweep command again" in capsys.readouterr().err
+    assert "holds a sweep; repeat its sweep command" in capsys.readouterr().err
 
 
 def test_a_picture_and_a_card_have_the_columns_of_impacts(swept: Sweep) -> None:

@@ -206,7 +206,7 @@ def test_the_command_does_the_same(
             {"wave.mode": "RT", "source.1.frequency": 0.6, "time.sample": 1.0},
             r'wave\.mode = "RT": no RT wave along y exists at the frequency',
         ),
-        ({"time.duration": 100.0}, r"time\.duration = 100\.0: must be at least 1\d\d\.\d, until the fastest wave"),
+        ({"time.duration": 100.0}, r"time\.duration = 100\.0: must be at least 1\d\d\.\d, so that the fastest wave"),
         ({"packing.lattice": "square"}, r'packing\.lattice = "square": must be "hexagonal"'),
     ],
 )

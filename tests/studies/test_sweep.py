@@ -641,7 +641,7 @@ def test_ctrl_c_stops_at_once_and_the_same_command_goes_on(
         assert process.returncode == 130
         assert err.splitlines() == [
             f"granular-lmp: error: {folder}: interrupted; 1 of 2 runs are finished and kept, "
-            "the same command again does the rest"
+            "the same command does the rest"
         ]
         assert states(folder) == ["finished", "interrupted"]
     assert list(Sweep.load(folder).column("status")) == ["finished", "unfinished"]
