@@ -65,8 +65,9 @@ def add_to(commands: Commands) -> None:
     front = add(commands, "front", _front, "find arrival times and speed of the front of a strike or a source")
     front.add_argument("folder", metavar="DIR", help="a run folder")
     front.add_argument(
-        '--monitor", metavar="NAME", help="use the record of this monitor (default: the record of the run, or the '
-        "snapshots)"
+        "--monitor",
+        metavar="NAME",
+        help="use the record of this monitor (default: the record of the run, or the snapshots)",
     )
     front.add_argument(
         "--origin",
@@ -100,8 +101,9 @@ def add_to(commands: Commands) -> None:
         ".xyz: extended XYZ of the snapshots; .h5md: the snapshots as HDF5; crate, or .zip: a Process Run Crate",
     )
     export.add_argument(
-        '--monitor", metavar="NAME", help="the record of this monitor, as .csv in SI units; or the contacts of '
-        "adopted dumps"
+        "--monitor",
+        metavar="NAME",
+        help="the record of this monitor, as .csv in SI units; or the contacts of adopted dumps",
     )
     export.add_argument(
         "--spheres",

@@ -571,7 +571,7 @@ def test_the_commands_build_it_and_take_it(tmp_path: Path, capsys: pytest.Captur
     assert "kernel" not in capsys.readouterr().err
 
 
-TAKEN = "note: the kernel computes the contacts that it supports;  --no-kernel turns it off"
+TAKEN = "note: the kernel computes the contacts that it supports; --no-kernel turns it off"
 ROLLING = ["--set", "effects.rolling_stiffness=1.0", "--set", "effects.rolling_friction=0.1"]
 
 
@@ -630,7 +630,7 @@ def test_doctor_says_whether_there_is_one(
 ) -> None:
     monkeypatch.setattr("granular_lmp.doctor.frequency_error", lambda: 0.0)  # the self-test: tests/cli
     main(["doctor"])
-    assert f"kernel       {built}: it took " in capsys.readouterr().out
+    assert f"kernel       {built}: in tr_periodic it just took " in capsys.readouterr().out
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     main(["doctor"])
     assert "kernel       none; with it the LAMMPS loop takes about half the time" in capsys.readouterr().out
