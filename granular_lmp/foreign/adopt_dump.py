@@ -21,7 +21,8 @@ from granular_lmp.foreign.reading import Spheres
 from granular_lmp.frozen import dataclass
 from granular_lmp.lammps.binary_dump import binary_head, binary_snapshots
 from granular_lmp.lammps.custom_dump import PLACES, Frame, Say, enclosing, frames
-from granular_lmp.lammps.outputs import UNNAMED, SnapshotPlace, keep_latest, writable
+from granular_lmp.lammps.local_dump import WORDS, checked_words, local_snapshots
+from granular_lmp.lammps.outputs import UNNAMED, UNNAMED_CONTACTS, SnapshotPlace, keep_latest, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import FORMAT
@@ -29,7 +30,7 @@ from granular_lmp.runs.seal import files_of
 from granular_lmp.runs.status import write_status
 from granular_lmp.runs.unnamed import ENTRY, Unnamed
 from granular_lmp.scene.schema import allowed_names
-from granular_lmp.units import STYLES
+from granular_lmp.units import STYLES, Units
 from granular_lmp.version import __version__
 
 __all__ = ["adopt_dump"]
@@ -84,7 +85,12 @@ class Known:
 
 
 def adopt_dump(
-    dumps: Sequence[str | Path], folder: str | Path, known: Known | None = None, *, force: bool = False
+    dumps: Sequence[str | Path],
+    folder: str | Path,
+    known: Known | None = None,
+    *,
+    contacts: Mapping[Path, Sequence[str] | None] | None = None,
+    force: bool = False,
 ) -> Unnamed:
     """Make the run folder of an unnamed crystal from the dumps of one run, which are not touched.
 
@@ -97,6 +103,9 @@ def adopt_dump(
         The run folder.
     known : Known, optional
         What the dumps do not say.
+    contacts : mapping, optional
+        Local dumps of contacts, each with the words of LAMMPS for its columns (`granular_lmp.lammps.local_dump`), or
+        None if these are their names.
     force : bool
         Replace the files of an earlier run in `folder`.
 
@@ -115,6 +124,8 @@ def adopt_dump(
     if first is None:
         raise RunFolderError(f"{paths[0]}: holds no whole snapshot")
     reading.begin(first)  # what must be known is asked for before a folder is made
+    local = _contacts({absolute(path): words for path, words in (contacts or {}).items()}, reading)
+    first_contacts = next(local, None)
     with locked(place, make=True, force=force):
         clear(place)
         with writable(place), (place / UNNAMED).open("wb") as stream:
@@ -122,12 +133,18 @@ def adopt_dump(
                 for frame in chain([first], snapshots):
                     reading.write(frame, stream)
                 described = reading.described(paths)
+                if first_contacts is not None:
+                    with (place / UNNAMED_CONTACTS).open("wb") as of_contacts:
+                        for piece in chain([first_contacts], local):
+                            of_contacts.write(piece)
             except BaseException:
                 (place / UNNAMED).unlink()
+                (place / UNNAMED_CONTACTS).unlink(missing_ok=True)
                 with suppress(OSError):  # it holds files of the user
                     place.rmdir()
                 raise
-        keep_latest(place / UNNAMED, (SnapshotPlace(*each) for each in _places(place / UNNAMED)))
+        for name in (UNNAMED, *([] if first_contacts is None else [UNNAMED_CONTACTS])):
+            keep_latest(place / name, (SnapshotPlace(*each) for each in _places(place / name)))
         info = {
             "format": FORMAT,
             "status": "finished",
@@ -163,6 +180,28 @@ def _by_id(values: Floats, known: Spheres, ids: Floats) -> Floats:
 def _places(path: Path) -> Iterator[tuple[int, int, int, int]]:
     for each in binary_snapshots(path):
         yield each.step, len(each.table), each.begin, each.end
+
+
+def _contacts(dumps: Mapping[Path, Sequence[str] | None], reading: "_Reading") -> Iterator[bytes]:
+    """Yield the snapshots of local dumps as the folder has them, in SI units (of units lj in these)."""
+    units, begins = reading.units, []
+    for path in dumps:
+        snapshot = next(local_snapshots(path, lambda _: None), None)
+        if snapshot is None:
+            raise RunFolderError(f"{path}: holds no whole snapshot")
+        begins.append((snapshot.step, path, checked_words(path, snapshot.names, dumps[path])))
+    for _, path, words in sorted(begins):
+        kept = [(n, word) for n, word in enumerate(words) if word in WORDS]
+        names, factors = [word for _, word in kept], [_factor(units, *WORDS[word]) for _, word in kept]
+        for each in local_snapshots(path, reading.say):
+            numbers = np.ascontiguousarray(each.table[:, [n for n, _ in kept]] * factors)
+            style = "lj" if units.style == "lj" else "si"
+            yield binary_head(each.step, names, len(numbers), [0, 0, 0], np.zeros((3, 2)), units=style)
+            yield numbers.tobytes()
+
+
+def _factor(units: Units, mass: int, length: int, time: int) -> float:
+    return float(units.si(1.0, mass=mass, length=length, time=time))
 
 
 def _joined(paths: Sequence[Path], say: Say) -> Iterator[Frame]:
