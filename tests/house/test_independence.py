@@ -196,7 +196,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "studies": {"errors", "frozen", "card", "units", "crystal", "scene", "rest", "effects", "problem", "lammps"}
     | {"runs", "accuracy"},
     "plot": {"errors", "frozen", "problem", "crystal", "scene", "rest", "lammps", "runs", "accuracy", "studies"},
-    "foreign": {"version", "errors", "frozen", "units", "crystal", "scene", "lammps", "runs"},
+    "foreign": {"version", "errors", "frozen", "units", "crystal", "scene", "rest", "problem", "lammps", "runs"},
     "doctor": {"version", "errors", "frozen", "scene", "rest", "problem", "lammps", "runs", "accuracy", "studies"},
 }
 MAY_IMPORT["cli"] = set(MAY_IMPORT)
