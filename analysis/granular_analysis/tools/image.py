@@ -2,7 +2,7 @@
 
     granular-analysis image RECORDS SCENE [RECORDS SCENE ...] --of QUANTITY [--noise SHARE] [-o DIR]
 
-RECORDS are a run folder with monitors, or a table of traces (`granular_analysis.measure.imaging`). SCENE is the crystal
+RECORDS are a run folder with monitors, or a table of traces (`granular_analysis.measure.traces`). SCENE is the crystal
 as it is thought to be, with the sources that made the record; each record has its own, and all have one crystal. DIR
 holds map.csv, the factor of each contact or sphere with its error by noise and the width of a point's image; image.png;
 and log.csv, a line for each weight.
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_analysis.measure.stepping import NetworkEngine
+from granular_analysis.measure.traces import Traces
 from granular_analysis.plotting import in_one_line, letter, save, scene_of, write_csv
 from granular_analysis.theory.imaging import WEIGHTS, Image, Trial, widths
 from granular_lmp.cli.arguments import changes_argument
@@ -95,7 +96,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _sought(options: argparse.Namespace) -> "Sought":
-    from granular_analysis.measure.imaging import Shot, Sought, Traces  # needs JAX
+    from granular_analysis.measure.imaging import Shot, Sought  # needs JAX
 
     pairs = zip(options.shots[::2], options.shots[1::2], strict=True)
     noise = 1.0 if options.noise is None else options.noise
