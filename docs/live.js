@@ -1,10 +1,10 @@
-// The closed form of analysis/granular_analysis/second_harmonic.py, drawn for the values of the sliders. No library, no server.
-// Equations and letters are those of that module and of docs/theory.md; tests/house/test_browser.py compares the two.
+// The closed form of analysis/granular_analysis/second_harmonic.py, drawn for the values of a form. No library, no server.
+// Equations and letters are those of that module and of docs/theory.md; tests/house/test_live.py compares the two.
 "use strict";
 
 const INERTIA = 0.4;  // I/(mR²) of a homogeneous sphere
 const DURATION = 120;  // τ of the drawing
-const COLORS = { p: "#b5413a", q: "#2f6fa7", φ: "#6a8f3c" };
+const COLORS = { p: "#d55e00", q: "#0072b2", φ: "#009e73" };
 
 // ---------------------------------------------------------------- theory
 
@@ -69,9 +69,87 @@ function motion(mode, ratios, amplitude, tau) {
   return { p: mode.p * Math.cos(theta) + harmonic, q: mode.q * Math.cos(theta), φ: -mode.f * Math.sin(theta) };
 }
 
+// Wave number of TR at which its second harmonic is a free L wave: the least root of a cubic in C = cos ξ
+function resonanceOf({ mu1, mu2, inertia }) {
+  const above = C => (2 * mu2 * (2 + C) - inertia * (1 - C ** 2) / 4) * (mu1 - (1 + C) / 2) / 2 - 3 * mu2 ** 2 * (1 + C) > 0;
+  let low = -1, high = -1;
+  while (above(high)) [low, high] = [high, high + 0.005];
+  for (let i = 0; i < 60; i++) {
+    const middle = (low + high) / 2;
+    if (above(middle)) low = middle; else high = middle;
+  }
+  return Math.acos(low);
+}
+
+// Wave number at which TR makes no p at order ε; null where there is none
+function antiresonanceOf({ mu1, mu2, alpha, beta, inertia }) {
+  const rho = alpha / beta, rate = mu1 - 3 * mu2 * rho, inertial = inertia * rate * rho / 2;
+  const numerator = 2 * mu2 * (1 - 2 * rho) + inertial, denominator = 2 * mu2 * (rho - 1) + inertial;
+  return rate <= 0 || rho <= 0 || Math.abs(numerator) >= Math.abs(denominator) ? null : Math.acos(numerator / denominator);
+}
+
+// ---------------------------------------------------------------- spheres, in SI units
+
+// Equal spheres of a DMT contact at rest, as granular_lmp/crystal/sphere.py has them
+function sphereOf({ modulus, nu, density, radius, adhesion, force }) {
+  const R = radius * 1e-6, coefficient = 4 / 3 * modulus * 1e9 / (2 * (1 - nu ** 2)) * Math.sqrt(R / 2);
+  const overlap = ((2 * Math.PI * adhesion * R / 2 + force) / coefficient) ** (2 / 3);
+  const stiffness = 1.5 * coefficient * Math.sqrt(overlap), kappa = 2 * (1 - nu) / (2 - nu);
+  const mass = 4 / 3 * Math.PI * R ** 3 * density;
+  return {
+    overlap, stiffness, ratio: overlap / (2 * R), time: Math.sqrt(mass / (2 * (kappa + 3) * stiffness)),
+    row: Math.sqrt(3) / 2 * (2 * R - overlap),
+  };
+}
+
+// ---------------------------------------------------------------- what is typed
+
+// Name of a field, what it is, and its limits; both limits are allowed
+const FIELDS = [
+  ["xi", "wave number ξ", 0.01, 3.14], ["a", "amplitude a", 1e-6, 1], ["nu", "Poisson's ratio ν", -0.99, 0.5],
+  ["modulus", "Young's modulus", 1e-6, 1e4], ["density", "density", 1, 1e5], ["radius", "radius", 1e-3, 1e6],
+  ["adhesion", "work of adhesion", 0, 1e3], ["force", "pressing force", 0, 1e6],
+];
+
+function numbersOf(typed) {
+  const values = {};
+  for (const [name, words, low, high] of FIELDS) {
+    const text = String(typed[name]).trim(), value = Number(text);
+    if (!text || !Number.isFinite(value)) throw Error(`${words}: "${text}" is no number; write one as 0.2 or 2e-1`);
+    if (value < low || value > high) throw Error(`${words} = ${value}: must be from ${low} to ${high}`);
+    values[name] = value;
+  }
+  return values;
+}
+
+// All that the page shows of what is typed; an Error says what is wrong with it
+function answerOf(typed) {
+  const values = numbersOf(typed), sphere = sphereOf(values), lammps = typed.geometry === "lammps";
+  if (!(sphere.overlap > 0)) throw Error("work of adhesion and pressing force are both 0: nothing holds the contacts");
+  if (sphere.ratio > 0.1) throw Error(`the overlap at rest is ${Math.round(100 * sphere.ratio)} % of a diameter: must be at most 10 %`);
+  if (lammps && values.force) throw Error("points of contact of LAMMPS: need a pressing force of 0, which makes the crystal softer across");
+  const ratios = ratiosOf(values.nu, lammps ? sphere.ratio : 0), mode = modeOf(typed.mode, values.xi, ratios);
+  const named = { resonance: resonanceOf(ratios), antiresonance: antiresonanceOf(ratios) };
+  const special = Object.entries(named).filter(([, xi]) => xi).map(([name, xi]) => [name, modeOf("TR", xi, ratios)]);
+  return {
+    ...values, sphere, ratios, mode, generated: generatedAmplitude(mode, ratios),
+    waves: [[typed.mode, mode], ...special].map(([name, wave]) => ({
+      name, xi: wave.xi, frequency: wave.frequency, hertz: wave.frequency / (2 * Math.PI * sphere.time),
+      length: 2 * Math.PI / wave.xi * sphere.row,
+    })),
+    at: [7, 60, 120].map(tau => motion(mode, ratios, values.a, tau)),
+  };
+}
+
+function inSI(value, unit) {
+  const power = Math.max(-5, Math.min(4, Math.floor(Math.log10(value * (1 + 1e-12)) / 3)));
+  return `${Number((value / 1000 ** power).toPrecision(4))} ${["f", "p", "n", "µ", "m", "", "k", "M", "G", "T"][power + 5]}${unit}`;
+}
+
 // ---------------------------------------------------------------- drawing
 
-const WIDTH = 640, HEIGHT = 260, LEFT = 58, BOTTOM = 36, TOP = 10, RIGHT = 18;
+const HEIGHT = 260, LEFT = 58, BOTTOM = 36, TOP = 10, RIGHT = 18;
+let WIDTH = 640;  // pixels, fewer on a telephone: letters keep their size
 
 // An SVG with axes, and one path per curve; curves are lists of [x, y] in data units, null parts a path
 function drawn({ x, y, xTicks, yTicks, xLabel, yLabel, curves, marks }) {
@@ -129,27 +207,49 @@ function spectrum(ratios, xi) {
 
 // ---------------------------------------------------------------- page
 
+function rowsOf({ waves, sphere, a, mode, generated }) {
+  const rows = waves.map(({ name, xi, frequency, hertz, length }) =>
+    [name, `ξ = ${xi.toFixed(4)}, Ω = ${frequency.toFixed(4)}`, `${inSI(hertz, "Hz")}, wave length ${inSI(length, "m")}`]);
+  const size = Math.abs(generated) < 1e4 ? generated.toPrecision(4) : "±∞";
+  return [
+    ...rows, ["D₀", `a = ${a}`, inSI(a * sphere.overlap, "m")],
+    ["contact at rest", "Δ₀, k₁", `${inSI(sphere.overlap, "m")}, ${inSI(sphere.stiffness, "N/m")}`],
+    ["unit of time", "t₀", inSI(sphere.time, "s")],
+    ["Q, f, P̃₁/i", [mode.q.toFixed(4), mode.f.toFixed(4), size].join(", "), ""],
+  ];
+}
+
 function start(form) {
   const at = name => form.elements[name], part = name => document.getElementById(`live-${name}`);
+  const sliders = [...form.querySelectorAll("input[type=range]")];
   for (const [name, value] of new URLSearchParams(location.hash.slice(1))) if (at(name)) at(name).value = value;
 
   function redraw() {
-    const [xi, nu, a, eta] = ["xi", "nu", "a", "eta"].map(name => Number(at(name).value));
-    const ratios = ratiosOf(nu, eta), mode = modeOf(at("mode").value, xi, ratios);
-    const generated = generatedAmplitude(mode, ratios);
-    for (const name of ["xi", "nu", "a"]) part(name).textContent = Number(at(name).value).toFixed(name === "xi" ? 3 : 2);
+    let found;
+    try {
+      found = answerOf(Object.fromEntries(new FormData(form)));
+    } catch (wrong) {
+      part("wrong").textContent = wrong.message;
+      return;
+    }
+    part("wrong").textContent = "";
+    const { mode, ratios, a } = found;
+    for (const slider of sliders) slider.value = found[slider.dataset.of];
+    WIDTH = Math.max(300, Math.min(640, part("spectrum").clientWidth));
+    part("numbers").innerHTML = rowsOf(found).map(cells => `<tr><td>${cells.join("</td><td>")}</td></tr>`).join("");
     part("shape").innerHTML = signals(mode, ratios, a, mode.name === "L" ? ["p"] : ["q", "φ"]);
     part("harmonic").innerHTML = signals(mode, ratios, a, ["p"]);
     part("harmonic").hidden = mode.name === "L";
-    part("spectrum").innerHTML = spectrum(ratios, xi);
-    part("numbers").textContent = `Ω = ${mode.frequency.toFixed(6)}   Q = ${mode.q.toFixed(6)}   f = ${mode.f.toFixed(6)}   `
-      + `P̃₁/i = ${Math.abs(generated) < 1e4 ? generated.toPrecision(6) : "±∞ (resonance)"}`;
-    form.dataset.motion = JSON.stringify({ ...mode, generated, at: [7, 60, 120].map(tau => motion(mode, ratios, a, tau)) });
+    part("spectrum").innerHTML = spectrum(ratios, mode.xi);
+    form.dataset.motion = JSON.stringify(found);
     history.replaceState(null, "", `#${new URLSearchParams(new FormData(form))}`);
   }
 
-  form.addEventListener("input", redraw);
+  form.addEventListener("input", event => {
+    if (event.target.dataset?.of) at(event.target.dataset.of).value = event.target.value;
+    redraw();
+  });
   redraw();
 }
 
-start(document.getElementById("live"));
+if (typeof document !== "undefined") start(document.getElementById("live"));

@@ -1,4 +1,4 @@
-"""Waves in crystals of adhesive spheres, through LAMMPS.
+"""Waves in crystals of spheres, through LAMMPS.
 
 A `Scene` declares a simulation, `build` returns its LAMMPS `Deck`, and `run` runs the deck and returns the `Record` of
 the centre sphere::
@@ -12,8 +12,8 @@ the centre sphere::
 A scene without a wave declares spheres that just touch and are struck; `ImpactScene` is an earlier name of it.
 
 The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`,
-`studies` and `plot`. Each imports only from those before it (``tests/house/test_independence.py`` holds the
-table). `plot.notebook` draws a notebook's card of a scene, a deck, a record or a sweep; `card` learns of it here.
+`studies` and `plot`. Each imports only from those before it. `plot.notebook` draws a notebook's card of a scene, a
+deck, a record or a sweep; `card` learns of it here.
 """
 
 from functools import partial

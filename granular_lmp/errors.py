@@ -36,6 +36,7 @@ _OPTIONS = {
     "timestep=VALUE": "--timestep VALUE",
     "radius=VALUE": "--radius VALUE",
     "density=VALUE": "--density VALUE",
+    "columns=WORDS": "--columns WORDS",
     "origin=ID": "--origin ID",
 }
 

@@ -19,7 +19,7 @@ answer, ρ = Σ wₙ/n, and so is at most ρ/|ρ − ρ'| times the distance to 
 Where its size is known (`granular_lmp.accuracy.estimates.slip_bounds`), the smaller of the two counts.
 
 "Last" is by steps: a run may come in between two others (`following`), because the error of a sum goes as the product
-of all its steps. docs/accuracy.md says how often the estimate is wrong.
+of all its steps. The page Accuracy says how often the estimate is wrong.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence

@@ -31,8 +31,10 @@ def parsers(words: Sequence[str] = ()) -> tuple[Parser, Commands]:
     """Return the parser, and its commands: all, or the group of the command with which a command line begins."""
     parser = Parser(
         prog="granular-lmp",
-        description="Waves in crystals of adhesive spheres, through LAMMPS.",
-        epilog="SCENE is a TOML file, a folder that holds scene.toml, or the name of a folder of lammps_inputs.",
+        description="Waves in crystals of spheres: LAMMPS decks with the physics that a scene calls for, runs, and an "
+        "independent theory.",
+        epilog="Begin with: granular-lmp run tr_resonant -o runs/first. SCENE is a TOML file, a folder that holds "
+        "scene.toml, or the name of a scene of `granular-lmp list`.",
     )
     parser.add_argument("--version", action="version", version=f"granular-lmp {__version__}")
     parser.add_argument(

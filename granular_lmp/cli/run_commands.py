@@ -24,6 +24,8 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.phases import phase
 
 if TYPE_CHECKING:
+    from granular_lmp.foreign.adopt_dump import Known
+    from granular_lmp.foreign.reading import Reading
     from granular_lmp.rest.scene import Scene
     from granular_lmp.runs.record import Record
 
@@ -84,6 +86,11 @@ def _add_adopt(commands: Commands) -> None:
             help=f"of dumps: {name} of the spheres, in their units; of several types one for each, as 1.0,0.5",
         )
     adopt.add_argument("--law", metavar="WORDS", help="of dumps: law of all contacts, as in pair_coeff")
+    adopt.add_argument(
+        "--columns",
+        metavar="WORDS",
+        help="of dump local: what its columns hold, as patom1,patom2,dist,force,-,p4 in the words of LAMMPS",
+    )
     variables_argument(adopt)
 
 
@@ -149,10 +156,14 @@ def _adopt(options: Options) -> int:
 
 
 def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
+    import numpy as np
+
     from granular_lmp.foreign.adopt_dump import Known, adopt_dump
     from granular_lmp.foreign.apart import read_apart
     from granular_lmp.foreign.known import dumps_of, known_of, law_of
+    from granular_lmp.foreign.local_columns import local_dumps
     from granular_lmp.lammps.custom_dump import is_dump
+    from granular_lmp.lammps.local_dump import is_local
 
     if options.scene or changes:
         raise RunFolderError(
@@ -160,6 +171,9 @@ def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
         )
     dumps = [each for each in options.source if is_dump(each)]
     decks = [each for each in options.source if each not in dumps]
+    words = options.columns.split(",") if options.columns else None
+    contacts: dict[Path, list[str] | None] = {Path(each): words for each in dumps if is_local(each)}
+    dumps = [each for each in dumps if Path(each) not in contacts]
     laws = law_of(options.law, _TYPES) if options.law else {}
     known = Known(options.units, options.timestep, options.radius, options.density, laws)
     if len(decks) > 1:
@@ -169,13 +183,40 @@ def _adopt_dumps(options: Options, changes: dict[str, Any]) -> int:
         reading = read_apart(decks[0], dict(options.variables))
         known, notes = known_of(reading, known)
         dumps = dumps or [str(each) for each in dumps_of(reading)]
+        of_deck = {path.resolve(): found for path, found in local_dumps(reading).items()}
+        contacts = {path: words or of_deck.get(path.resolve()) for path in contacts or of_deck}
+    if not dumps:
+        raise RunFolderError(f"{options.source[0]}: is a dump of contacts; name the dump of their spheres too")
     folder = options.output or f"runs/{Path(options.source[0]).name.partition('.')[2] or 'adopted'}"
-    record = adopt_dump(dumps, folder, known, force=options.force)
+    record = adopt_dump(dumps, folder, known, contacts=contacts, force=options.force)
     for sentence in (*notes, *record.info["remarks"]):
         remark(f"note: {sentence}")
     end = f"{record.time[0]:.6g} to {record.time[-1]:.6g} {'s' if record.in_si else 'units of time'}"
     say(f"{folder}: {len(record.spheres)} spheres, {len(record)} snapshots, {end}")
+    if decks:
+        _say_scene(Path(f"{folder}.toml"), reading, known, float(np.diff(record.time[:2]).sum()), options)
     return 0
+
+
+def _say_scene(path: Path, reading: "Reading", known: "Known", sample: float, options: Options) -> None:
+    """Write the scene that describes the crystal of a foreign deck, or say why none does."""
+    from granular_lmp.errors import GranularError
+    from granular_lmp.foreign.to_scene import lines, scene_of
+
+    if path.exists() and not options.force:
+        remark(f"note: {path}: exists already, so that no scene was sought; use --force to replace it")
+        return
+    if options.units or options.timestep or options.radius or options.density or options.law:
+        remark("note: no scene is sought where options replace what the deck says")
+        return
+    try:
+        found = scene_of(reading, known, path.stem, sample)
+    except GranularError as error:
+        remark(f"note: no scene describes this crystal: {error}")
+        return
+    found.scene.write(path)
+    for line in lines(found, path):
+        say(line)
 
 
 def _accept(options: Options) -> int:

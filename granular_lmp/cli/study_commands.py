@@ -69,7 +69,7 @@ def add_to(commands: Commands) -> None:
     collide = add(
         commands, "collide", _collide, "let two spheres, or a sphere and a plane, collide: one contact at work"
     )
-    collide.add_argument("scene", metavar="SCENE", help="TOML file, or name of one in lammps_inputs/collisions")
+    collide.add_argument("scene", metavar="SCENE", help="TOML file, or the name of a collision of `granular-lmp list`")
     changes_argument(collide, "collision.spin=100")
     folder_arguments(collide, "run folder (default: runs/NAME)")
     kernel_argument(collide)

@@ -11,7 +11,7 @@ materials E* and G* are those of contact mechanics (Johnson, Contact Mechanics (
 the geometric mean is a convention, that of LAMMPS's ``pair_style granular``. LAMMPS has the same E* and w if it mixes
 two types itself, but another G*: the style ``mindlin`` with the stiffness NULL takes the mixed modulus for that of
 either sphere (``GranSubModTangentialMindlin::coeffs_to_local``). Two materials therefore need their own ``pair_coeff``
-(``tests/validation/test_two_materials.py`` measures both). The JKR law has the same constants, in
+(a test in LAMMPS measures both). The JKR law has the same constants, in
 `granular_lmp.crystal.adhesion_laws`; all materials of a crystal have one law.
 
 Everything in `Contacts` is in SI units; the crystal's own lengths are in radii of its first material.

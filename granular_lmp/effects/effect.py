@@ -88,7 +88,7 @@ class Effect:
     meeting : AmongMeeting, optional
         The effect among spheres that meet, which nothing holds at rest; None if it cannot occur there.
     cost : str
-        Cost in time as a factor, measured (docs/verification.md), or the word for a cost that depends on the scene.
+        Cost in time as a factor, measured (page Verification), or the word for a cost that depends on the scene.
     loss : callable
         Description of the loss without the effect, Case → half a sentence.
     needs : str
@@ -192,7 +192,7 @@ class Chosen:
     guard : str
         Title of the guard in the deck, or "" without one.
     cost : str
-        Cost in time, measured (docs/verification.md).
+        Cost in time, measured (page Verification).
     lost : callable
         Function that finds `loss`, which takes as long as all else and is seldom asked for.
     """

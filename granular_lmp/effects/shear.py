@@ -1,7 +1,7 @@
 """Shear: contacts resist a slip of their spheres by Mindlin's stiffness g = B √δ.
 
 The law, "secant" (the paper's) or "incremental", determines the effect of a changing overlap on the shear force
-(docs/choosing-a-shear-law.md).
+(page Contact laws).
 """
 
 from math import inf

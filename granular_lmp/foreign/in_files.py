@@ -15,7 +15,6 @@ _DIGITS = 3  # of the overlap that a dump should leave
 _POSITIONS = ("x", "y", "z", "xs", "ys", "zs", "xu", "yu", "zu", "xsu", "ysu", "zsu")
 _SINGLE = {"dcd": 7, "xtc": 6, "xyz": 6, "atom": 6}  # digits of the styles of dumps without columns
 _ON_FACE = 1e-9  # distance from a periodic face, in radii
-_WRITTEN = re.compile(r"write_data.*timestep = ([1-9]\d*)")
 
 
 def _coarse_dumps(reading: Reading) -> Iterator[Finding]:
@@ -96,15 +95,13 @@ def _forgotten_slip(reading: Reading) -> Iterator[Finding]:
     contacts = contacts_of(reading)
     if contacts is None or not contacts.shear.any():
         return
-    for command, head in reading.data_heads.items():
-        if match := _WRITTEN.search(head):
-            yield Finding(
-                command,
-                f"the file holds step {match[1]} of a run, and {int((contacts.shear > 0).sum())} contacts start "
-                "without slip",
-                None,
-                "write_restart and read_restart, with pair_style and pair_coeff repeated",
-            )
+    for command, step in reading.data_steps.items():
+        yield Finding(
+            command,
+            f"the file holds step {step} of a run, and {int((contacts.shear > 0).sum())} contacts start without slip",
+            None,
+            "write_restart and read_restart, with pair_style and pair_coeff repeated",
+        )
 
 
 def _restart_without_law(reading: Reading) -> Iterator[Finding]:

@@ -28,6 +28,7 @@ _HEAD = struct.Struct(f"=q{len(_MAGIC)}siiqqi6i6d")
 _TILT = struct.Struct("=3d")
 _TIME = struct.Struct("=d")
 _INT = struct.Struct("=i")
+_GENERAL = 2  # in place of 0 or 1: a triclinic box of any orientation
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,8 @@ def snapshot_at(content: mmap, begin: int) -> BinarySnapshot | None:
         size, magic, byte_order, revision, step, spheres, tilted, *rest = _HEAD.unpack_from(content, begin)
         if (size, magic, byte_order, revision) != (-len(_MAGIC), _MAGIC, 1, 2):
             raise ValueError(f"at byte {begin} {(size, magic, byte_order, revision)!r}, expected {_MAGIC!r}, 1, 2")
+        if tilted == _GENERAL:
+            raise ValueError("its box is of general triclinic form; write it without triclinic/general")
         at = begin + _HEAD.size
         tilt = np.array(_TILT.unpack_from(content, at)) if tilted else None
         at += _TILT.size if tilted else 0

@@ -5,7 +5,7 @@ Two equal spheres at an overlap δ and a shear displacement ξ push each other w
     f_N = A δ^{3/2} − F,   f_S = −B ξ δ^{1/2},   |f_S| ≤ μ (f_N + 2F),   F = 2π w Rc
 
 (`granular_lmp.crystal.sphere`). The torque of f_S on each sphere has the lever arm R − δ/2. Without adhesion F = 0.
-LAMMPS 22Jul2025 differs from these equations as follows, measured in ``tests/validation/test_contact_law.py``:
+LAMMPS 22Jul2025 differs from these equations as follows; tests measure each difference:
 
 * ``coeff_restitution`` yields the requested restitution e to the error of the step. ``tsuji`` does not (0.616 for a
   requested 0.5) and is not offered here. LAMMPS refuses both with an adhesive law.
@@ -83,7 +83,7 @@ def model(
 
     Notes
     -----
-    *Good values*: see docs/choosing-a-shear-law.md for `shear`. The law breaks down when the overlap is no longer small
+    *Good values*: see the page Contact laws for `shear`. The law breaks down when the overlap is no longer small
     (`granular_lmp.crystal.scale.LARGEST_OVERLAP_RATIO`).
 
     https://docs.lammps.org/pair_granular.html

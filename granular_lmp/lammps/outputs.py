@@ -24,6 +24,7 @@ SCENE = "scene.toml"
 DUMP = "dump.centre"
 SNAPSHOTS = "dump.particles"
 UNNAMED = "dump.unnamed.bin"  # of a run without a scene, in place of all others; binary, in SI units
+UNNAMED_CONTACTS = "contacts.unnamed.bin"  # of its contacts, where local dumps of them were there
 PER_SAMPLE = "_per_sample"  # suffix of the folders that hold the runs of a tolerance
 CONTACTS = f"{DUMP}.contacts"  # single contacts at the looks where a guard needs them
 UNWAVED_CONTACTS = f"{SNAPSHOTS}.contacts"  # those of a run without a wave, which has no other dump

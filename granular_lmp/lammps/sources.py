@@ -2,7 +2,7 @@
 
 Spheres are moved by ``fix move variable``. Contact forces see the velocities that spheres had half a step ago, which
 LAMMPS has of all others when it computes forces; a moved sphere therefore gets its last way over the step. With its
-present velocity the error would be of first order in the step (docs/waves.md).
+present velocity the error would be of first order in the step (page Waves of any form).
 
 A prescribed rotation is that of ``fix set``, which sets spins and dipoles at the end of a step: the spin is the way of
 the dipole over the next step, which is what contacts see in it.

@@ -15,7 +15,7 @@ from granular_lmp.plot.motion import chain_figure
 from granular_lmp.plot.movie import MOVIES
 from granular_lmp.plot.page import page
 from granular_lmp.plot.signals import Picture, save
-from granular_lmp.plot.unnamed import draw_unnamed
+from granular_lmp.plot.unnamed import contacts_figure, draw_unnamed
 from granular_lmp.rest.scene import Scene
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
@@ -102,8 +102,11 @@ def view(
         save(at_rest_figure(Scene.load(folder)), path, size)
         return []
     if is_unnamed(folder):
-        unfit = {name: of_a_run[name] for name in ("rows", "fronts", "monitor")}
+        unfit = {name: of_a_run[name] for name in ("rows", "fronts")}
         _refuse(folder, "an unnamed crystal", unfit | {"column": column})
+        if monitor is not None:
+            save(contacts_figure(Unnamed.load(folder), monitor), path, size)
+            return []
         draw_unnamed(Unnamed.load(folder), path, tau=tau, colour=colour, magnify=magnify, side=side, fps=fps, size=size)
         return []
     if (folder / SWEEP).is_file():

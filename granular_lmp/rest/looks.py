@@ -24,7 +24,7 @@ def fastest(scene: Scene, usual: float | None = None) -> float:
     fastest source if there are sources, or the top of the branches of displacement waves, which bounds free waves. A
     strike holds every frequency up to the highest. s is `granular_lmp.rest.at_rest.swiftness`, 1 in a perfect lattice.
     Each higher harmonic is smaller by the amplitude, and the rotational branch, up to Ω_max, holds a part in a thousand
-    of the contacts' motion if no wall cuts the wave off (docs/effects.md).
+    of the contacts' motion if no wall cuts the wave off (page Effects).
     """
     usual = usual_frequency(scene) if usual is None else usual
     own = [each.top(scene.sphere, usual) for each in scene.drives]

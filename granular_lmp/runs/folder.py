@@ -28,6 +28,7 @@ from granular_lmp.lammps.outputs import (
     STATUS,
     SWEEP,
     UNNAMED,
+    UNNAMED_CONTACTS,
     UNWAVED_CONTACTS,
     writable,
 )
@@ -37,7 +38,7 @@ from granular_lmp.scene.schema import NAME_PATTERN, checked_name, shown
 # Files that a run, a kicked sheet of release 0.2, a collision, or a comparison with theory writes beside its deck
 _FILES = (
     *(SCENE, STATUS, LOG, DUMP, SNAPSHOTS, CONTACTS, UNWAVED_CONTACTS, "trajectory.csv", *CHECKPOINTS),
-    *("dump.everything", "dump.everything.bin", UNNAMED),
+    *("dump.everything", "dump.everything.bin", UNNAMED, UNNAMED_CONTACTS),
     *(
         "in.sheet",
         "dump.sheet",

@@ -1,7 +1,8 @@
 """The format of a run folder: ``format`` of ``run.json``, a whole number that rises when a folder says more.
 
 1. Release 0.1.0, which wrote no number.
-2. Release 0.2.0.
+2. Release 0.2.0, which lists the files of a run and their digests.
+3. Release 0.3.0, whose decks look at contacts in another way, and in which a folder of foreign dumps has no scene.
 
 What a folder of an earlier format does not say is what was true when it was written.
 """
@@ -14,7 +15,7 @@ from granular_lmp.lammps.outputs import SCENE
 from granular_lmp.rest.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
-FORMAT = 2  # this release writes folders of this format
+FORMAT = 3  # this release writes folders of this format
 
 
 def format_of(info: dict[str, Any]) -> int:

@@ -3,8 +3,7 @@
 LAMMPS writes ``dump.*`` and ``log.lammps`` in the units of the deck. Of a scene with a wave ``trajectory.csv`` holds p,
 q and φ of the centre sphere over τ: its displacement along the wave vector k and along ẑ × k (v and −u for a wave along
 y) and Rθ, in D0. Of a scene without a wave ``dump.particles`` holds the spheres that it records. ``run.json`` holds the
-course of the run. Post-processing scripts may import this module and little else
-(tests/house/test_independence.py).
+course of the run. Post-processing scripts may import this module and little else.
 """
 
 from collections.abc import Mapping

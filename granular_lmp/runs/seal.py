@@ -11,12 +11,22 @@ from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import RunFolderError, one_line
-from granular_lmp.lammps.outputs import CHECKPOINTS, MONITOR, SCENE, SNAPSHOTS, STATUS, UNNAMED, writable
+from granular_lmp.lammps.outputs import (
+    CHECKPOINTS,
+    MONITOR,
+    SCENE,
+    SNAPSHOTS,
+    STATUS,
+    UNNAMED,
+    UNNAMED_CONTACTS,
+    writable,
+)
 from granular_lmp.runs.folder import written_files
 from granular_lmp.runs.formats import format_of
 from granular_lmp.runs.status import how_to_accept, read_status, write_status
 
-_LARGE = (SNAPSHOTS, UNNAMED, MONITOR.partition("{")[0])  # beginnings of the names of files that few readers need
+# Beginnings of the names of files that few readers need
+_LARGE = (SNAPSHOTS, UNNAMED, UNNAMED_CONTACTS, MONITOR.partition("{")[0])
 _QUICK = 1 << 25  # bytes of such a file that every reader compares, in some hundredths of a second
 
 

@@ -125,7 +125,7 @@ class Collision(Document):
 
     @classmethod
     def load(cls, source: str | Path, changes: Mapping[str, Any] | None = None) -> Self:
-        """Collision from a TOML file, or the name of one in ``lammps_inputs/collisions``, as for `Scene.load`."""
+        """Return a collision from a TOML file, or a shipped one by its name, as for `Scene.load`."""
         found = first_file(source, (Path(source), _SHIPPED_COLLISIONS / f"{source}.toml"))
         if found is None:
             shipped = sorted(path.stem for path in _SHIPPED_COLLISIONS.glob("*.toml"))

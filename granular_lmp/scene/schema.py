@@ -323,10 +323,17 @@ def default_name(file: Path) -> str:
 
 def allowed_names(key: str, names: Iterable[str], said: str = "allowed") -> str:
     """Return the closest allowed name for an error message, or all allowed names if none is close."""
+    names = list(names)
+    near = near_name(key, names)
+    return f"did you mean '{near}'?" if near else f"{said}: {', '.join(names)}"
+
+
+def near_name(word: str, names: Iterable[str]) -> str:
+    """Return the name that is nearly a word, whatever its case; "" if none is close."""
     from difflib import get_close_matches  # kept out of start-up
 
-    close = get_close_matches(key, list(names), n=1)
-    return f"did you mean '{close[0]}'?" if close else f"{said}: {', '.join(names)}"
+    folded = {name.lower(): name for name in names}
+    return next((folded[close] for close in get_close_matches(word.lower(), folded, n=1)), "")
 
 
 def either(names: Iterable[str]) -> str:

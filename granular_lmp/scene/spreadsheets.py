@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from granular_lmp.errors import SceneError, one_line
 from granular_lmp.frozen import dataclass
 from granular_lmp.scene.files import LARGEST_TABLE, file_bytes
-from granular_lmp.scene.schema import shown
+from granular_lmp.scene.schema import near_name, shown
 
 Quantities = Mapping[str, Mapping[str, float]]  # the units of each quantity and their sizes in SI; "" for no unit
 Words = Mapping[str, str]  # other words and symbols for a quantity
@@ -207,12 +207,8 @@ class Heads:
 
     def near(self, head: str) -> str:
         """Return the head that is nearly the same, "" if none is."""
-        from difflib import get_close_matches  # kept out of start-up
-
         every = [f"{name}_{unit}".strip("_") for name, units in self.quantities.items() for unit in units]
-        folded = {each.lower(): each for each in every}
-        plain = re.sub(r"[\s_\[\]()]+", "_", head.lower()).strip("_")
-        return next((folded[each] for each in get_close_matches(plain, folded, n=1)), "")
+        return near_name(re.sub(r"[\s_\[\]()]+", "_", head).strip("_"), every)
 
     def checked(self, head: str) -> Column:
         """Return what a head says; ValueError if it is not understood."""

@@ -1,6 +1,6 @@
 """Hints for keys that a scene does not have: what is not supported, and what is declared by another key.
 
-The reasons are on the page ``docs/reference/not-there.md`` of the repository.
+The reasons are on the page What is not there.
 """
 
 # Where to go → words, in lower case, that somebody would try as a key

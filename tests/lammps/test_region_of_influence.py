@@ -20,7 +20,7 @@ from tests.conftest import kernel_lacks, members
 from tests.instance import run_deck
 from tests.pause import as_if_killed
 
-# Of the largest displacement, or velocity: what docs/promises.md says
+# Of the largest displacement, or velocity: what docs/how-long.md says
 CHANGE = 1e-9
 USUAL = {"packing.rows": "auto", "packing.ends": "fixed", "time.duration": 50.0, "time.timestep": 1 / 6}
 STRIP = Scene.load("tr_nonresonant").with_values(USUAL)

@@ -1,5 +1,6 @@
 """A run without LAMMPS's loop: its folder is that of LAMMPS, whatever reads it, and it stops and continues alike."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -290,3 +291,20 @@ def test_a_run_is_continued_on_its_device(tmp_path: Path, capsys: pytest.Capture
 def test_a_run_of_lammps_is_not_continued_by_the_network() -> None:
     with pytest.raises(LaunchError, match="continue with: granular-lmp resume run"):
         options_of(Path("run"), {"launcher": "module", "ranks": 1}, HERE)
+
+
+def test_what_jax_compiles_is_kept_for_later_runs_unless_the_user_has_said_where(tmp_path: Path) -> None:
+    config = pytest.importorskip("jax").config
+    names = ("jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs")
+    before = [config.values[name] for name in names]
+    try:
+        NetworkEngine.on("jax")
+        assert [config.values[name] for name in names] == before
+        config.update(names[0], None)
+        NetworkEngine.on("jax")
+        folder, least = (config.values[name] for name in names)
+        assert Path(folder).parent == Path(os.environ["XDG_CACHE_HOME"]) / "granular-analysis"
+        assert least == 0.2
+    finally:
+        for name, value in zip(names, before, strict=True):
+            config.update(name, value)

@@ -9,9 +9,8 @@ traces the motion of spheres in a whole run of the network, with its exact slope
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +71,7 @@ class Fit:
         section, _, name = key.rpartition(".")
         value = self.scene.value(key)
         if value is None:
-            raise ValueError(f"--free {key}: {self._undeclared(section, name)}")
+            self._refuse_undeclared(key, section, name)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise ValueError(f"--free {key}: must be a number that the scene declares, not {value!r}")
         if section in self.scene.layout.sections:
@@ -82,14 +81,12 @@ class Fit:
             low, high = 0.0, np.inf
         return Parameter(key, float(value), float(low), float(high))
 
-    def _undeclared(self, section: str, name: str) -> str:
-        """Return what is wrong with a key that the scene does not declare: none of a scene, or without a value."""
-        known = {each: [own.name for own in self.scene.keys_of(each)] for each in self.scene.layout.sections}
-        if name in known.get(section, ()):
-            return "has no value in the scene; give it one there, from which the search starts"
-        every = [f"{table}.{own}" for table, names in known.items() for own in names]
-        near = get_close_matches(f"{section}.{name}".strip("."), every, n=1)
-        return f"must be a number that the scene declares{f'; did you mean {near[0]}?' if near else ''}"
+    def _refuse_undeclared(self, key: str, section: str, name: str) -> NoReturn:
+        """Raise ValueError or SceneError for a key that no scene has, or that has no value in this one."""
+        if section in self.scene.layout.sections and name in [own.name for own in self.scene.keys_of(section)]:
+            raise ValueError(f"--free {key}: has no value in the scene; give one, from which the search starts")
+        self.scene.with_values({key: 1.0})  # which names the key that is nearly the same
+        raise ValueError(f"--free {key}: must be a number that the scene declares")
 
     def at(self, values: Floats) -> Scene:
         """Return the scene with values of the free keys."""

@@ -161,6 +161,7 @@ class Network:
     friction : μ; inf for contacts that never slide.
     shear_mixing : rule for G* of two kinds.
     shear, rotation : whether contacts resist shear, and whether spheres turn.
+    inertia_ratio : moment of inertia over m R²; 2/5 of a sphere, 1/2 where LAMMPS turns its spheres as discs.
     viscosity : η of a dashpot along the normal and the tangent of every closed contact.
     restitution : e in (0, 1] that sets the dashpots instead, without adhesion only; None: it does not.
     adhesion : law of the normal force.
@@ -182,6 +183,7 @@ class Network:
     shear_mixing: ShearMixing = "mindlin"
     shear: bool = True
     rotation: bool = True
+    inertia_ratio: float = 0.4
     viscosity: float = 0.0
     restitution: float | None = None
     adhesion: Adhesion = "dmt"
@@ -263,8 +265,8 @@ class Network:
 
     @cached_property
     def inertia(self) -> Floats:
-        """Return the moments of inertia (2/5)mR², (N,)."""
-        return 0.4 * self.mass * self.radius**2
+        """Return the moments of inertia, (2/5)mR² of spheres, (N,)."""
+        return self.inertia_ratio * self.mass * self.radius**2
 
     @cached_property
     def mobility(self) -> Floats:

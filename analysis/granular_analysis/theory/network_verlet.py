@@ -131,6 +131,7 @@ def signals(network: Network, step: float, first: int, count: int) -> Floats:
     for each in network.drives:
         value = each.signal(times)
         rate = (value - each.signal(times - step)) / step if each.moves else 0 * value
+        rate = rate if each.rate is None else each.rate(times)
         if each.component >= network.dimension:
             rate = rate * (numbers > 1)
         found += [value, rate]

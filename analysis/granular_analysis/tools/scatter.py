@@ -240,7 +240,7 @@ def _shares(axes: Axes, found: Comparison) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/scattering.png")
+    options = parser(__doc__, "scattering.png")
     options.add_argument("folders", nargs="+", metavar="FOLDER", help="folders of granular-lmp scatter")
     chosen = options.parse_args(arguments)
     with in_one_line():
