@@ -286,7 +286,15 @@ def test_the_command_leaves_map_log_and_picture_and_overwrites_none(
     assert {"error", "share_in_place", "width_spheres", "x_m", "y_m"} < rows[0].keys()
     assert (tmp_path / "image" / "log.csv").read_text().startswith("weight,chi2_a_point,penalty,gradients,kinks")
     assert (tmp_path / "image" / "image.png").stat().st_size > 1e4
-    with pytest.raises(SystemExit, match="holds map.csv; give another folder"):
+    made, kept = (tmp_path / "image" / "map.csv").read_bytes(), tmp_path / "image" / "evaluations.bin"
+    kept.write_bytes(kept.read_bytes()[: kept.stat().st_size // 2 - 3])
+    (tmp_path / "image" / "map.csv").unlink()
+    image.main(words)  # continues what was stopped
+    assert (tmp_path / "image" / "map.csv").read_bytes() == made
+    with pytest.raises(SystemExit, match="holds another search; give its scene and options again"):
+        image.main([*words, "--penalty", "tv"])
+    (tmp_path / "image" / "image.json").unlink()
+    with pytest.raises(SystemExit, match="holds map.csv, which is of no search; give another folder"):
         image.main(words)
 
 

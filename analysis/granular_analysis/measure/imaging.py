@@ -258,6 +258,7 @@ class Sought:
         known: bool = True,
         bounds: tuple[float, float] = BOUNDS,
         told: Callable[[Trial], None] = lambda _: None,
+        kept: Sequence[Trial] = (),
     ) -> Image:
         """Return the image.
 
@@ -268,11 +269,12 @@ class Sought:
             the L-curve does.
         bounds : of all values.
         told : called with each trial.
+        kept : trials of the same image that were made before.
         """
         if penalty not in PENALTIES:
             raise ValueError(f"penalty = {penalty!r}: must be one of {', '.join(PENALTIES)}")
         if not 0 < bounds[0] < 1 < bounds[1] < np.inf:
             raise ValueError(f"bounds {bounds[0]:g} and {bounds[1]:g}: must be below and above 1, and positive")
         of = Tikhonov() if penalty == "tikhonov" else Variation(self.neighbours)
-        search = Search(self.misfit, self.curvature, self.points, of, bounds, known, told)
+        search = Search(self.misfit, self.curvature, self.points, of, bounds, known, told, kept)
         return search.image(np.ones(len(self.owners)))
