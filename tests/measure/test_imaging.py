@@ -266,6 +266,15 @@ def test_what_an_image_is_not_made_of_is_refused(traces: Traces) -> None:
         imaging.Sought([imaging.Shot.of(traces, opened)], rim.of)
 
 
+@pytest.mark.more  # it compiles for seconds
+def test_contacts_that_open_on_the_way_are_named(traces: Traces) -> None:
+    """A push of four fifths of that which opens contacts does so where they adhere by a third."""
+    strong = scene().with_values({"source": pushes(4.0)})
+    sought = imaging.Sought([imaging.Shot.of(traces, strong)], "adhesion")
+    assert sought.trouble(np.ones(len(sought.owners))) == ""
+    assert "contacts opened, first pair" in sought.trouble(np.full(len(sought.owners), 0.3))
+
+
 @pytest.mark.more  # it takes as long as the image above
 def test_the_command_leaves_map_log_and_picture_and_overwrites_none(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -38,7 +38,7 @@ FILLED = "full", "none"  # marks of the two keys
 STARTS = np.geomspace(0.5, 2.0, 10)  # of the true modulus
 WITHIN = 0.3  # of a frequency of the model, in which the measured one is looked for
 SEEN = 0.5  # rad over the record; a frequency that is known less well may be one of the noise
-MINIMUM = 0.05  # of an interval, within which starts end at one minimum
+MINIMUM = 1.0  # of an interval, within which starts end at one minimum: their steps differ, in the unit of time of each
 
 
 @dataclass(frozen=True)
