@@ -278,7 +278,7 @@ def test_a_deck_without_dumps_is_refused(deck: Path, tmp_path: Path, capsys: pyt
     assert main(["adopt", str(tmp_path / "in.none"), "-o", str(tmp_path / "run")]) == 2
     assert "has no dump of style custom or atom" in capsys.readouterr().err
     assert main(["adopt", str(deck), str(deck), "-o", str(tmp_path / "run")]) == 2
-    assert "one deck and its dumps make a run" in capsys.readouterr().err
+    assert "give one deck and its dumps" in capsys.readouterr().err
 
 
 def test_spheres_that_the_deck_does_not_have_are_refused(deck: Path, tmp_path: Path) -> None:

@@ -445,7 +445,7 @@ def test_commands_adopt_dumps_and_say_what_needs_a_scene(
     assert main(["front", run, "--origin", "3", "--direction", "0"]) in (0, 1)
     assert main(["export", run, "-o", str(tmp_path / "run.csv")]) == 0
     assert main(["adopt", dump, str(tmp_path), "-o", run]) == 2
-    with pytest.raises(RunFolderError, match="holds an unnamed crystal, adopted without a scene, which this needs"):
+    with pytest.raises(RunFolderError, match="holds an unnamed crystal, adopted without the scene that this needs"):
         Record.load(run)
     path = tmp_path / "run/dump.unnamed.bin"
     path.write_bytes(path.read_bytes()[:-1])

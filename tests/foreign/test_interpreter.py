@@ -14,6 +14,7 @@ from granular_lmp.foreign import apart, interpreter
 from granular_lmp.foreign.apart import read_apart
 from granular_lmp.foreign.interpreter import lines_of, split
 from granular_lmp.foreign.lint import lint
+from granular_lmp.foreign.outside import outside_of
 from granular_lmp.foreign.reading import Reading, read
 from granular_lmp.foreign.vibrations import contacts_of
 from tests.foreign.decks import CHAIN, SHEET
@@ -174,6 +175,14 @@ def test_the_longest_step_of_all_long_runs_is_judged(tmp_path: Path) -> None:
     assert str(finding.command) == "timestep 3.0e-6"
 
 
+@pytest.mark.parametrize("line", ["dump", "dump 1 all custom", "undump", "dump_modify", "print", "quit"])
+def test_a_line_that_lacks_words_and_is_not_executed_stops_nothing(line: str, tmp_path: Path) -> None:
+    reading = of(tmp_path, SHEET.replace("run 2000", f"run 100\n{line}\nrun 100"))
+    assert not reading.stopped
+    assert not lint(reading)
+    assert not outside_of(reading).others
+
+
 def test_a_negative_stiffness_is_not_judged(tmp_path: Path) -> None:
     reading = of(tmp_path, SHEET.replace("mindlin NULL 0.0 1.0", "mindlin -1 0.0 1.0"))
     assert contacts_of(reading) is None
@@ -232,7 +241,7 @@ def test_the_command_says_what_it_could_not_judge(
     Path("in.lj").write_text("units lj\natom_style atomic\npair_style lj/cut 2.5\n")
     assert main(["lint", "in.lj"]) == 0
     assert "met no run" in (errors := capfd.readouterr().err)
-    assert "no deck of pair_style granular" in errors
+    assert "does not use pair_style granular" in errors
     Path("in.bad").write_text("units nothing\n")
     assert main(["lint", "in.bad"]) == 2
     assert "in.bad, line 1: LAMMPS refuses 'units nothing'" in capfd.readouterr().err
@@ -241,7 +250,7 @@ def test_the_command_says_what_it_could_not_judge(
         "\n".join(line for line in lines if not line.startswith(("create_atoms", "set", "velocity")))
     )
     assert main(["lint", "in.empty"]) == 0
-    assert "no sphere was there" in capfd.readouterr().err
+    assert "there were no spheres" in capfd.readouterr().err
     assert main(["lint", "in.none"]) == 2
     assert "no such deck" in capfd.readouterr().err
     Path("in.sheet").write_text(SHEET + "pair_style nothing\n")

@@ -122,7 +122,7 @@ def test_cases_are_only_in_a_checkout_and_an_installed_command_says_so(programs:
         text=True,
     )
     assert done.returncode == 2
-    assert "case: cases are only in a checkout of the repository" in done.stderr
+    assert "case: only a checkout of the repository has cases" in done.stderr
 
 
 def test_the_python_of_the_readme_runs_where_the_wheel_is_installed(programs: Path, tmp_path: Path) -> None:

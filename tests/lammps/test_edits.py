@@ -65,7 +65,8 @@ def test_a_run_of_an_edited_deck_is_another_run_and_says_so(small: Scene, tmp_pa
     assert "edited" not in plain.info
     assert pushed.info["edited"] == [f"+ {PUSH}"]
     assert any(
-        "its deck was edited, which no theory knows of; lines that differ: 1" in note for note in compare(pushed).notes
+        "its deck was edited, and no theory includes the edits; lines that differ: 1" in note
+        for note in compare(pushed).notes
     )
     assert not any("edited" in note for note in compare(plain).notes)
 
@@ -82,5 +83,5 @@ def test_a_run_of_other_spheres_says_so(small: Scene, tmp_path: Path) -> None:
 def test_an_edited_run_is_not_resumed_without_its_edits(small: Scene, tmp_path: Path) -> None:
     record = run(build(small).edited(after={"motion": PUSH}), tmp_path / "run")
     write_status(tmp_path / "run", record.info | {"status": "interrupted"})
-    with pytest.raises(RunFolderError, match="its deck was edited, which resume does not know of"):
+    with pytest.raises(RunFolderError, match="its deck was edited, and resume cannot repeat the edits"):
         resume(tmp_path / "run")

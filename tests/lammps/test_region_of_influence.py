@@ -152,7 +152,9 @@ def test_a_run_that_began_with_other_guards_is_not_continued(stop: Callable[...,
     as_if_killed(tmp_path / "cut")
     deck = tmp_path / "cut" / "in.tr_nonresonant"
     deck.write_text(deck.read_text().replace(" v_tau f_", " v_tau v_next f_"))
-    with pytest.raises(RunFolderError, match="was begun by a version with other guards; run it again with force=True"):
+    with pytest.raises(
+        RunFolderError, match="was started by a version with other guards; run it again with force=True"
+    ):
         resume(tmp_path / "cut")
 
 

@@ -297,9 +297,9 @@ def printed(folder: Path, scene: Scene, key: str, text: str, capsys: pytest.Capt
     ("units", "says"),
     [
         (("MHz", "MHz"), ()),
-        (("kHz", "kHz"), ("times what the start gives; is the column frequency_kHz in MHz?",)),
-        (("MHz", "GHz"), ("times what the errors say; is the column error_GHz in MHz?", "do not determine")),
-        (("MHz", "kHz"), ("times what the errors say; is the column error_kHz in MHz?",)),
+        (("kHz", "kHz"), ("times its value at the start; is the column frequency_kHz in MHz?",)),
+        (("MHz", "GHz"), ("times the given errors; is the column error_GHz in MHz?", "do not determine")),
+        (("MHz", "kHz"), ("times the given errors; is the column error_kHz in MHz?",)),
     ],
 )
 def test_a_unit_that_was_mistaken_is_said(

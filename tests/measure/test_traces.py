@@ -107,7 +107,7 @@ def test_the_command_recovers_keys_and_names_those_that_it_cannot_tell_apart(
     assert main([*words, "--json", str(tmp_path / "fit.json"), "-o", str(tmp_path / "fit.png")]) == 0
     printed, answer = capsys.readouterr().out, json.loads((tmp_path / "fit.json").read_text())
     # The stiffness of a contact goes as E^{2/3} w^{1/3}, and that of all others as no key alone
-    assert f"the data cannot tell apart: {E}, {W}" in printed
+    assert f"the data cannot distinguish: {E}, {W}" in printed
     assert "slopes of traces are differences" not in printed
     assert [line.split()[3] for line in printed.splitlines() if "velocity_y, " in line] == ["2/1", "5/1"]
     found = {name: each["value"] for name, each in answer["keys"].items()}

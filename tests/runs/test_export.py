@@ -300,7 +300,7 @@ def test_a_crate_is_an_archive_too_and_replaces_no_folder(record: Record, tmp_pa
         assert missing(graph_of(archive.read("ro-crate-metadata.json").decode())) == []
     (tmp_path / "crate").mkdir()
     (tmp_path / "crate" / "mine").touch()
-    with pytest.raises(RunFolderError, match="crate: is there already, and not empty; choose another folder"):
+    with pytest.raises(RunFolderError, match="crate: exists already and is not empty; choose another folder"):
         export(record, tmp_path / "crate")
 
 

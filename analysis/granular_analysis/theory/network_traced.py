@@ -1,7 +1,7 @@
-"""The steps of `granular_analysis.theory.network_verlet` by JAX: on a GPU, or on all cores of this machine.
+"""Steps of `granular_analysis.theory.network_verlet` by JAX: on a GPU, or on all cores of this machine.
 
-JAX traces the lines that NumPy runs, in double precision. Motions are the same to rounding, and on one device to the
-last bit: each sphere gathers the forces of its contacts, in one order.
+JAX traces the code that NumPy runs, in double precision. Motions are the same up to rounding, and on one device to the
+last bit, as each sphere sums the forces of its contacts in a fixed order.
 
 The extra ``jax`` of this package installs it: ``pip install 'granular-lmp[jax]'``.
 """
