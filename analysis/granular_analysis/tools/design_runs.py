@@ -30,7 +30,7 @@ class Kept:
     def __init__(self, folder: Path, asked: Mapping[str, Any]) -> None:
         """Begin a folder, or continue that of the same search.
 
-        Raises TheoryError for a folder that holds another search, or files that are none of it.
+        Raises TheoryError for a folder that holds another search, or other files.
         """
         self.folder, count = folder, int(asked["numbers"])
         path, said = folder / ASKED, json.dumps(asked, indent=2) + "\n"
