@@ -19,8 +19,8 @@ _ON_FACE = 1e-9  # distance from a periodic face, in radii
 
 def _coarse_dumps(reading: Reading) -> Iterator[Finding]:
     expected = expected_displacement(reading)
-    gone = {command.words[1] for command in reading.named("undump")}
-    for dump in [] if expected is None else reading.named("dump"):
+    gone = {word for command in reading.named("undump") for word in command.words[1:2]}
+    for dump in [] if expected is None else reading.dumps:
         assert expected is not None
         unit = 0.0 if dump.words[1] in gone else _unit(reading, dump)
         if unit and (left := log10(expected / unit)) < _DIGITS:
@@ -54,7 +54,7 @@ def _formats(reading: Reading, dump: Command, columns: tuple[str, ...]) -> dict[
     """Return the formats of the columns of a dump."""
     formats = dict.fromkeys(columns, "%g")
     for command in reading.named("dump_modify"):
-        if command.words[1] != dump.words[1]:
+        if command.words[1:2] != (dump.words[1],):
             continue
         for keyword, kind, text in zip(command.words, command.words[1:], command.words[2:], strict=False):
             if keyword == "format" and kind == "float":

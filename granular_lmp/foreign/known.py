@@ -19,7 +19,7 @@ def dumps_of(reading: Reading) -> list[Path]:
     RunFolderError
         If the deck has no dump of spheres, or its files are not there.
     """
-    commands = [each for each in reading.named("dump") if each.words[3] in DUMPS]
+    commands = [each for each in reading.dumps if each.words[3] in DUMPS]
     if not commands:
         raise RunFolderError(f"{reading.deck}: has no dump of style custom or atom; name its dumps behind it")
     first = commands[0]

@@ -282,8 +282,8 @@ def _later(reading: Reading, recorded: Recorded) -> Iterator[str]:
     for command in commands[_place(reading, recorded.stage.command) + 1 : runs[-1]]:
         if command.name in ("undump", "clear"):
             return
-        fixes = [each for each in commands if each.name == "fix" and each.words[1] == command.words[1]]
-        fix = fixes[-1] if command.name == "unfix" and fixes else command
+        fixes = [each for each in commands if each.name == "fix" and each.words[1:2] == command.words[1:2]]
+        fix = fixes[-1] if command.name == "unfix" else command
         acts = fix.name == "fix" and not fix.words[3].startswith(_HARMLESS)
         if command.name in _CHANGING or acts:
             yield str(command)

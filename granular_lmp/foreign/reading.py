@@ -25,6 +25,7 @@ Integers = NDArray[np.int64]
 
 _PAIRS = "compute granular_lmp_{} all {} cutoff type"
 _WRITTEN = re.compile(r"write_data.*timestep = ([1-9]\d*)")
+_OF_A_DUMP = 6  # words
 DUMPS = ("custom", "custom/gz", "custom/mpiio", "atom", "atom/gz")  # styles of dumps of spheres
 _LOCAL, _ARRAY, _ATOM = 2, 2, 1  # LMP_STYLE_LOCAL, LMP_TYPE_ARRAY, LMP_VAR_ATOM
 
@@ -155,6 +156,11 @@ class Reading:
     def named(self, *names: str) -> list[Command]:
         """Return the commands with one of these names."""
         return [command for command in self.commands if command.name in names]
+
+    @property
+    def dumps(self) -> list[Command]:
+        """Return the commands of dumps that are whole; LAMMPS does not execute them here, and refuses no other."""
+        return [command for command in self.named("dump") if len(command.words) >= _OF_A_DUMP]
 
     @property
     def data_steps(self) -> dict[Command, int]:
@@ -326,7 +332,7 @@ def _begin(deck: Interpreter, stages: list[Stage]) -> int | None:
 def _record(deck: Interpreter, stages: list[Stage], begin: int | None, found: dict[str, Any]) -> None:
     """Note what acts in the first long run that writes a dump of spheres, or in the first long one before that."""
     stage, known = stages[-1], found["recorded"]
-    dumped = any(each.name == "dump" and each.words[3] in DUMPS for each in deck.commands)
+    dumped = any(each.name == "dump" and each.words[3:4] and each.words[3] in DUMPS for each in deck.commands)
     if (stage.steps or 0) <= 1 or (known is not None and (known.dumped or not dumped)):
         return
     lmp, count = deck.lmp, int(deck.lmp.extract_setting("nlocal"))

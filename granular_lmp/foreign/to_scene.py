@@ -24,13 +24,23 @@ from granular_lmp.foreign.indexing import Indexed, index, neighbours
 from granular_lmp.foreign.laws import Law
 from granular_lmp.foreign.likeness import Likeness, likeness
 from granular_lmp.foreign.outside import Outside
-from granular_lmp.foreign.reading import Reading, Spheres, Stage
+from granular_lmp.foreign.reading import Reading, Recorded, Spheres, Stage
 from granular_lmp.frozen import dataclass
 from granular_lmp.rest.scene import Scene
 from granular_lmp.units import STYLES, Units
 
 Floats = NDArray[np.float64]
 
+# Commands that say what was read of the deck, or do nothing with the spheres
+_READ = (
+    *("atom_modify", "atom_style", "boundary", "change_box", "comm_modify", "comm_style", "compute", "create_atoms"),
+    *("create_box", "delete_atoms", "dimension", "displace_atoms", "fix", "group", "lattice", "mass", "neigh_modify"),
+    *("neighbor", "newton", "package", "pair_coeff", "pair_style", "processors", "read_data", "region", "replicate"),
+    *("reset_atoms", "reset_timestep", "run", "set", "suffix", "timestep", "uncompute", "unfix", "units", "variable"),
+    *("velocity", "clear", "include", "jump", "label", "next", "if", "quit", "print", "log", "echo", "info", "restart"),
+    *("timer", "dump", "dump_modify", "undump", "thermo", "thermo_style", "thermo_modify", "balance", "compute_modify"),
+    *("write_coeff", "write_data", "write_dump", "write_restart", "minimize", "min_style", "min_modify"),
+)
 _SHEARED = {"mindlin": "secant", "mindlin/force": "incremental", "mindlin_rescale": "rescaled"}
 _MATERIAL = ("hertz/material", "dmt", "jkr")
 _PARTS = ("tangential", "damping", "rolling", "twisting", "none")  # words of a law, beside its numbers
@@ -151,6 +161,10 @@ def _whole(reading: Reading, outside: Outside) -> Spheres:
         raise SceneError("a run or a minimization comes before the one that is recorded, and is not executed here")
     if reading.units not in STYLES or reading.units == "lj":
         raise SceneError(f"units {reading.units}: a scene is in SI units")
+    for command in reading.commands:
+        if command.name not in _READ or (command.name == "neigh_modify" and "exclude" in command.words):
+            raise SceneError(f"'{command}': no key of a scene says what it does")
+    _refuse_twice(recorded)
     resets = [str(fix) for fix in start.fixes if fix.words[3].startswith("dt/reset")]
     for said in (*outside.others, *resets):
         raise SceneError(f"'{said}': no key of a scene says what it does")
@@ -162,6 +176,14 @@ def _whole(reading: Reading, outside: Outside) -> Spheres:
     if spheres.velocity[~moves].any() or spheres.spin[~moves].any():
         raise SceneError("spheres that no force moves have velocities")
     return replace(spheres, moves=moves, turns=moves & outside.rotation)
+
+
+def _refuse_twice(recorded: Recorded) -> None:
+    """Refuse spheres that two fixes integrate, and which move twice as fast as they should."""
+    members = [ids for fix, ids in recorded.members.items() if fix.words[3] in ("nve", "nve/sphere")]
+    numbers, counts = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *members]), return_counts=True)
+    if counts.max(initial=1) > 1:
+        raise SceneError(f"sphere {numbers[counts > 1][0]}: two fixes integrate its motion")
 
 
 def _in_si(spheres: Spheres, units: Units) -> Spheres:

@@ -14,6 +14,7 @@ from granular_lmp.foreign import apart, interpreter
 from granular_lmp.foreign.apart import read_apart
 from granular_lmp.foreign.interpreter import lines_of, split
 from granular_lmp.foreign.lint import lint
+from granular_lmp.foreign.outside import outside_of
 from granular_lmp.foreign.reading import Reading, read
 from granular_lmp.foreign.vibrations import contacts_of
 from tests.foreign.decks import CHAIN, SHEET
@@ -172,6 +173,14 @@ def test_the_longest_step_of_all_long_runs_is_judged(tmp_path: Path) -> None:
     ((check, finding),) = lint(reading)
     assert check.name == "time-step"
     assert str(finding.command) == "timestep 3.0e-6"
+
+
+@pytest.mark.parametrize("line", ["dump", "dump 1 all custom", "undump", "dump_modify", "print", "quit"])
+def test_a_line_that_lacks_words_and_is_not_executed_stops_nothing(line: str, tmp_path: Path) -> None:
+    reading = of(tmp_path, SHEET.replace("run 2000", f"run 100\n{line}\nrun 100"))
+    assert not reading.stopped
+    assert not lint(reading)
+    assert not outside_of(reading).others
 
 
 def test_a_negative_stiffness_is_not_judged(tmp_path: Path) -> None:

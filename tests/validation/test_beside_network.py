@@ -435,7 +435,8 @@ MORE = [
     *("a layer in a box", "a layer that is pressed together", "a larger sphere", "rows of steel on a substrate"),
     *("fcc", "fcc under load", "hcp", "a film", "a layer with measured stiffnesses", "a layer between held rows"),
     *("a layer between two plates", "a cover of steel", "fcc of JKR spheres", "rows of steel in hcp"),
-    *("spheres on three others", "a honeycomb"),
+    *("spheres on three others", "a honeycomb", "a striker beside a packet", "a spread of stiffness by JKR"),
+    "a layer of JKR spheres",
 ]
 
 

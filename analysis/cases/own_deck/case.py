@@ -30,7 +30,7 @@ from granular_lmp.runs.front import Front, front
 from granular_lmp.runs.unnamed import Unnamed
 
 Floats = NDArray[np.float64]
-DECK = Path(__file__).with_name("in.chain")
+DECK = Path(__file__).with_name("chain.lmp")
 RADIUS, DENSITY, YOUNG, POISSON, SPACING = 4.75e-3, 7800.0, 2e11, 0.3, 9.498e-3  # as the deck has them
 MASS = 4 / 3 * pi * RADIUS**3 * DENSITY
 STIFFNESS = YOUNG / (1 - POISSON**2) * sqrt(RADIUS / 2 * (2 * RADIUS - SPACING))
