@@ -460,7 +460,7 @@ def test_doctor_warns_of_a_lammps_that_was_not_tested(
     monkeypatch.setattr("granular_lmp.doctor.TESTED", ("20240829",))
     status, out, _ = cli(capsys, "doctor")
     assert status == 0
-    assert re.search(r"warning +LAMMPS \d{8} was not tested, 20240829 was", out)
+    assert re.search(r"warning +LAMMPS \d{8} was not tested, only 20240829;", out)
 
 
 @pytest.mark.usefixtures("fast_doctor")

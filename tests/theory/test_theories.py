@@ -118,7 +118,7 @@ def test_sliding_contacts_without_snapshots_are_compared_with_nothing(with_physi
     assert (result.theory, result.error, result.lattice_error) == (None, {}, {})
     assert (result.predicted, result.measured) == (None, None)
     assert result.notes == [
-        "no theory of a plane wave holds effects.sliding: the run has no reference, as "
+        "no theory of a plane wave holds effects.sliding: the run is compared with nothing, as "
         f"{PLAIN!r}: belongs to no run folder, and so has no snapshots"
     ]
     assert f"{'-':>9}{'-':>9}{'-':>9}" in compare.table([result])

@@ -205,7 +205,7 @@ def search(network: Network, displacement: Floats) -> Pairs:
 
 
 def _gathered(first: Integers, second: Integers, spheres: int) -> Integers:
-    """Return `Pairs.gathered` of pairs of so many spheres; walls, which come behind them, gather nothing."""
+    """Return `Pairs.gathered` for pairs of this many spheres; walls, which follow them, gather nothing."""
     ends = np.concatenate([first, second])
     order = np.argsort(ends, kind="stable")
     count = np.bincount(ends, minlength=spheres)

@@ -54,7 +54,7 @@ def pairs_of(network: Network | Traits, arrays: Arrays) -> Pairs:
 def advanced(
     traits: Traits, arrays: Arrays, bodies: Bodies, now: Carried, values: Any, count: int
 ) -> tuple[Carried, Any]:
-    """Return the motion after so many steps, and how far spheres were at most from their search.
+    """Return the motion after this many steps, and the largest distance of spheres from their search.
 
     There are `AT_ONCE` values, of which the first count. The number is traced, so that this is compiled once, for all
     networks with equal traits and shapes.
