@@ -240,7 +240,7 @@ def test_the_command_says_what_it_could_not_judge(
     monkeypatch.chdir(tmp_path)
     Path("in.lj").write_text("units lj\natom_style atomic\npair_style lj/cut 2.5\n")
     assert main(["lint", "in.lj"]) == 0
-    assert "met no run" in (errors := capfd.readouterr().err)
+    assert "the deck has no run" in (errors := capfd.readouterr().err)
     assert "does not use pair_style granular" in errors
     Path("in.bad").write_text("units nothing\n")
     assert main(["lint", "in.bad"]) == 2
