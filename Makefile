@@ -182,7 +182,8 @@ readers: .venv/ready
 rooms: .venv/ready
 	$(BIN)/python docs/rooms.py
 
-# Marker files, written last: an interrupted installation is repeated.
+# Marker files, written last: an interrupted installation is repeated. pip compiles on one core, tests of others too; what
+# does not compile belongs to no module that is imported
 .venv/docs-ready: .venv/ready
 	$(BIN)/python -m pip install --quiet --editable '.[docs]'
 	touch $@
@@ -190,8 +191,8 @@ rooms: .venv/ready
 .venv/ready: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or later is needed: make PYTHON=python3.12 ...") if sys.version_info < (3, 11) else None'
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --editable '.[test]'
-	$(BIN)/python -m compileall -q granular_lmp analysis/granular_analysis
+	$(BIN)/python -m pip install --quiet --no-compile --editable '.[test]'
+	-$(BIN)/python -m compileall -q -j 0 -x '/tests/' .venv/lib granular_lmp analysis/granular_analysis
 	$(BIN)/granular-lmp build-kernel || echo "without the kernel, which makes runs faster, all else works"
 	touch $@
 

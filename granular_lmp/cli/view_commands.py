@@ -59,7 +59,8 @@ def add_to(commands: Commands) -> None:
     view.add_argument(
         "--size", type=_size, metavar="WIDTHxHEIGHT", help="size of the picture in pixels, for instance 1280x720"
     )
-    view.add_argument("--monitor", metavar="NAME", help="for a run: the record of this monitor over time")
+    of_monitor = "for a run: the record of this monitor over time; for adopted dumps their contacts"
+    view.add_argument("--monitor", metavar="NAME", help=of_monitor)
     view.add_argument("--column", help="for a sweep: a column of sweep.csv (default: largest_p; far_speed for impacts)")
 
     front = add(commands, "front", _front, "find arrival times and speed of the front of a strike or a source")

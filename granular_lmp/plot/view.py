@@ -73,7 +73,7 @@ def view(
     column : str, optional
         Option for a sweep, as in `sweep_figure`.
     monitor : str, optional
-        Name of a monitor of a run, whose signals are drawn, as in `monitor_figure`.
+        Name of a monitor of a run, whose signals are drawn, as in `monitor_figure`; "contacts" of an unnamed crystal.
     at_rest : bool
         True for the crystal at rest, as in `at_rest_figure`.
     fps : float, optional
@@ -105,6 +105,7 @@ def view(
         unfit = {name: of_a_run[name] for name in ("rows", "fronts")}
         _refuse(folder, "an unnamed crystal", unfit | {"column": column})
         if monitor is not None:
+            _refuse(folder, "the picture of contacts", of_a_run | {"monitor": None})
             save(contacts_figure(Unnamed.load(folder), monitor), path, size)
             return []
         draw_unnamed(Unnamed.load(folder), path, tau=tau, colour=colour, magnify=magnify, side=side, fps=fps, size=size)

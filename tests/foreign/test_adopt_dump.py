@@ -359,7 +359,7 @@ def test_other_programs_read_an_unnamed_crystal(best: Unnamed, tmp_path: Path) -
         export(best, tmp_path / "run.h5md")
     export(best, tmp_path / "contacts.csv", "contacts")
     assert (tmp_path / "contacts.csv").read_text().startswith("t_s,id_i,id_j,overlap_m\n0.0,1,2,")
-    with pytest.raises(RunFolderError, match="monitor = 'line': an unnamed crystal has 'contacts' alone"):
+    with pytest.raises(RunFolderError, match="monitor = 'line': an unnamed crystal has only 'contacts'"):
         export(best, tmp_path / "contacts.csv", "line")
     # The dump of the folder is one that can be adopted
     again = adopt_dump([best.folder / "dump.unnamed.bin"], tmp_path / "again", Known(None, 2e-7))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases.own_deck.case import DECK
 from granular_lmp import Scene, run
 from granular_lmp.cli import main
 from granular_lmp.errors import GranularError, SceneError
@@ -372,3 +373,11 @@ def test_adopt_writes_the_scene_beside_the_run_folder(tmp_path: Path, capsys: py
     assert main(["adopt", str(deck), "-o", str(tmp_path / "third")]) == 0
     assert "third.toml: exists already" in capsys.readouterr().err
     assert (tmp_path / "third.toml").read_text() == "mine"
+
+
+def test_the_deck_of_the_page_is_a_chain_under_load() -> None:
+    found = described(DECK)
+    packing = found.scene.packing
+    assert (packing.lattice, packing.rows, packing.first, packing.last) == ("chain", 100, "held", "held")
+    # Hertz: two spheres of 9.5 mm whose centres are 2 µm nearer
+    assert packing.contact_force == pytest.approx(4 / 3 * 2e11 / 1.82 * 0.002375**0.5 * 2e-6**1.5, rel=1e-6)

@@ -2,8 +2,9 @@
 
 Frequencies are those of the modes of the scene's crystal (`granular_analysis.theory.scenes.Setting`), or of surface
 waves of its substrate (`granular_analysis.measure.surface`), second harmonics those of the theory of second order,
-arrivals and front speeds of an impact those of Hertz's springs, integrated (`granular_analysis.measure.arrivals`),
-traces the motion of spheres in a whole run of the network, with its exact slopes (`granular_analysis.measure.traces`).
+arrivals and front speeds of an impact those of Hertz's springs, integrated (`granular_analysis.measure.arrivals`), and
+traces the motion of spheres in a whole run of the network, with its exact slopes
+(`granular_analysis.measure.traced_runs`).
 """
 
 from collections.abc import Callable, Sequence
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from granular_analysis.measure.arrivals import fronts
 from granular_analysis.measure.points import Point
 from granular_analysis.measure.surface import BRANCH, Film, is_surface_wave
-from granular_analysis.measure.traces import Traces
+from granular_analysis.measure.traced_runs import TracedRuns
 from granular_analysis.theory.bloch import branch_among, frame, in_plane
 from granular_analysis.theory.branches import branch_named, names_of
 from granular_analysis.theory.crystal import PLANE, Crystal, Modes
@@ -114,8 +115,8 @@ class Fit:
         return np.array([each.of_trace for each in self.points])
 
     @cached_property
-    def _traces(self) -> Traces:
-        return Traces(self.scene, [each for each in self.points if each.of_trace])
+    def _traces(self) -> TracedRuns:
+        return TracedRuns(self.scene, [each for each in self.points if each.of_trace])
 
     @cached_property
     def remarks(self) -> dict[str, None]:
@@ -136,7 +137,7 @@ class Fit:
         if whole or others.any():
             rule, left = (self.predicted, ~others | others) if whole else (lambda at: self._others(self.at(at)), others)
             for n, change in enumerate(np.diag(_APART * np.where(values, np.abs(values), 1.0))):
-                found[left, n] = (rule(values + change) - rule(values - change)) / (2 * change[n])
+                found[left, n] = _difference(rule, values, change) / change[n]
         return found
 
     @cached_property
@@ -180,6 +181,20 @@ class Fit:
             for n, number in zip(near, _branches(_modes(self.at(values), chosen), chosen), strict=True):
                 found[n] = str(number + 1)
         return found
+
+
+def _difference(rule: Callable[[Floats], Floats], values: Floats, change: Floats) -> Floats:
+    """Return how a rule changes with a change of its values: half of that to both sides, or to one next to a bound."""
+    ends = []
+    for way in (1, -1):
+        try:
+            ends.append((way, rule(values + way * change)))
+        except (GranularError, ValueError) as error:
+            refused = error
+    if not ends:
+        raise refused
+    (first, found), (last, other) = ends[0], ends[-1] if len(ends) > 1 else (0, rule(values))
+    return np.asarray((found - other) / (first - last))
 
 
 def _theory(point: Point) -> str:
