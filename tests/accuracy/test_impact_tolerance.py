@@ -219,7 +219,7 @@ def test_a_sweep_and_the_commands_take_a_tolerance(tmp_path: Path, capsys: pytes
     steps = planned(prepare(scene)).scene.time.steps * 7 // 4  # 1 + 2 + 4 of the first run, which has a quarter
     assert main(["check", file]) == 0
     assert (
-        f"steps     {steps} in 3 runs, or more if their errors require it;  11 records of 6 spheres"
+        f"steps     {steps} in 3 runs, or more if their errors require it; 11 records of 6 spheres"
         in capsys.readouterr().out
     )
     assert main(["effects", file]) == 0

@@ -198,7 +198,7 @@ def test_all_runs_to_a_tolerance_have_one_layer() -> None:
         said[0],
     )
     assert len(said) < 4
-    enough = int(said[0].split("take ")[1].split()[0])
+    enough = int(said[0].split("use ")[1].split()[0])
     assert not prepare(RT.with_values({"time.timestep": 0.4, "absorb.rows": enough})).warnings()
 
 

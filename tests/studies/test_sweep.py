@@ -640,7 +640,7 @@ def test_ctrl_c_stops_at_once_and_the_same_command_goes_on(
             _, err = process.communicate(timeout=200)
         assert process.returncode == 130
         assert err.splitlines() == [
-            f"granular-lmp: error: {folder}: interrupted; 1 of 2 runs are finished and kept, "
+            f"granular-lmp: error: {folder}: interrupted; 1 of 2 runs are finished and kept; "
             "the same command does the rest"
         ]
         assert states(folder) == ["finished", "interrupted"]

@@ -120,7 +120,7 @@ def test_the_step_is_stable_for_contacts_as_stiff_as_a_strike_makes_them() -> No
         ({"striker": [{**STRUCK[0], "spheres": [[12, 0]]}]}, r"striker 1: sphere \[12, 0\]: must be \[row, column\]"),
         ({"striker": STRUCK * 2}, r"striker 2: sphere \[5, 4\]: is in another striker too"),
         ({"striker": [{**STRUCK[0], "velocity": 1e3}]}, "would stretch contacts by up to .* a tenth of the radius"),
-        ({"striker": STRUCK, "start": {"state": MOVED}}, r"sphere \[5, 4\]: ux_m = .* must be 0 for a sphere of a"),
+        ({"striker": STRUCK, "start": {"state": MOVED}}, r"sphere \[5, 4\]: ux_m = .* must be 0 for a sphere in a"),
         (
             {"striker": STRUCK, "packing": {"rows": "auto", "columns": 8}},
             "packing\\.rows = 'auto': must be a number with",
