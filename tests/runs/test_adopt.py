@@ -206,9 +206,9 @@ def test_a_run_that_was_cut_off_is_kept_as_failed(left: Left, tmp_path: Path) ->
 
 def test_a_deck_with_lines_of_ones_own_says_so(left: Left, small: Scene, tmp_path: Path) -> None:
     folder = left()
-    text = build(small).edited(after={"motion": "# mine"}).input_text
+    text = build(small).edited(after={"motion": "variable mine equal 1"}).input_text
     (folder / "in.small").write_text(text)
-    assert adopt(folder, tmp_path / "adopted").info["edited"] == ["+ # mine"]
+    assert adopt(folder, tmp_path / "adopted").info["edited"] == ["+ variable mine equal 1"]
     assert (tmp_path / "adopted/in.small").read_text() == text
 
 

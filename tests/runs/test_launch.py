@@ -195,7 +195,7 @@ def started(folder: Path, size: int, *words: str) -> "subprocess.Popen[str]":
     return process
 
 
-ANEW = "it has no checkpoint yet, run it again with --force"  # a program that is stopped writes none
+ANEW = "it has no checkpoint yet; run it again with --force"  # a program that is stopped writes none
 
 
 @pytest.mark.parametrize(
