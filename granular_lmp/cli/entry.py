@@ -12,11 +12,13 @@ import sys
 import time
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 from granular_lmp.cli.output import notes_of_log, remark, say_profile
 from granular_lmp.errors import GranularError, RunFolderError
 from granular_lmp.runs.phases import collected
 
+STYLE = str(Path(__file__).parents[1] / "plot" / "matplotlibrc")
 _STDERR = 2  # its descriptor
 
 
@@ -63,7 +65,7 @@ def ended(name: str, command: Callable[[], int | None]) -> int:
     # Before numpy is imported: its matrices are small here, and threads would take a quarter of the processor time
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["MPLBACKEND"] = "agg"  # pictures go to files; matplotlib is not imported where it knows not the backend
-    os.environ["MATPLOTLIBRC"] = os.devnull  # a figure is the same for every user, whose own settings may need LaTeX
+    os.environ["MATPLOTLIBRC"] = STYLE  # a figure is the same for every user, whose own settings may need LaTeX
     try:
         status = command() or 0
         sys.stdout.flush()  # what a script printed may stand in a buffer, and the disk be full

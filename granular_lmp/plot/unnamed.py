@@ -12,7 +12,7 @@ from granular_lmp.errors import ViewError
 from granular_lmp.plot.colours import DARKEST, LIGHTEST, SIDES, Side
 from granular_lmp.plot.motion import speeds_figure
 from granular_lmp.plot.movie import FRAMES_PER_SECOND, MOVIES, refuse_movie, write_movie
-from granular_lmp.plot.signals import Picture, in_si, save
+from granular_lmp.plot.signals import PAGE, Picture, in_si, save
 from granular_lmp.runs.unnamed import Moment, Unnamed
 
 Floats = NDArray[np.float64]
@@ -114,7 +114,7 @@ class _Spheres:
         places, radius = side.flat(crystal.rest), crystal.radius
         low, high = (places - radius[:, None]).min(axis=0), (places + radius[:, None]).max(axis=0)
         shape = float(np.clip((high - low)[1] / (high - low)[0], 0.2, 1.5))
-        self.figure = Picture(figsize=(6.5, 1.2 + 5.0 * shape), layout="constrained")
+        self.figure = Picture(figsize=(PAGE, 1.0 + 4.8 * shape), layout="constrained")
         axes = self.figure.subplots()
         self.discs = EllipseCollection(
             2 * radius, 2 * radius, 0 * radius, units="xy", offsets=places, offset_transform=axes.transData,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cases.runner import script
 from granular_analysis.measure.designs import read_off
 from granular_analysis.measure.runs import load
-from granular_analysis.plotting import letter
+from granular_analysis.plotting import letter, page
 
 Floats = NDArray[np.float64]
 NAMES = {"doubler": "second-harmonic", "second": "second-harmonic", "focus": "motion:right/left"}
@@ -88,16 +88,21 @@ def table(found: Found) -> str:
 
 def draw(found: Found) -> Figure:
     """Draw the pattern, and the spectra at 2k."""
-    figure = Figure(figsize=(9.5, 4.2), layout="constrained")
+    figure = page(3.1)
     left, right = figure.subplots(1, 2)
-    shown = left.scatter(*found.places.T, c=found.densities, s=18, cmap="viridis")
-    figure.colorbar(shown, ax=left, label="density, in that of the uniform crystal")
+    shown = left.scatter(*found.places.T, c=found.densities, s=5, cmap="viridis")
+    figure.colorbar(shown, ax=left, label="density / uniform density")
     left.set(aspect="equal", xlabel="$x/R$", ylabel="$y/R$")
-    for (at, sizes), colour, label in zip(found.spectra, ("tab:red", "black"), ("pattern", "uniform"), strict=True):
+    for (at, sizes), colour, label in zip(found.spectra, ("C3", "black"), ("pattern", "uniform"), strict=True):
         right.plot(at, sizes, color=colour, linewidth=1, label=label)
-    right.axvline(found.doubled, color="tab:blue", linestyle="--", linewidth=1, label=r"$2\Omega$")
-    right.set(xlim=(0, 1.2), ylim=(0, 1.05), xlabel=r"frequency, rad/$t_0$", ylabel="longitudinal motion at $2k$")
-    right.legend(frameon=False)
+    right.axvline(found.doubled, color="C0", linestyle="--", linewidth=1, label=r"$2\Omega$")
+    right.set(
+        xlim=(0, 1.2),
+        ylim=(0, 1.05),
+        xlabel=r"frequency (rad per $t_0$)",
+        ylabel="longitudinal motion at $2k$ (its largest)",
+    )
+    right.legend()
     letter((left, right))
     return figure
 
